@@ -1,0 +1,22 @@
+//! Every tolerance and limit: unit, reason, effect of a change.
+
+/// Rounding allowance of the f32 kernels, per metre of a pair's extent: gaps below it count as contact.
+///
+/// A gap is a sum of a few products of coordinates of the pair's size, each rounded to 6e-8 of it. Smaller, and pairs
+/// that overlap by a hair at the start are missed; larger, and grazing hits come early.
+pub const CONTACT_ROUNDING: f32 = 3.0e-6;
+
+/// Shortest trial step of the time of impact, in extents travelled by the fastest vertex: grazing hits are early by less.
+pub const TIME_TOLERANCE: f32 = 2.0e-5;
+
+/// Rounds of conservative advancement before the search takes trial steps. Hits need 6 on average.
+pub const MAX_ADVANCES: u32 = 12;
+
+/// Rounds after which the search gives up and says so.
+pub const MAX_ROUNDS: u32 = 256;
+
+/// Greatest number of chords for a turning body's step. At 64 a full turn strays by 0.12 % of the radius.
+pub const MAX_CHORDS: u32 = 64;
+
+/// Largest deviation of a chord from the arc it stands for, per metre of the body's bounding radius.
+pub const CHORD_TOLERANCE: f32 = 1.0e-3;

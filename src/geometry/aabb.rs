@@ -1,0 +1,71 @@
+use glam::Vec3;
+use glamx::Pose3;
+
+use super::Sphere;
+
+/// Axis-aligned bounding box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// Least corner.
+    pub min: Vec3,
+    /// Greatest corner.
+    pub max: Vec3,
+}
+
+impl Aabb {
+    /// The box that holds nothing and grows by [`merge`](Self::merge).
+    pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// The box around `spheres`.
+    pub fn from_spheres(spheres: impl IntoIterator<Item = Sphere>) -> Self {
+        spheres.into_iter().fold(Self::EMPTY, |aabb, s| {
+            aabb.merge(Aabb { min: s.center - s.radius, max: s.center + s.radius })
+        })
+    }
+
+    /// The box around both.
+    #[must_use]
+    pub fn merge(self, other: Aabb) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// The box with every face moved outwards by `margin` metres.
+    #[must_use]
+    pub fn inflated(self, margin: f32) -> Self {
+        Self { min: self.min - margin, max: self.max + margin }
+    }
+
+    /// The box around this box in a frame in which its own frame has the pose `pose` and the size `scale`.
+    #[must_use]
+    pub fn transformed(self, pose: &Pose3, scale: f32) -> Self {
+        let center = pose.transform_point(self.center() * scale);
+        let half = rotated_extents(pose.rotation, self.half_extents() * scale);
+        Self { min: center - half, max: center + half }
+    }
+
+    /// Middle.
+    pub fn center(&self) -> Vec3 {
+        (self.min + self.max) * 0.5
+    }
+
+    /// Half of the size along each axis.
+    pub fn half_extents(&self) -> Vec3 {
+        (self.max - self.min) * 0.5
+    }
+
+    /// True if the boxes share a point.
+    pub fn overlaps(&self, other: &Aabb) -> bool {
+        self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
+    }
+
+    /// True if `other` lies within.
+    pub fn contains(&self, other: &Aabb) -> bool {
+        self.min.cmple(other.min).all() && other.max.cmple(self.max).all()
+    }
+}
+
+/// Half extents, along the axes, of a box with the half extents `half` rotated by `rotation`.
+pub(crate) fn rotated_extents(rotation: glam::Quat, half: Vec3) -> Vec3 {
+    let axes = glam::Mat3::from_quat(rotation);
+    axes.x_axis.abs() * half.x + axes.y_axis.abs() * half.y + axes.z_axis.abs() * half.z
+}

@@ -1,0 +1,80 @@
+use std::f32::consts::TAU;
+
+use glam::{Quat, Vec3};
+use glamx::Pose3;
+
+use crate::constants::MAX_CHORDS;
+
+/// Rigid motion over one step: the centre of mass moves on a line, the body turns about it at a constant rate.
+///
+/// Fractions run from 0 (start) to 1 (end).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweep {
+    /// Pose at fraction 0.
+    pub start: Pose3,
+    /// Displacement of the centre of mass, in metres.
+    pub translation: Vec3,
+    /// Rotation over the step, in the parent frame: axis times angle in radians. May exceed a full turn.
+    pub rotation: Vec3,
+    /// Centre of mass in the body's frame.
+    pub local_center: Vec3,
+}
+
+impl Sweep {
+    /// A body at rest.
+    pub fn at_rest(pose: Pose3) -> Self {
+        Self { start: pose, translation: Vec3::ZERO, rotation: Vec3::ZERO, local_center: Vec3::ZERO }
+    }
+
+    /// The motion from `start` to `end`, of all rotations that end there the one nearest to `rotation_hint`
+    /// (axis times angle: the angular velocity times the step, or zero for the shortest).
+    pub fn between(start: Pose3, end: Pose3, local_center: Vec3, rotation_hint: Vec3) -> Self {
+        let turn = end.rotation * start.rotation.inverse();
+        let turn = if turn.w < 0.0 { -turn } else { turn };
+        let shortest = turn.to_scaled_axis();
+        let angle = shortest.length();
+        // At the shortest rotation of (nearly) nothing the axis is unknown: whole turns go about the hint's.
+        let axis = if angle > 1e-6 { shortest / angle } else { rotation_hint.normalize_or_zero() };
+        let turns = ((rotation_hint.dot(axis) - angle) / TAU).round();
+        Self {
+            start,
+            translation: end.transform_point(local_center) - start.transform_point(local_center),
+            rotation: axis * (angle + turns * TAU),
+            local_center,
+        }
+    }
+
+    /// Pose at `fraction`.
+    pub fn pose_at(&self, fraction: f32) -> Pose3 {
+        if fraction == 0.0 {
+            return self.start;
+        }
+        let center = self.start.transform_point(self.local_center) + self.translation * fraction;
+        let rotation = (Quat::from_scaled_axis(self.rotation * fraction) * self.start.rotation).normalize();
+        Pose3::from_parts(center - rotation * self.local_center, rotation)
+    }
+
+    /// How far a point at the distance `radius` from the centre of mass strays from the chord of its arc when the
+    /// step is split into `chords` equal parts: the sagitta, `radius (1 - cos(angle / 2))`.
+    pub fn sagitta(&self, radius: f32, chords: u32) -> f32 {
+        let half_angle = self.rotation.length() / (2.0 * chords as f32);
+        // 1 - cos x = 2 sin^2(x / 2), without the cancellation.
+        let sin = (half_angle.min(std::f32::consts::PI) * 0.5).sin();
+        2.0 * radius * sin * sin
+    }
+
+    /// Into how many chords to split the step so that no point within `radius` of the centre of mass strays from
+    /// its chord by more than `tolerance` metres: a power of two, at most [`MAX_CHORDS`].
+    pub fn chords(&self, radius: f32, tolerance: f32) -> u32 {
+        let mut chords = 1;
+        while chords < MAX_CHORDS && self.sagitta(radius, chords) > tolerance {
+            chords *= 2;
+        }
+        chords
+    }
+
+    /// Longest way that a point within `radius` of the centre of mass goes.
+    pub fn reach(&self, radius: f32) -> f32 {
+        self.translation.length() + self.rotation.length() * radius
+    }
+}

@@ -1,0 +1,326 @@
+//! The envelope as triangles, for rendering.
+//!
+//! A convex hull of spheres touches the plane with the outward normal `n` at `c + r n`, for the sphere (or spheres) with
+//! the greatest `c . n + r`. So every vertex here is a sphere and a direction, and the envelope is three kinds of
+//! patches:
+//!
+//! ```text
+//!      .-~-.                      ball     one sphere, all directions
+//!     /  n1 \____                 mantle   two spheres, the ring of directions in which both touch the same plane
+//!    |   (1)     ~~~~--.          face     three spheres, one of the two directions in which all touch the same plane
+//!     \     /~~~~  (2)  |
+//!      '-.-'------~~~--'
+//! ```
+//!
+//! Patches of neighbouring primitives pass through each other; only what is well inside is left out.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::TAU;
+
+use glam::{DVec3, Vec3};
+
+use crate::geometry::{Primitive, Sphere};
+
+/// Triangles with normals.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Surface {
+    /// Vertices, in metres, in the frame of the spheres.
+    pub positions: Vec<[f32; 3]>,
+    /// Outward unit normal of the envelope at each vertex.
+    pub normals: Vec<[f32; 3]>,
+    /// Three vertices per triangle, counter-clockwise as seen from outside.
+    pub indices: Vec<u32>,
+}
+
+/// The envelope of `primitives`, with about `segments` (at least 4) vertices around each sphere and cone.
+///
+/// Each sphere, each cone (also as the side of a slab) and each slab is drawn once. Vertices lie on the true envelope or
+/// inside it, normals are those of the true envelope. Degenerate primitives are drawn as what they are.
+///
+/// # Panics
+/// If an index of a primitive is out of range.
+pub fn triangulate(spheres: &[Sphere], primitives: &[Primitive], segments: u32) -> Surface {
+    let segments = segments.max(4);
+    // Balls and mantles, each with the spheres that share a primitive with it and so may hide a part of it.
+    let mut balls = BTreeMap::<u32, BTreeSet<u32>>::new();
+    let mut mantles = BTreeMap::<[u32; 2], BTreeSet<u32>>::new();
+    let mut faces = BTreeSet::<[u32; 3]>::new();
+    for primitive in primitives {
+        for part in primitive.simplified(spheres).iter() {
+            let mut corners = part.indices().to_vec();
+            corners.sort_unstable();
+            for (at, &i) in corners.iter().enumerate() {
+                balls.entry(i).or_default().extend(corners.iter().filter(|&&other| other != i));
+                for &j in &corners[at + 1..] {
+                    mantles.entry([i, j]).or_default().extend(corners.iter().filter(|&&k| k != i && k != j));
+                }
+            }
+            if let [i, j, k] = corners[..] {
+                faces.insert([i, j, k]);
+            }
+        }
+    }
+
+    let mut builder = Builder { spheres, margin: (TAU / f64::from(segments)).sin(), surface: Surface::default() };
+    let directions = Patch::directions(segments);
+    for (sphere, hiders) in balls {
+        builder.add(&directions.on(sphere), &hiders);
+    }
+    for (edge, hiders) in mantles {
+        if let Some(mantle) = Patch::mantle(spheres, edge, segments) {
+            builder.add(&mantle, &hiders);
+        }
+    }
+    for corners in faces {
+        if let Some(faces) = Patch::faces(spheres, corners) {
+            builder.add(&faces, &BTreeSet::new());
+        }
+    }
+    builder.surface
+}
+
+/// A piece of the envelope of one sphere, cone or slab.
+#[derive(Clone, Default)]
+struct Patch {
+    /// Sphere and outward direction.
+    vertices: Vec<(u32, DVec3)>,
+    triangles: Vec<[usize; 3]>,
+}
+
+impl Patch {
+    /// All directions, on sphere 0: an octahedron with its edges divided, unfolded onto a square.
+    fn directions(segments: u32) -> Self {
+        let half = segments.div_ceil(4) as usize;
+        let side = 2 * half + 1;
+        let mut patch = Self::default();
+        for at in 0..side * side {
+            let [u, v] = [at % side, at / side].map(|i| i as f64 / half as f64 - 1.0);
+            let height = 1.0 - u.abs() - v.abs();
+            // The corners of the square fold over to the lower half.
+            let fold = (-height).max(0.0);
+            let direction = DVec3::new(u - fold.copysign(u), v - fold.copysign(v), height);
+            patch.vertices.push((0, direction.normalize()));
+        }
+        for at in (0..side * (side - 1)).filter(|at| at % side + 1 < side) {
+            let [a, b, c, d] = [at, at + 1, at + side + 1, at + side];
+            // Cut along the octahedron's own lines, which never cross the fold.
+            let quads_agree = (at % side < half) == (at / side < half);
+            patch.triangles.extend(if quads_agree { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
+        }
+        patch
+    }
+
+    /// The same directions on another sphere.
+    fn on(&self, sphere: u32) -> Self {
+        let mut patch = self.clone();
+        patch.vertices.iter_mut().for_each(|vertex| vertex.0 = sphere);
+        patch
+    }
+
+    /// The conical part of a cone, between the two circles on which it touches its spheres.
+    fn mantle(spheres: &[Sphere], [i, j]: [u32; 2], segments: u32) -> Option<Self> {
+        let ([c1, c2], [r1, r2]) = exact(spheres, [i, j]);
+        let axis = (c2 - c1).try_normalize()?;
+        let cos = (r1 - r2) / c1.distance(c2);
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        let (side, up) = axis.any_orthonormal_pair();
+        let mut patch = Self::default();
+        for segment in 0..segments {
+            let (y, x) = (TAU * f64::from(segment) / f64::from(segments)).sin_cos();
+            let direction = axis * cos + (side * x + up * y) * sin;
+            patch.vertices.extend([(i, direction), (j, direction)]);
+            let [from, to] = [segment, (segment + 1) % segments].map(|s| 2 * s as usize);
+            patch.triangles.extend([[from, to, to + 1], [from, to + 1, from + 1]]);
+        }
+        Some(patch)
+    }
+
+    /// The two flat faces of a slab.
+    fn faces(spheres: &[Sphere], corners: [u32; 3]) -> Option<Self> {
+        let ([c1, c2, c3], [r1, r2, r3]) = exact(spheres, corners);
+        let (e2, e3) = (c2 - c1, c3 - c1);
+        let area = e2.cross(e3);
+        let normal = area.try_normalize()?;
+        // In-plane gradient of the radius: g . e2 = r2 - r1 and g . e3 = r3 - r1.
+        let g = (e3.cross(area) * (r2 - r1) - e2.cross(area) * (r3 - r1)) / area.length_squared();
+        let out = normal * (1.0 - g.length_squared()).max(0.0).sqrt();
+        let vertices = [out - g, -out - g].iter().flat_map(|&n| corners.map(|i| (i, n))).collect();
+        Some(Self { vertices, triangles: vec![[0, 1, 2], [3, 5, 4]] })
+    }
+}
+
+/// Centres and radii in f64, in which thin slabs keep their planes.
+fn exact<const N: usize>(spheres: &[Sphere], indices: [u32; N]) -> ([DVec3; N], [f64; N]) {
+    let sphere = |i: u32| &spheres[i as usize];
+    (indices.map(|i| sphere(i).center.as_dvec3()), indices.map(|i| f64::from(sphere(i).radius)))
+}
+
+struct Builder<'a> {
+    spheres: &'a [Sphere],
+    /// Sine of the angle between two neighbouring directions.
+    margin: f64,
+    surface: Surface,
+}
+
+impl Builder<'_> {
+    /// Adds the triangles of `patch` that have an area and that no sphere of `hiders` hides, with the vertices they use.
+    fn add(&mut self, patch: &Patch, hiders: &BTreeSet<u32>) {
+        let point =
+            |(i, n): (u32, DVec3)| (exact(self.spheres, [i]).0[0] + n * exact(self.spheres, [i]).1[0]).as_vec3();
+        let points: Vec<Vec3> = patch.vertices.iter().map(|&vertex| point(vertex)).collect();
+        let mut added = vec![None; points.len()];
+        for triangle in &patch.triangles {
+            let [a, b, c] = triangle.map(|corner| points[corner]);
+            let hidden = |&by: &u32| triangle.iter().all(|&corner| self.hides(by, patch.vertices[corner]));
+            if a == b || b == c || c == a || hiders.iter().any(hidden) {
+                continue;
+            }
+            for &corner in triangle {
+                let Surface { positions, normals, indices } = &mut self.surface;
+                indices.push(*added[corner].get_or_insert_with(|| {
+                    positions.push(points[corner].to_array());
+                    normals.push(patch.vertices[corner].1.as_vec3().to_array());
+                    positions.len() as u32 - 1
+                }));
+            }
+        }
+    }
+
+    /// True if the hull of sphere `by` and the vertex's own covers the vertex by a segment or more: enough that the
+    /// flat triangles which do the covering leave no gap.
+    fn hides(&self, by: u32, (sphere, direction): (u32, DVec3)) -> bool {
+        let ([c1, c2], [r1, r2]) = exact(self.spheres, [sphere, by]);
+        direction.dot(c2 - c1) + r2 - r1 > self.margin * c1.distance(c2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SLAB: [Primitive; 1] = [Primitive::Slab([0, 1, 2])];
+
+    fn sphere([x, y, z, radius]: [f32; 4]) -> Sphere {
+        Sphere::new(Vec3::new(x, y, z), radius)
+    }
+
+    /// Distance from `point` to the hull of three spheres: a grid over the weights that closes in on its best node.
+    fn distance(point: DVec3, spheres: &[Sphere]) -> f64 {
+        let (c, r) = exact(spheres, [0, 1, 2]);
+        let gap = |[s, t]: [f64; 2]| {
+            let w = [1.0 - s - t, s, t];
+            let [center, radius] =
+                [0, 1].map(|of| (0..3).map(|i| [c[i], DVec3::splat(r[i])][of] * w[i]).sum::<DVec3>());
+            point.distance(center) - radius.x
+        };
+        let (mut best, mut step) = ([1.0 / 3.0; 2], 0.1);
+        for _ in 0..80 {
+            let around =
+                (0..441).map(|n| [best[0] + step * f64::from(n % 21 - 10), best[1] + step * f64::from(n / 21 - 10)]);
+            let inside = around.filter(|w| w[0] >= 0.0 && w[1] >= 0.0 && w[0] + w[1] <= 1.0);
+            best = inside.chain([best]).min_by(|a, b| gap(*a).total_cmp(&gap(*b))).unwrap();
+            step *= 0.7;
+        }
+        gap(best)
+    }
+
+    /// Slabs, and as slabs with a repeated corner cones and spheres, fat and thin.
+    fn samples() -> Vec<[Sphere; 3]> {
+        let mut state = 7_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        (0..60)
+            .map(|round| {
+                let thickness = [0.02, 0.2, 0.5, 1.0][round % 4];
+                let mut corner = || sphere([random() * 2.0, random() * 2.0, random() * 2.0, random() * thickness]);
+                let [a, b, c] = [corner(), corner(), corner()];
+                [[a, b, c], [a, b, b], [a, a, a]][round % 3]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn vertices_lie_on_the_envelope_and_triangles_face_outwards() {
+        let mut counted = 0;
+        for spheres in samples() {
+            let surface = triangulate(&spheres, &SLAB, 16);
+            for (position, normal) in surface.positions.iter().zip(&surface.normals) {
+                let [position, normal] = [position, normal].map(|v| Vec3::from_array(*v).as_dvec3());
+                assert!((normal.length() - 1.0).abs() < 1e-6);
+                let support = |s: &Sphere| normal.dot(s.center.as_dvec3() - position) + f64::from(s.radius);
+                let covered = spheres.iter().any(|s| support(s) > 1e-5);
+                let distance = distance(position, &spheres);
+                assert!(distance < 1e-5, "{distance} outside of {spheres:?}");
+                assert!(covered || distance > -1e-5, "{distance} inside of {spheres:?}");
+                counted += usize::from(!covered);
+            }
+            for triangle in surface.indices.chunks_exact(3) {
+                let [a, b, c] = [0, 1, 2].map(|k| Vec3::from_array(surface.positions[triangle[k] as usize]).as_dvec3());
+                let normal = (b - a).cross(c - a);
+                for &corner in triangle {
+                    let expected = Vec3::from_array(surface.normals[corner as usize]).as_dvec3();
+                    assert!(normal.dot(expected) > 0.0, "{spheres:?}");
+                }
+            }
+        }
+        assert!(counted > 4000, "{counted} vertices on the envelope");
+    }
+
+    #[test]
+    fn the_surface_has_no_gaps() {
+        for spheres in samples() {
+            let surface = triangulate(&spheres, &SLAB, 16);
+            let corner = |index: u32| Vec3::from_array(surface.positions[index as usize]).as_dvec3();
+            for (_, n) in Patch::directions(20).vertices {
+                let support = |s: &Sphere| n.dot(s.center.as_dvec3()) + f64::from(s.radius);
+                let outermost = spheres.iter().max_by(|a, b| support(a).total_cmp(&support(b))).unwrap();
+                let radius = f64::from(outermost.radius);
+                // A little off the direction, so that the ray does not run along an edge of the triangles.
+                let ray = (n + DVec3::new(1e-3, 2e-3, -1e-3)).normalize();
+                let from = outermost.center.as_dvec3();
+                let hit = surface.indices.chunks_exact(3).any(|triangle| {
+                    let [a, b, c] = [0, 1, 2].map(|k| corner(triangle[k]) - from);
+                    let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|side| side.dot(ray) >= 0.0);
+                    let normal = (b - a).cross(c - a);
+                    let depth = a.dot(normal) / ray.dot(normal);
+                    sides == [true; 3] && ray.dot(normal) > 0.0 && depth > 0.9 * radius
+                });
+                assert!(hit, "{spheres:?} is open towards {n}");
+            }
+        }
+    }
+
+    #[test]
+    fn degenerate_primitives_are_drawn_without_nan() {
+        let unit = [0.0, 0.0, 0.0, 1.0];
+        let cases = [
+            ("three points", [unit, [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]].map(|s| [s[0], s[1], s[2], 0.0]), 2),
+            ("one point", [[0.0; 4]; 3], 0),
+            ("points on a line", [[0.0; 4], [1.0, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]], 0),
+            ("one sphere thrice", [unit; 3], 128),
+            ("all in one", [unit, [0.1, 0.0, 0.0, 0.5], [0.0, 0.2, 0.0, 0.1]], 128),
+            ("inner tangent spheres", [unit, [0.5, 0.0, 0.0, 0.5], [0.0, 0.5, 0.0, 0.5]], 128),
+        ];
+        for (name, spheres, triangles) in cases {
+            let surface = triangulate(&spheres.map(sphere), &SLAB, 16);
+            assert!(surface.positions.iter().chain(&surface.normals).flatten().all(|x| x.is_finite()), "{name}");
+            assert_eq!(surface.indices.len(), 3 * triangles, "{name}");
+        }
+        // An apex closes the cone; the cone of the outer two covers the third sphere.
+        for third in [[0.0, 3.0, 0.0, 0.0], [0.0, 1.5, 0.0, 0.1]] {
+            let surface = triangulate(&[unit, [0.0, 3.0, 0.0, 0.0], third].map(sphere), &SLAB, 16);
+            assert!(surface.positions.contains(&[0.0, 3.0, 0.0]));
+            assert!(surface.positions.iter().chain(&surface.normals).flatten().all(|x| x.is_finite()));
+        }
+    }
+
+    #[test]
+    fn shared_parts_are_drawn_once() {
+        let spheres = [[0.0, 0.0, 0.0, 0.3], [2.0, 0.0, 0.0, 0.2], [0.0, 2.0, 0.0, 0.1]].map(sphere);
+        let all = [Primitive::Sphere([0]), Primitive::Cone([1, 0]), Primitive::Slab([2, 1, 0]), SLAB[0]];
+        let same = |surface: Surface| (surface.positions.len(), surface.indices.len());
+        assert_eq!(same(triangulate(&spheres, &all, 16)), same(triangulate(&spheres, &SLAB, 16)));
+    }
+}
