@@ -20,3 +20,21 @@ pub const MAX_CHORDS: u32 = 64;
 
 /// Largest deviation of a chord from the arc it stands for, per metre of the body's bounding radius.
 pub const CHORD_TOLERANCE: f32 = 1.0e-3;
+
+/// Cosine of the angle up to which the contact of a sphere counts as part of its primitive's flat or straight contact (25 degrees).
+pub const VERTEX_NORMAL_COSINE: f32 = 0.9;
+
+/// Cosine of the angle up to which contacts share a manifold (5 degrees): rapier solves one normal per manifold.
+pub const MANIFOLD_NORMAL_COSINE: f32 = 0.996;
+
+/// Greatest number of manifolds of a body pair. A body wedged between many others still has one or two per neighbour.
+pub const MAX_MANIFOLDS: usize = 8;
+
+/// Contacts nearer to each other than this many metres are one.
+pub const DUPLICATE_CONTACT: f32 = 1.0e-3;
+
+/// Distance in metres at which two bodies begin to touch, for messages. Rapier lets resting bodies overlap by about as much.
+pub const TOUCH_DISTANCE: f32 = 1.0e-3;
+
+/// Depth at the end of a step, per metre of bounding radius, up to which an impact within the step needs no stop.
+pub const STOP_SLOP: f32 = 2.0e-3;

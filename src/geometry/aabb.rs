@@ -53,6 +53,11 @@ impl Aabb {
         (self.max - self.min) * 0.5
     }
 
+    /// Squared length of the diagonal.
+    pub fn extent_squared(&self) -> f32 {
+        self.min.distance_squared(self.max)
+    }
+
     /// True if the boxes share a point.
     pub fn overlaps(&self, other: &Aabb) -> bool {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()

@@ -13,11 +13,13 @@
 //! Units are metres and radians; [`Pose3`] maps a local point to its parent frame.
 
 mod aabb;
+mod bvh;
 mod obb;
 mod primitive;
 mod sweep;
 
 pub use aabb::Aabb;
+pub use bvh::Bvh;
 pub use glamx::Pose3;
 pub use obb::Obb;
 pub use primitive::{Parts, Primitive, Sphere};

@@ -59,84 +59,58 @@ impl Primitive {
 
     /// The primitive's non-degenerate parts, at most two, whose union is the same set of points (paper, section 3).
     ///
-    /// * A cone with one sphere inside the other is that sphere.
+    /// * A sphere inside another one of the primitive adds nothing, at any blend of the two: it goes.
     /// * A slab has a plane that touches its three spheres exactly when the in-plane gradient `g` of the radius is
     ///   shorter than 1. Otherwise the nearest sphere to any point lies on an edge through which `g` leaves the
-    ///   triangle: along any other edge the distance still falls towards the inside. There are one or two such edges,
-    ///   and their cones, themselves simplified, are the slab. (Two, where a middle sphere bulges out of the hull of
-    ///   the outer ones; the paper keeps the cone of the two larger spheres, which can lose volume.)
+    ///   triangle: along `g` the distance never grows. There are one or two such edges, and their cones are the slab.
+    ///   (Two, where a middle sphere bulges out of the hull of the outer ones; the paper keeps the cone of the two
+    ///   larger spheres, which can lose volume.)
     /// * Three spheres with centres on a line are a slab of the second kind with `g` across the line.
+    ///
+    /// What is degenerate but for 1e-7 of its size counts as such: the surface moves by no more than that, and the f32
+    /// kernels never see a radius gradient of 1 or a triangle of no height.
     ///
     /// # Panics
     /// If an index is out of range.
     pub fn simplified(self, spheres: &[Sphere]) -> Parts {
-        let mut parts = Parts::default();
+        let contains = |i: u32, j: u32| {
+            let (a, b) = (&spheres[i as usize], &spheres[j as usize]);
+            let distance = a.center.as_dvec3().distance(b.center.as_dvec3());
+            distance * (1.0 - NEARLY) <= f64::from(a.radius) - f64::from(b.radius)
+        };
         match self {
-            Primitive::Sphere(_) => parts.push(self),
-            Primitive::Cone([i, j]) => {
-                let (a, b) = (&spheres[i as usize], &spheres[j as usize]);
-                parts.push(if a.contains(b) {
-                    Primitive::Sphere([i])
-                } else if b.contains(a) {
-                    Primitive::Sphere([j])
-                } else {
-                    self
-                });
-            }
-            Primitive::Slab(index) => match open_edges(index.map(|i| spheres[i as usize])) {
-                None => parts.push(self),
-                Some(edges) => {
-                    for (edge, open) in edges.into_iter().enumerate() {
-                        if open {
-                            let cone = Primitive::Cone([index[(edge + 1) % 3], index[(edge + 2) % 3]]);
-                            for part in cone.simplified(spheres).iter() {
-                                parts.push(*part);
-                            }
-                        }
+            Primitive::Sphere(_) => Parts([Some(self), None]),
+            Primitive::Cone([i, j]) if contains(i, j) => Parts([Some(Primitive::Sphere([i])), None]),
+            Primitive::Cone([i, j]) if contains(j, i) => Parts([Some(Primitive::Sphere([j])), None]),
+            Primitive::Cone(_) => Parts([Some(self), None]),
+            Primitive::Slab(index) => {
+                let edges: [[u32; 2]; 3] = std::array::from_fn(|vertex| [index[(vertex + 1) % 3], index[(vertex + 2) % 3]]);
+                for (vertex, edge) in index.into_iter().zip(edges) {
+                    if edge.into_iter().any(|other| contains(other, vertex)) {
+                        return Primitive::Cone(edge).simplified(spheres);
                     }
-                    parts.drop_covered(spheres);
                 }
-            },
+                let Some(open) = open_edges(index.map(|i| spheres[i as usize])) else {
+                    return Parts([Some(self), None]);
+                };
+                let mut cones = (0..3).filter(|&edge| open[edge]).map(|edge: usize| Primitive::Cone(edges[edge]));
+                Parts([cones.next(), cones.next()])
+            }
         }
-        parts
     }
 }
 
+/// By how much, relative to its size, a degenerate primitive may seem proper.
+const NEARLY: f64 = 1.0e-7;
+
 /// One or two primitives.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Parts {
-    items: [Option<Primitive>; 2],
-}
+#[derive(Clone, Copy, Debug)]
+pub struct Parts([Option<Primitive>; 2]);
 
 impl Parts {
     /// The primitives.
     pub fn iter(&self) -> impl Iterator<Item = &Primitive> {
-        self.items.iter().flatten()
-    }
-
-    fn push(&mut self, part: Primitive) {
-        if self.items[0].is_none() {
-            self.items[0] = Some(part);
-        } else {
-            debug_assert!(self.items[1].is_none(), "a vector leaves a triangle through at most two edges");
-            self.items[1] = Some(part);
-        }
-    }
-
-    /// Drops a sphere that the other part has, or holds, as well.
-    fn drop_covered(&mut self, spheres: &[Sphere]) {
-        let [Some(first), Some(second)] = self.items else { return };
-        let covered = |part: Primitive, by: Primitive| match part {
-            Primitive::Sphere([s]) => {
-                by.indices().iter().any(|&i| spheres[i as usize].contains(&spheres[s as usize]))
-            }
-            _ => false,
-        };
-        if covered(second, first) {
-            self.items = [Some(first), None];
-        } else if covered(first, second) {
-            self.items = [Some(second), None];
-        }
+        self.0.iter().flatten()
     }
 }
 
@@ -149,7 +123,7 @@ fn open_edges(spheres: [Sphere; 3]) -> Option<[bool; 3]> {
     let normal = e2.cross(e3);
     let area_squared = normal.length_squared();
     let longest = (0..3).max_by(|&a, &b| length_opposite(&center, a).total_cmp(&length_opposite(&center, b))).unwrap_or(0);
-    if area_squared <= 1e-24 * length_opposite(&center, longest).powi(4) {
+    if area_squared <= NEARLY * NEARLY * length_opposite(&center, longest).powi(4) {
         // On a line: the sphere opposite to the longest edge is the middle one. Does it bulge?
         let [middle, from, to] = [longest, (longest + 1) % 3, (longest + 2) % 3];
         let along = center[to] - center[from];
@@ -160,7 +134,7 @@ fn open_edges(spheres: [Sphere; 3]) -> Option<[bool; 3]> {
     }
     // g . e2 = r2 - r1 and g . e3 = r3 - r1, with g in the plane.
     let g = (e3.cross(normal) * -(radius[1] - radius[0]) + e2.cross(normal) * (radius[2] - radius[0])) / -area_squared;
-    (g.length_squared() >= 1.0).then(|| {
+    (g.length() >= 1.0 - NEARLY).then(|| {
         // The outward edge normals add up to zero, so one of the three is never open; rounding must not say otherwise.
         let out: [f64; 3] = std::array::from_fn(|vertex| {
             g.dot((center[(vertex + 2) % 3] - center[(vertex + 1) % 3]).cross(normal))

@@ -7,11 +7,14 @@ use crate::constants::MAX_CHORDS;
 
 /// Rigid motion over one step: the centre of mass moves on a line, the body turns about it at a constant rate.
 ///
+/// A body's start and end poses alone do not tell whole turns, so the rotation is kept beside them.
 /// Fractions run from 0 (start) to 1 (end).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     /// Pose at fraction 0.
     pub start: Pose3,
+    /// Pose at fraction 1, to the bit.
+    pub end: Pose3,
     /// Displacement of the centre of mass, in metres.
     pub translation: Vec3,
     /// Rotation over the step, in the parent frame: axis times angle in radians. May exceed a full turn.
@@ -23,7 +26,7 @@ pub struct Sweep {
 impl Sweep {
     /// A body at rest.
     pub fn at_rest(pose: Pose3) -> Self {
-        Self { start: pose, translation: Vec3::ZERO, rotation: Vec3::ZERO, local_center: Vec3::ZERO }
+        Self { start: pose, end: pose, translation: Vec3::ZERO, rotation: Vec3::ZERO, local_center: Vec3::ZERO }
     }
 
     /// The motion from `start` to `end`, of all rotations that end there the one nearest to `rotation_hint`
@@ -38,6 +41,7 @@ impl Sweep {
         let turns = ((rotation_hint.dot(axis) - angle) / TAU).round();
         Self {
             start,
+            end,
             translation: end.transform_point(local_center) - start.transform_point(local_center),
             rotation: axis * (angle + turns * TAU),
             local_center,
@@ -49,9 +53,24 @@ impl Sweep {
         if fraction == 0.0 {
             return self.start;
         }
+        if fraction == 1.0 {
+            return self.end;
+        }
         let center = self.start.transform_point(self.local_center) + self.translation * fraction;
         let rotation = (Quat::from_scaled_axis(self.rotation * fraction) * self.start.rotation).normalize();
         Pose3::from_parts(center - rotation * self.local_center, rotation)
+    }
+
+    /// The same motion in a frame that has the pose `frame`.
+    pub fn seen_from(&self, frame: &Pose3) -> Self {
+        let turn = frame.rotation.inverse();
+        Self {
+            start: frame.inv_mul(&self.start),
+            end: frame.inv_mul(&self.end),
+            translation: turn * self.translation,
+            rotation: turn * self.rotation,
+            local_center: self.local_center,
+        }
     }
 
     /// How far a point at the distance `radius` from the centre of mass strays from the chord of its arc when the

@@ -5,11 +5,11 @@
 //! patches:
 //!
 //! ```text
-//!      .-~-.                      ball     one sphere, all directions
-//!     /  n1 \____                 mantle   two spheres, the ring of directions in which both touch the same plane
-//!    |   (1)     ~~~~--.          face     three spheres, one of the two directions in which all touch the same plane
-//!     \     /~~~~  (2)  |
-//!      '-.-'------~~~--'
+//!     .--.___                ball     one sphere, all directions
+//!    /       ~~~---._        mantle   two spheres, the ring of directions in which both touch the same plane
+//!   |  ball   mantle  )      face     three spheres, either direction in which all touch the same plane
+//!    \    ___---~~~""
+//!     `--'
 //! ```
 //!
 //! Patches of neighbouring primitives pass through each other; only what is well inside is left out.
@@ -104,8 +104,8 @@ impl Patch {
         for at in (0..side * (side - 1)).filter(|at| at % side + 1 < side) {
             let [a, b, c, d] = [at, at + 1, at + side + 1, at + side];
             // Cut along the octahedron's own lines, which never cross the fold.
-            let quads_agree = (at % side < half) == (at / side < half);
-            patch.triangles.extend(if quads_agree { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
+            let same_sign = (at % side < half) == (at / side < half);
+            patch.triangles.extend(if same_sign { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
         }
         patch
     }
@@ -165,9 +165,11 @@ struct Builder<'a> {
 impl Builder<'_> {
     /// Adds the triangles of `patch` that have an area and that no sphere of `hiders` hides, with the vertices they use.
     fn add(&mut self, patch: &Patch, hiders: &BTreeSet<u32>) {
-        let point =
-            |(i, n): (u32, DVec3)| (exact(self.spheres, [i]).0[0] + n * exact(self.spheres, [i]).1[0]).as_vec3();
-        let points: Vec<Vec3> = patch.vertices.iter().map(|&vertex| point(vertex)).collect();
+        let touched = |&(sphere, direction): &(u32, DVec3)| {
+            let ([center], [radius]) = exact(self.spheres, [sphere]);
+            (center + direction * radius).as_vec3()
+        };
+        let points: Vec<Vec3> = patch.vertices.iter().map(touched).collect();
         let mut added = vec![None; points.len()];
         for triangle in &patch.triangles {
             let [a, b, c] = triangle.map(|corner| points[corner]);
@@ -204,88 +206,79 @@ mod tests {
         Sphere::new(Vec3::new(x, y, z), radius)
     }
 
-    /// Distance from `point` to the hull of three spheres: a grid over the weights that closes in on its best node.
-    fn distance(point: DVec3, spheres: &[Sphere]) -> f64 {
-        let (c, r) = exact(spheres, [0, 1, 2]);
-        let gap = |[s, t]: [f64; 2]| {
-            let w = [1.0 - s - t, s, t];
-            let [center, radius] =
-                [0, 1].map(|of| (0..3).map(|i| [c[i], DVec3::splat(r[i])][of] * w[i]).sum::<DVec3>());
-            point.distance(center) - radius.x
+    /// Slabs, and as slabs with a repeated corner cones and spheres, fat and thin, each with its surface.
+    fn samples() -> impl Iterator<Item = ([Sphere; 3], Surface)> {
+        let mut state = 7_u32;
+        let mut random = move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
         };
-        let (mut best, mut step) = ([1.0 / 3.0; 2], 0.1);
-        for _ in 0..80 {
-            let around =
-                (0..441).map(|n| [best[0] + step * f64::from(n % 21 - 10), best[1] + step * f64::from(n / 21 - 10)]);
-            let inside = around.filter(|w| w[0] >= 0.0 && w[1] >= 0.0 && w[0] + w[1] <= 1.0);
+        (0..60).map(move |round| {
+            let thickness = [0.02, 0.2, 0.5, 1.0][round % 4];
+            let [a, b, c] = [(); 3].map(|()| sphere([2.0, 2.0, 2.0, thickness].map(|size| size * random())));
+            let spheres = [[a, b, c], [a, b, b], [a, a, a]][round % 3];
+            (spheres, triangulate(&spheres, &SLAB, 16))
+        })
+    }
+
+    fn vectors(of: &[[f32; 3]]) -> Vec<DVec3> {
+        of.iter().map(|&v| Vec3::from_array(v).as_dvec3()).collect()
+    }
+
+    /// Signed distance of `point` to the hull of three spheres: a grid over the weights closes in on its best node.
+    fn distance(point: DVec3, spheres: &[Sphere; 3]) -> f64 {
+        let ([c1, c2, c3], [r1, r2, r3]) = exact(spheres, [0, 1, 2]);
+        let gap = |[s, t]: [f64; 2]| {
+            point.distance(c1 + (c2 - c1) * s + (c3 - c1) * t) - (r1 + (r2 - r1) * s + (r3 - r1) * t)
+        };
+        let (mut best, mut step) = ([0.3; 2], 0.2);
+        for _ in 0..35 {
+            let grid = (0..121).map(|n| [n % 11, n / 11].map(|i| f64::from(i - 5) * step));
+            let around = grid.map(|d| [best[0] + d[0], best[1] + d[1]]);
+            let inside = around.filter(|[s, t]| *s >= 0.0 && *t >= 0.0 && s + t <= 1.0);
             best = inside.chain([best]).min_by(|a, b| gap(*a).total_cmp(&gap(*b))).unwrap();
-            step *= 0.7;
+            step *= 0.6;
         }
         gap(best)
     }
 
-    /// Slabs, and as slabs with a repeated corner cones and spheres, fat and thin.
-    fn samples() -> Vec<[Sphere; 3]> {
-        let mut state = 7_u32;
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 24) as f32
-        };
-        (0..60)
-            .map(|round| {
-                let thickness = [0.02, 0.2, 0.5, 1.0][round % 4];
-                let mut corner = || sphere([random() * 2.0, random() * 2.0, random() * 2.0, random() * thickness]);
-                let [a, b, c] = [corner(), corner(), corner()];
-                [[a, b, c], [a, b, b], [a, a, a]][round % 3]
-            })
-            .collect()
-    }
-
     #[test]
     fn vertices_lie_on_the_envelope_and_triangles_face_outwards() {
-        let mut counted = 0;
-        for spheres in samples() {
-            let surface = triangulate(&spheres, &SLAB, 16);
-            for (position, normal) in surface.positions.iter().zip(&surface.normals) {
-                let [position, normal] = [position, normal].map(|v| Vec3::from_array(*v).as_dvec3());
-                assert!((normal.length() - 1.0).abs() < 1e-6);
-                let support = |s: &Sphere| normal.dot(s.center.as_dvec3() - position) + f64::from(s.radius);
-                let covered = spheres.iter().any(|s| support(s) > 1e-5);
+        let mut on_envelope = 0;
+        for (spheres, surface) in samples() {
+            let (positions, normals) = (vectors(&surface.positions), vectors(&surface.normals));
+            for (&position, &normal) in positions.iter().zip(&normals) {
+                let beyond = |s: &Sphere| normal.dot(s.center.as_dvec3() - position) + f64::from(s.radius) > 1e-5;
+                let covered = spheres.iter().any(beyond);
                 let distance = distance(position, &spheres);
-                assert!(distance < 1e-5, "{distance} outside of {spheres:?}");
-                assert!(covered || distance > -1e-5, "{distance} inside of {spheres:?}");
-                counted += usize::from(!covered);
+                assert!(distance < 1e-5 && (covered || distance > -1e-5), "{distance} from {spheres:?}");
+                assert!((normal.length() - 1.0).abs() < 1e-6);
+                on_envelope += usize::from(!covered);
             }
             for triangle in surface.indices.chunks_exact(3) {
-                let [a, b, c] = [0, 1, 2].map(|k| Vec3::from_array(surface.positions[triangle[k] as usize]).as_dvec3());
-                let normal = (b - a).cross(c - a);
-                for &corner in triangle {
-                    let expected = Vec3::from_array(surface.normals[corner as usize]).as_dvec3();
-                    assert!(normal.dot(expected) > 0.0, "{spheres:?}");
-                }
+                let [a, b, c] = [0, 1, 2].map(|k| triangle[k] as usize);
+                let winding = (positions[b] - positions[a]).cross(positions[c] - positions[a]);
+                assert!([a, b, c].iter().all(|&corner| winding.dot(normals[corner]) > 0.0), "{spheres:?}");
             }
         }
-        assert!(counted > 4000, "{counted} vertices on the envelope");
+        assert!(on_envelope > 4000, "only {on_envelope} vertices on the envelope");
     }
 
     #[test]
     fn the_surface_has_no_gaps() {
-        for spheres in samples() {
-            let surface = triangulate(&spheres, &SLAB, 16);
-            let corner = |index: u32| Vec3::from_array(surface.positions[index as usize]).as_dvec3();
+        for (spheres, surface) in samples() {
+            let positions = vectors(&surface.positions);
             for (_, n) in Patch::directions(20).vertices {
                 let support = |s: &Sphere| n.dot(s.center.as_dvec3()) + f64::from(s.radius);
                 let outermost = spheres.iter().max_by(|a, b| support(a).total_cmp(&support(b))).unwrap();
-                let radius = f64::from(outermost.radius);
                 // A little off the direction, so that the ray does not run along an edge of the triangles.
-                let ray = (n + DVec3::new(1e-3, 2e-3, -1e-3)).normalize();
-                let from = outermost.center.as_dvec3();
+                let (from, ray) = (outermost.center.as_dvec3(), n + DVec3::new(1e-3, 2e-3, -1e-3));
                 let hit = surface.indices.chunks_exact(3).any(|triangle| {
-                    let [a, b, c] = [0, 1, 2].map(|k| corner(triangle[k]) - from);
-                    let sides = [a.cross(b), b.cross(c), c.cross(a)].map(|side| side.dot(ray) >= 0.0);
+                    let [a, b, c] = [0, 1, 2].map(|k| positions[triangle[k] as usize] - from);
                     let normal = (b - a).cross(c - a);
                     let depth = a.dot(normal) / ray.dot(normal);
-                    sides == [true; 3] && ray.dot(normal) > 0.0 && depth > 0.9 * radius
+                    let passes = [a.cross(b), b.cross(c), c.cross(a)].iter().all(|side| side.dot(ray) >= 0.0);
+                    passes && ray.dot(normal) > 0.0 && depth > 0.9 * f64::from(outermost.radius)
                 });
                 assert!(hit, "{spheres:?} is open towards {n}");
             }
@@ -294,33 +287,32 @@ mod tests {
 
     #[test]
     fn degenerate_primitives_are_drawn_without_nan() {
-        let unit = [0.0, 0.0, 0.0, 1.0];
+        let [o, x, y, unit] = [[0.0; 4], [1.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
         let cases = [
-            ("three points", [unit, [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]].map(|s| [s[0], s[1], s[2], 0.0]), 2),
-            ("one point", [[0.0; 4]; 3], 0),
-            ("points on a line", [[0.0; 4], [1.0, 0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 0.0]], 0),
+            ("three points", [o, x, y], 2),
+            ("one point", [o; 3], 0),
+            ("points on a line", [o, x, [2.0, 0.0, 0.0, 0.0]], 0),
             ("one sphere thrice", [unit; 3], 128),
             ("all in one", [unit, [0.1, 0.0, 0.0, 0.5], [0.0, 0.2, 0.0, 0.1]], 128),
-            ("inner tangent spheres", [unit, [0.5, 0.0, 0.0, 0.5], [0.0, 0.5, 0.0, 0.5]], 128),
+            ("all in one, touching its inside", [unit, [0.5, 0.0, 0.0, 0.5], [0.0, 0.5, 0.0, 0.5]], 128),
         ];
         for (name, spheres, triangles) in cases {
             let surface = triangulate(&spheres.map(sphere), &SLAB, 16);
             assert!(surface.positions.iter().chain(&surface.normals).flatten().all(|x| x.is_finite()), "{name}");
             assert_eq!(surface.indices.len(), 3 * triangles, "{name}");
         }
-        // An apex closes the cone; the cone of the outer two covers the third sphere.
-        for third in [[0.0, 3.0, 0.0, 0.0], [0.0, 1.5, 0.0, 0.1]] {
-            let surface = triangulate(&[unit, [0.0, 3.0, 0.0, 0.0], third].map(sphere), &SLAB, 16);
-            assert!(surface.positions.contains(&[0.0, 3.0, 0.0]));
-            assert!(surface.positions.iter().chain(&surface.normals).flatten().all(|x| x.is_finite()));
-        }
+        let within = [0.0, 1.5, 0.0, 0.1];
+        let [tip, slab] = [[unit, y, y], [unit, y, within]].map(|s| triangulate(&s.map(sphere), &SLAB, 16));
+        assert_eq!(tip, slab, "a sphere within the cone of the others changes nothing");
+        assert!(tip.positions.contains(&[0.0, 3.0, 0.0]) && tip.normals.iter().flatten().all(|x| x.is_finite()));
     }
 
     #[test]
     fn shared_parts_are_drawn_once() {
         let spheres = [[0.0, 0.0, 0.0, 0.3], [2.0, 0.0, 0.0, 0.2], [0.0, 2.0, 0.0, 0.1]].map(sphere);
-        let all = [Primitive::Sphere([0]), Primitive::Cone([1, 0]), Primitive::Slab([2, 1, 0]), SLAB[0]];
-        let same = |surface: Surface| (surface.positions.len(), surface.indices.len());
-        assert_eq!(same(triangulate(&spheres, &all, 16)), same(triangulate(&spheres, &SLAB, 16)));
+        let all = [SLAB[0], Primitive::Sphere([0]), Primitive::Cone([1, 0]), SLAB[0]];
+        assert_eq!(triangulate(&spheres, &all, 16), triangulate(&spheres, &SLAB, 16));
+        let turned = triangulate(&spheres, &[SLAB[0], Primitive::Slab([2, 1, 0])], 16);
+        assert_eq!(turned, triangulate(&spheres, &SLAB, 16));
     }
 }

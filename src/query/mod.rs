@@ -12,9 +12,11 @@
 
 mod alternating;
 mod nearest;
+mod ray;
 mod separation;
 mod time_of_impact;
 
 pub use alternating::alternating;
+pub use ray::{RayHit, ray_cast};
 pub use separation::{Convex, Cuboid, Separation, separation};
 pub use time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact};

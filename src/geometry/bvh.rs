@@ -1,0 +1,201 @@
+use super::Aabb;
+
+/// Bounding volume hierarchy of boxes: one item a leaf, balanced, flat.
+///
+/// Nodes lie in depth-first order, so the left child follows its parent and the tree of `n` items has `2 n - 1` nodes
+/// and a depth of at most 33.
+#[derive(Clone, Debug, Default)]
+pub struct Bvh {
+    nodes: Vec<Node>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    aabb: Aabb,
+    /// Right child, or `LEAF` plus the item.
+    link: u32,
+}
+
+const LEAF: u32 = 1 << 31;
+const MAX_DEPTH: usize = 34;
+
+impl Node {
+    fn item(&self) -> Option<u32> {
+        (self.link & LEAF != 0).then_some(self.link & !LEAF)
+    }
+}
+
+impl Bvh {
+    /// A hierarchy over `boxes`, whose positions in the slice are the items.
+    pub fn new(boxes: &[Aabb]) -> Self {
+        let mut bvh = Self::default();
+        bvh.rebuild(boxes);
+        bvh
+    }
+
+    /// The same without new allocations once the hierarchy has been as large.
+    pub fn rebuild(&mut self, boxes: &[Aabb]) {
+        self.nodes.clear();
+        if boxes.is_empty() {
+            return;
+        }
+        let mut items: Vec<u32> = (0..boxes.len() as u32).collect();
+        self.build(boxes, &mut items);
+    }
+
+    /// Splits at the median along the axis in which the centres spread most.
+    fn build(&mut self, boxes: &[Aabb], items: &mut [u32]) {
+        let node = self.nodes.len();
+        if let [item] = *items {
+            self.nodes.push(Node { aabb: boxes[item as usize], link: LEAF | item });
+            return;
+        }
+        let centers = items.iter().map(|&i| boxes[i as usize].center());
+        let spread = centers.fold(Aabb::EMPTY, |aabb, c| aabb.merge(Aabb { min: c, max: c })).half_extents();
+        let axis = spread.max_position();
+        let middle = items.len() / 2;
+        // Ties by index: the tree depends on nothing but the boxes.
+        items.select_nth_unstable_by(middle, |&a, &b| {
+            let key = |i: u32| boxes[i as usize].center()[axis];
+            key(a).total_cmp(&key(b)).then(a.cmp(&b))
+        });
+        let (left, right) = items.split_at_mut(middle);
+        self.nodes.push(Node { aabb: Aabb::EMPTY, link: 0 });
+        self.build(boxes, left);
+        let right_child = self.nodes.len();
+        self.build(boxes, right);
+        let aabb = self.nodes[node + 1].aabb.merge(self.nodes[right_child].aabb);
+        self.nodes[node] = Node { aabb, link: right_child as u32 };
+    }
+
+    /// The box around all items.
+    pub fn aabb(&self) -> Aabb {
+        self.nodes.first().map_or(Aabb::EMPTY, |root| root.aabb)
+    }
+
+    /// Calls `visit` with every item whose box and whose ancestors' boxes pass `test`.
+    pub fn visit(&self, mut test: impl FnMut(&Aabb) -> bool, mut visit: impl FnMut(u32)) {
+        if self.nodes.is_empty() {
+            return;
+        }
+        let mut stack = Stack::new(0);
+        while let Some(index) = stack.pop() {
+            let node = &self.nodes[index as usize];
+            if !test(&node.aabb) {
+                continue;
+            }
+            match node.item() {
+                Some(item) => visit(item),
+                None => {
+                    stack.push(node.link);
+                    stack.push(index + 1);
+                }
+            }
+        }
+    }
+
+    /// Calls `visit` with every pair of items, one of each tree, whose boxes and ancestors' boxes pass `test`.
+    ///
+    /// `test` compares a box of this tree with one of the other, in whatever frames it knows them.
+    pub fn visit_pairs(&self, other: &Bvh, mut test: impl FnMut(&Aabb, &Aabb) -> bool, mut visit: impl FnMut(u32, u32)) {
+        if self.nodes.is_empty() || other.nodes.is_empty() {
+            return;
+        }
+        let mut stack = Stack::new((0, 0));
+        while let Some((index1, index2)) = stack.pop() {
+            let (node1, node2) = (&self.nodes[index1 as usize], &other.nodes[index2 as usize]);
+            if !test(&node1.aabb, &node2.aabb) {
+                continue;
+            }
+            match (node1.item(), node2.item()) {
+                (Some(item1), Some(item2)) => visit(item1, item2),
+                (None, item2) if item2.is_some() || node1.aabb.extent_squared() >= node2.aabb.extent_squared() => {
+                    stack.push((node1.link, index2));
+                    stack.push((index1 + 1, index2));
+                }
+                _ => {
+                    stack.push((index1, node2.link));
+                    stack.push((index1, index2 + 1));
+                }
+            }
+        }
+    }
+}
+
+/// A stack that never allocates: every level of either tree leaves at most one node waiting.
+struct Stack<T> {
+    items: [T; 2 * MAX_DEPTH],
+    len: usize,
+}
+
+impl<T: Copy> Stack<T> {
+    fn new(root: T) -> Self {
+        Self { items: [root; 2 * MAX_DEPTH], len: 1 }
+    }
+
+    fn push(&mut self, item: T) {
+        self.items[self.len] = item;
+        self.len += 1;
+    }
+
+    fn pop(&mut self) -> Option<T> {
+        self.len = self.len.checked_sub(1)?;
+        Some(self.items[self.len])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    /// Boxes of mixed sizes at places from a fixed sequence.
+    fn boxes(count: u32, seed: u32) -> Vec<Aabb> {
+        let mut state = seed;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        (0..count)
+            .map(|_| {
+                let min = Vec3::new(next(), next(), next()) * 8.0;
+                Aabb { min, max: min + Vec3::new(next(), next(), next()) * 4.0 }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn visits_what_brute_force_finds() {
+        let mut found = 0;
+        for count in [0, 1, 2, 3, 17, 200] {
+            let items = boxes(count, count);
+            let bvh = Bvh::new(&items);
+            for query in boxes(50, 7) {
+                let mut visited = Vec::new();
+                bvh.visit(|aabb| aabb.overlaps(&query), |item| visited.push(item));
+                visited.sort_unstable();
+                let expected: Vec<u32> = (0..count).filter(|&i| items[i as usize].overlaps(&query)).collect();
+                assert_eq!(visited, expected);
+                found += expected.len();
+            }
+        }
+        assert!(found > 500, "only {found} overlaps: the queries miss");
+    }
+
+    #[test]
+    fn visits_each_overlapping_pair_once() {
+        let mut found = 0;
+        for (count1, count2) in [(0, 5), (1, 1), (1, 90), (130, 1), (64, 65)] {
+            let (items1, items2) = (boxes(count1, 3), boxes(count2, 4));
+            let mut visited = Vec::new();
+            Bvh::new(&items1).visit_pairs(&Bvh::new(&items2), |a, b| a.overlaps(b), |i, j| visited.push((i, j)));
+            visited.sort_unstable();
+            let all = (0..count1).flat_map(|i| (0..count2).map(move |j| (i, j)));
+            let expected: Vec<_> = all.filter(|&(i, j)| items1[i as usize].overlaps(&items2[j as usize])).collect();
+            assert_eq!(visited, expected);
+            found += expected.len();
+        }
+        assert!(found > 100, "only {found} overlaps");
+    }
+}

@@ -1,0 +1,369 @@
+//! Lists as they come from files and builders, brought into the form that [`MedialAxis`](super::MedialAxis) promises.
+
+use std::{collections::HashMap, fmt};
+
+use crate::geometry::{Primitive, Sphere};
+
+/// What a clean-up changed.
+///
+/// None of it changes the shape. Covered cones are usual, as most files list the edges of their faces; the rest hints
+/// at waste in the source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CleanupReport {
+    /// Spheres that no primitive referred to, and that became primitives.
+    pub isolated_spheres: usize,
+    /// Spheres equal to an earlier one, which took their place.
+    pub duplicate_spheres: usize,
+    /// Cones with one sphere inside the other, which became spheres.
+    pub degenerate_cones: usize,
+    /// Slabs without a common tangent plane, which became one or two cones, or a sphere.
+    pub degenerate_slabs: usize,
+    /// Primitives that another one repeats.
+    pub duplicate_primitives: usize,
+    /// Sphere primitives inside another primitive.
+    pub covered_spheres: usize,
+    /// Cones inside another primitive.
+    pub covered_cones: usize,
+    /// Slabs inside another primitive.
+    pub covered_slabs: usize,
+    /// Spheres that no primitive needs any more.
+    pub unused_spheres: usize,
+}
+
+impl CleanupReport {
+    /// True if the lists were clean, up to order.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl fmt::Display for CleanupReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let counts = [
+            (self.isolated_spheres, "isolated spheres made primitives"),
+            (self.duplicate_spheres, "duplicate spheres merged"),
+            (self.degenerate_cones, "degenerate cones simplified"),
+            (self.degenerate_slabs, "degenerate slabs simplified"),
+            (self.duplicate_primitives, "duplicate primitives dropped"),
+            (self.covered_spheres, "covered spheres dropped"),
+            (self.covered_cones, "covered cones dropped"),
+            (self.covered_slabs, "covered slabs dropped"),
+            (self.unused_spheres, "unused spheres dropped"),
+        ];
+        let mut separator = "";
+        for (count, what) in counts.into_iter().filter(|(count, _)| *count > 0) {
+            write!(f, "{separator}{what}: {count}")?;
+            separator = ", ";
+        }
+        if separator.is_empty() { f.write_str("nothing to clean up") } else { Ok(()) }
+    }
+}
+
+/// The same set of points in canonical form. Indices must be in range, numbers finite, radii not negative.
+///
+/// One pass is enough: each stage leaves intact what the stages before it have established.
+pub(super) fn clean_up(
+    mut spheres: Vec<Sphere>,
+    mut primitives: Vec<Primitive>,
+) -> (Vec<Sphere>, Vec<Primitive>, CleanupReport) {
+    let mut report = CleanupReport::default();
+    add_isolated_spheres(&spheres, &mut primitives, &mut report);
+    merge_duplicate_spheres(&spheres, &mut primitives, &mut report);
+    simplify(&spheres, &mut primitives, &mut report);
+    drop_duplicates(&mut primitives, &mut report);
+    drop_covered(&spheres, &mut primitives, &mut report);
+    drop_unused_spheres(&mut spheres, &mut primitives, &mut report);
+    (spheres, primitives, report)
+}
+
+fn add_isolated_spheres(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mut CleanupReport) {
+    let used = used(spheres.len(), primitives);
+    let before = primitives.len();
+    primitives.extend((0..spheres.len()).filter(|&i| !used[i]).map(|i| Primitive::Sphere([i as u32])));
+    report.isolated_spheres = primitives.len() - before;
+}
+
+/// Lets equal spheres share the first one's index.
+fn merge_duplicate_spheres(spheres: &[Sphere], primitives: &mut [Primitive], report: &mut CleanupReport) {
+    let mut first_of = HashMap::new();
+    let first: Vec<u32> = (0u32..)
+        .zip(spheres)
+        .map(|(i, s)| {
+            // Adding 0 turns -0 into 0, which equals it.
+            let key = [s.center.x, s.center.y, s.center.z, s.radius].map(|v| (v + 0.0).to_bits());
+            *first_of.entry(key).or_insert(i)
+        })
+        .collect();
+    report.duplicate_spheres = spheres.len() - first_of.len();
+    renumber(primitives, |i| first[i as usize]);
+}
+
+fn simplify(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mut CleanupReport) {
+    *primitives = std::mem::take(primitives)
+        .into_iter()
+        .flat_map(|primitive| {
+            let parts = primitive.simplified(spheres);
+            if !parts.iter().eq([&primitive]) {
+                match primitive {
+                    Primitive::Slab(_) => report.degenerate_slabs += 1,
+                    _ => report.degenerate_cones += 1,
+                }
+            }
+            parts.iter().copied().collect::<Vec<_>>()
+        })
+        .collect();
+}
+
+/// Sorts the primitives, and the indices in each, and drops repetitions.
+fn drop_duplicates(primitives: &mut Vec<Primitive>, report: &mut CleanupReport) {
+    let before = primitives.len();
+    for primitive in primitives.iter_mut() {
+        indices_mut(primitive).sort_unstable();
+    }
+    primitives.sort_unstable();
+    primitives.dedup();
+    report.duplicate_primitives = before - primitives.len();
+}
+
+/// Drops each primitive all of whose spheres are, or are inside, spheres of one other primitive: as the latter is
+/// convex, it holds the hull as well.
+fn drop_covered(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mut CleanupReport) {
+    let holders = holders(spheres);
+    let mut users = vec![Vec::new(); spheres.len()];
+    for (number, primitive) in primitives.iter().enumerate() {
+        primitive.indices().iter().for_each(|&i| users[i as usize].push(number));
+    }
+    // What is dropped covers nothing any more, so that of two that cover each other one stays.
+    let mut dropped = vec![false; primitives.len()];
+    for (number, primitive) in primitives.iter().enumerate() {
+        let indices = primitive.indices();
+        // Whatever covers the primitive covers its first sphere.
+        let mut candidates = holders[indices[0] as usize].iter().flat_map(|&holder| &users[holder as usize]);
+        dropped[number] = candidates.any(|&other| {
+            let by = primitives[other].indices();
+            let covers = |&i: &u32| by.iter().any(|j| holders[i as usize].contains(j));
+            other != number && !dropped[other] && indices.iter().all(covers)
+        });
+        match primitive {
+            Primitive::Sphere(_) => report.covered_spheres += usize::from(dropped[number]),
+            Primitive::Cone(_) => report.covered_cones += usize::from(dropped[number]),
+            Primitive::Slab(_) => report.covered_slabs += usize::from(dropped[number]),
+        }
+    }
+    let mut dropped = dropped.into_iter();
+    primitives.retain(|_| dropped.next() == Some(false));
+}
+
+/// For each sphere, itself and the spheres that hold it; of equal spheres the first holds the others.
+fn holders(spheres: &[Sphere]) -> Vec<Vec<u32>> {
+    let mut holders: Vec<Vec<u32>> = (0..spheres.len() as u32).map(|i| vec![i]).collect();
+    // What a sphere holds starts, along x, between its ends.
+    let start = |i: u32| spheres[i as usize].center.x - spheres[i as usize].radius;
+    let end = |i: u32| spheres[i as usize].center.x + spheres[i as usize].radius;
+    let mut order: Vec<u32> = (0..spheres.len() as u32).collect();
+    order.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
+    for (at, &outer) in order.iter().enumerate() {
+        // A rounded start may precede that of a sphere which touches it from inside: look both ways.
+        let before = order[..at].iter().rev().take_while(|&&i| start(i) == start(outer));
+        let after = order[at + 1..].iter().take_while(|&&i| start(i) <= end(outer));
+        for &inner in before.chain(after) {
+            if spheres[outer as usize].contains(&spheres[inner as usize]) {
+                holders[inner as usize].push(outer);
+            }
+        }
+    }
+    holders
+}
+
+fn drop_unused_spheres(spheres: &mut Vec<Sphere>, primitives: &mut [Primitive], report: &mut CleanupReport) {
+    let used = used(spheres.len(), primitives);
+    let before = spheres.len();
+    let mut flags = used.iter();
+    spheres.retain(|_| flags.next() == Some(&true));
+    report.unused_spheres = before - spheres.len() - report.duplicate_spheres;
+    let mut kept = 0;
+    let number: Vec<u32> = used
+        .iter()
+        .map(|&used| {
+            kept += u32::from(used);
+            kept - u32::from(used)
+        })
+        .collect();
+    renumber(primitives, |i| number[i as usize]);
+}
+
+/// Whether a primitive refers to each of `count` spheres.
+fn used(count: usize, primitives: &[Primitive]) -> Vec<bool> {
+    let mut used = vec![false; count];
+    primitives.iter().flat_map(Primitive::indices).for_each(|&i| used[i as usize] = true);
+    used
+}
+
+fn renumber(primitives: &mut [Primitive], number: impl Fn(u32) -> u32) {
+    primitives.iter_mut().flat_map(indices_mut).for_each(|i| *i = number(*i));
+}
+
+fn indices_mut(primitive: &mut Primitive) -> &mut [u32] {
+    match primitive {
+        Primitive::Sphere(i) => i,
+        Primitive::Cone(i) => i,
+        Primitive::Slab(i) => i,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec3};
+
+    use super::*;
+    use crate::medial_axis::{
+        ma,
+        oracle::{self, Envelope, Random},
+    };
+
+    fn ball(x: f32, y: f32, z: f32, radius: f32) -> Sphere {
+        Sphere::new(Vec3::new(x, y, z), radius)
+    }
+
+    /// Checks all that a clean-up promises, with `points` random points near the surface.
+    fn check(name: &str, spheres: Vec<Sphere>, primitives: Vec<Primitive>, points: u32, random: &mut Random) -> CleanupReport {
+        let (clean_spheres, clean, report) = clean_up(spheres.clone(), primitives.clone());
+        let mut all = primitives.clone();
+        add_isolated_spheres(&spheres, &mut all, &mut CleanupReport::default());
+        let before = Envelope::new(&spheres, &all);
+        let after = Envelope::new(&clean_spheres, &clean);
+        let size = before.size();
+        for _ in 0..points {
+            let point = before.point_near_surface(random);
+            let error = (before.distance(point) - after.distance(point)).abs();
+            assert!(error <= 1e-6 * size, "{name}: off by {error:e} of {size:e} at {point}; {spheres:?} {primitives:?}");
+        }
+        assert!(!clean.iter().any(|p| oracle::is_degenerate(&clean_spheres, p)), "{name}: {clean_spheres:?} {clean:?}");
+        assert!(used(clean_spheres.len(), &clean).iter().all(|&used| used), "{name}");
+        let edges: Vec<[u32; 2]> = clean
+            .iter()
+            .filter_map(|p| if let &Primitive::Slab([i, j, k]) = p { Some([[i, j], [j, k], [i, k]]) } else { None })
+            .flatten()
+            .collect();
+        assert!(!clean.iter().any(|p| matches!(p, Primitive::Cone(e) if edges.contains(e))), "{name}");
+        let (again_spheres, again, nothing) = clean_up(clean_spheres.clone(), clean.clone());
+        assert!(nothing.is_empty(), "{name}: a second clean-up found {nothing}");
+        assert_eq!((again_spheres, again), (clean_spheres, clean), "{name}");
+        report
+    }
+
+    #[test]
+    fn models_keep_their_envelope() {
+        let Some(folder) = oracle::shared_models() else {
+            return println!("skipped: no shared models");
+        };
+        let mut random = Random::new(2);
+        let mut paths: Vec<_> = std::fs::read_dir(folder.join("qmat")).unwrap().map(|e| e.unwrap().path()).collect();
+        paths.extend(["dinosaur.ma", "bug.ma", "cactus.ma", "torus.ma"].map(|name| folder.join(name)));
+        paths.sort();
+        assert!(paths.len() >= 5);
+        for path in paths {
+            let file = ma::parse(&std::fs::read(&path).unwrap()).unwrap();
+            let name = path.file_stem().unwrap().to_string_lossy();
+            let primitives = file.primitives();
+            let degenerate = primitives.iter().filter(|p| oracle::is_degenerate(&file.spheres, p)).count();
+            let report = check(&name, file.spheres, primitives, 10_000, &mut random);
+            println!("{name}: {degenerate} degenerate; {report}");
+            assert_eq!(degenerate > 0, report.degenerate_cones + report.degenerate_slabs > 0, "{name}");
+            assert!(name != "dinosaur" || degenerate > 0, "the raw model no longer tests degenerate primitives");
+        }
+    }
+
+    #[test]
+    fn generated_hard_cases_keep_their_envelope() {
+        let mut random = Random::new(3);
+        let mut sum = [0; 4];
+        for case in 0..6_000 {
+            let spheres = oracle::hard_slab(&mut random, case % oracle::HARD_KINDS).to_vec();
+            let report = check("hard slab", spheres, vec![Primitive::Slab([0, 1, 2])], 50, &mut random);
+            let kept = if report.degenerate_slabs > 0 { 1 } else { 0 };
+            sum[kept] += 1;
+            sum[2] += usize::from(report.unused_spheres == 1);
+            sum[3] += usize::from(report.unused_spheres == 2);
+        }
+        // Kept whole; simplified; to one cone; to one sphere. The rest of the simplified are pairs of cones.
+        println!("{sum:?}");
+        assert!(sum[0] > 500 && sum[2] > 500 && sum[3] > 100 && sum[1] > sum[2] + sum[3] + 500, "{sum:?}");
+    }
+
+    #[test]
+    fn random_soups_keep_their_envelope() {
+        let mut random = Random::new(4);
+        let mut sum = CleanupReport::default();
+        for _ in 0..300 {
+            // Coordinates from a small grid make coincidences, containment and lines frequent.
+            let count = 3 + random.below(10);
+            let mut grid = |n: u64| random.below(n) as f32 * 0.5;
+            let spheres: Vec<_> = (0..count).map(|_| ball(grid(5), grid(3), grid(2), grid(4))).collect();
+            let mut index = || random.below(count) as u32;
+            let primitives: Vec<_> = (0..count)
+                .flat_map(|_| [Primitive::Slab([(); 3].map(|()| index())), Primitive::Cone([(); 2].map(|()| index()))])
+                .skip(3)
+                .collect();
+            let report = check("soup", spheres, primitives, 100, &mut random);
+            sum.isolated_spheres += report.isolated_spheres;
+            sum.duplicate_spheres += report.duplicate_spheres;
+            sum.degenerate_cones += report.degenerate_cones;
+            sum.degenerate_slabs += report.degenerate_slabs;
+            sum.duplicate_primitives += report.duplicate_primitives;
+            sum.covered_spheres += report.covered_spheres;
+            sum.covered_cones += report.covered_cones;
+            sum.covered_slabs += report.covered_slabs;
+            sum.unused_spheres += report.unused_spheres;
+        }
+        println!("{sum}");
+        assert_eq!(sum.to_string().split(", ").count(), 9, "some kind of change never happened: {sum}");
+    }
+
+    #[test]
+    fn simplified_slab_is_the_union_of_its_parts() {
+        // The distance field of a slab, sampled without any closed form, against that of its parts.
+        let mut random = Random::new(5);
+        let mut parts_seen = [0; 3];
+        for case in 0..600 {
+            let spheres = oracle::hard_slab(&mut random, case % oracle::HARD_KINDS);
+            let slab = Envelope::new(&spheres, &[Primitive::Slab([0, 1, 2])]);
+            let parts: Vec<_> = Primitive::Slab([0, 1, 2]).simplified(&spheres).iter().copied().collect();
+            parts_seen[parts.len()] += 1;
+            let union = Envelope::new(&spheres, &parts);
+            for _ in 0..4 {
+                let point = slab.point_near_surface(&mut random);
+                let (truth, found) = (oracle::searched_distance(&spheres, point), union.distance(point));
+                let size = slab.size();
+                assert!((truth - found).abs() < 2e-7 * size, "{truth} {found} {spheres:?} {parts:?} {point}");
+            }
+        }
+        assert!(parts_seen[0] == 0 && parts_seen[1] > 50 && parts_seen[2] > 50, "{parts_seen:?}");
+    }
+
+    #[test]
+    fn a_bulging_middle_sphere_leaves_two_cones() {
+        let spheres = vec![ball(-2.0, 0.0, 0.0, 0.5), ball(0.0, 0.1, 0.0, 1.0), ball(2.0, 0.0, 0.0, 0.6)];
+        let (_, primitives, report) = clean_up(spheres.clone(), vec![Primitive::Slab([0, 1, 2])]);
+        assert_eq!(primitives, [Primitive::Cone([0, 1]), Primitive::Cone([1, 2])]);
+        assert_eq!(report, CleanupReport { degenerate_slabs: 1, ..Default::default() });
+        // The one cone of the two larger spheres would lose the smallest.
+        let kept = Envelope::new(&spheres, &[Primitive::Cone([1, 2])]);
+        assert!(kept.distance(DVec3::new(-2.4, 0.0, 0.0)) > 1.0);
+    }
+
+    #[test]
+    fn of_spheres_that_touch_from_inside_the_outer_stays() {
+        // The inner ball's starts and ends coincide with the outer's, along each axis in turn.
+        for axis in [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X] {
+            let spheres = vec![Sphere::new(axis, 1.0), Sphere::new(Vec3::ZERO, 2.0), Sphere::new(axis, 1.0)];
+            let (kept, primitives, report) = clean_up(spheres, vec![]);
+            assert_eq!((kept, primitives), (vec![ball(0.0, 0.0, 0.0, 2.0)], vec![Primitive::Sphere([0])]));
+            assert_eq!(
+                report.to_string(),
+                "isolated spheres made primitives: 3, duplicate spheres merged: 1, duplicate primitives dropped: 1, \
+                 covered spheres dropped: 1, unused spheres dropped: 1"
+            );
+        }
+    }
+}

@@ -1,0 +1,395 @@
+//! The `.ma` text format, as Q-MAT and the Blender MAT add-on write it.
+//!
+//! ```text
+//! 3 1 1                     spheres, edges, faces
+//! v 0.5 -0.25 1 0.125       a sphere: centre x y z and radius
+//! e 0 1                     an edge (a medial cone): two spheres, counted from 0
+//! f 0 1 2                   a face (a medial slab): three spheres; its edges need not be listed
+//! ```
+//!
+//! Blank lines and lines that start with `#` may stand anywhere. Records may come in any order, but in the numbers that
+//! the first line states.
+
+use std::fmt::Write;
+
+use glam::Vec3;
+use thiserror::Error;
+
+use super::{CleanupReport, MedialAxis, MedialAxisError};
+use crate::geometry::{Primitive, Sphere};
+
+/// The content of a `.ma` file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MaFile {
+    /// Medial spheres, in the units of the file.
+    pub spheres: Vec<Sphere>,
+    /// Pairs of spheres.
+    pub edges: Vec<[u32; 2]>,
+    /// Triples of spheres.
+    pub faces: Vec<[u32; 3]>,
+}
+
+/// Why bytes are not a `.ma` file, and where.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("line {line}: {kind}")]
+pub struct MaError {
+    /// The line, counted from 1. For records that are missing, that of the header.
+    pub line: usize,
+    /// What is wrong.
+    pub kind: MaErrorKind,
+}
+
+/// What is wrong with a line.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum MaErrorKind {
+    /// The bytes are no text.
+    #[error("not UTF-8 text")]
+    NotUtf8,
+    /// There are only blank lines and comments.
+    #[error("no header: expected `spheres edges faces`")]
+    NoHeader,
+    /// The header promises no sphere.
+    #[error("an empty mesh: the header promises no spheres")]
+    Empty,
+    /// The line ends before the value.
+    #[error("{0} is missing")]
+    Missing(&'static str),
+    /// A count or index is no whole number from 0 to 4,294,967,295.
+    #[error("{what} is `{token}`, not a whole number from 0 to {}", u32::MAX)]
+    NotCount {
+        /// Which value.
+        what: &'static str,
+        /// What stands there.
+        token: String,
+    },
+    /// A coordinate or radius is no number, NaN or beyond the range of f32.
+    #[error("{what} is `{token}`, not a finite number")]
+    NotFinite {
+        /// Which value.
+        what: &'static str,
+        /// What stands there.
+        token: String,
+    },
+    /// A radius is negative.
+    #[error("the radius is `{0}`, which is negative")]
+    NegativeRadius(String),
+    /// An index is not less than the number of spheres.
+    #[error("there is no sphere {index}: the header promises {spheres}")]
+    IndexOutOfRange {
+        /// The index.
+        index: u32,
+        /// Number of spheres that the header promises.
+        spheres: u32,
+    },
+    /// An edge or face names a sphere twice.
+    #[error("sphere {0} is repeated")]
+    RepeatedIndex(u32),
+    /// A line goes on after its last value.
+    #[error("trailing `{0}`")]
+    Trailing(String),
+    /// A line is no record.
+    #[error("expected a record `v`, `e` or `f`, found `{0}`")]
+    UnknownRecord(String),
+    /// There are more records than the header promises; this is the first in excess.
+    #[error("one `{record}` record more than the {promised} that the header promises")]
+    TooMany {
+        /// Letter of the record.
+        record: char,
+        /// Number that the header promises.
+        promised: u32,
+    },
+    /// There are fewer records than the header promises.
+    #[error("the header promises {promised} `{record}` records, the file has {found}")]
+    TooFew {
+        /// Letter of the record.
+        record: char,
+        /// Number that the header promises.
+        promised: u32,
+        /// Number in the file.
+        found: usize,
+    },
+}
+
+use MaErrorKind as Kind;
+
+impl MaFile {
+    /// Edges and faces as primitives.
+    pub fn primitives(&self) -> Vec<Primitive> {
+        let cones = self.edges.iter().map(|&e| Primitive::Cone(e));
+        cones.chain(self.faces.iter().map(|&f| Primitive::Slab(f))).collect()
+    }
+
+    /// The shape, cleaned up, with what the clean-up changed.
+    ///
+    /// # Errors
+    /// As for [`MedialAxis::new`]: numbers beyond [`MAX_EXTENT`](super::MAX_EXTENT) are the one cause that
+    /// [`parse`] lets pass.
+    pub fn into_medial_axis(self) -> Result<(MedialAxis, CleanupReport), MedialAxisError> {
+        let primitives = self.primitives();
+        MedialAxis::new(self.spheres, primitives)
+    }
+}
+
+impl From<&MedialAxis> for MaFile {
+    /// Sphere primitives are the spheres that no edge or face names, so all is kept.
+    fn from(axis: &MedialAxis) -> Self {
+        let mut file = Self { spheres: axis.spheres().to_vec(), ..Self::default() };
+        for primitive in axis.primitives() {
+            match *primitive {
+                Primitive::Sphere(_) => {}
+                Primitive::Cone(edge) => file.edges.push(edge),
+                Primitive::Slab(face) => file.faces.push(face),
+            }
+        }
+        file
+    }
+}
+
+/// Reads the text of a `.ma` file.
+///
+/// # Errors
+/// The first line that breaks the format, with the reason. Memory use is bounded by the size of `bytes`, whatever the
+/// header promises.
+pub fn parse(bytes: &[u8]) -> Result<MaFile, MaError> {
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count();
+        MaError { line, kind: Kind::NotUtf8 }
+    })?;
+    let mut file = MaFile::default();
+    let mut header: Option<(usize, [u32; 3])> = None;
+    for (line, content) in (1..).zip(text.lines()) {
+        let content = content.trim();
+        if content.is_empty() || content.starts_with('#') {
+            continue;
+        }
+        let mut fields = Fields(content.split_whitespace());
+        let read = match header {
+            None => fields.header().map(|counts| header = Some((line, counts))),
+            Some((_, counts)) => fields.record(counts, &mut file),
+        };
+        read.and_then(|()| fields.end()).map_err(|kind| MaError { line, kind })?;
+    }
+    let (line, counts) = header.ok_or(MaError { line: 1, kind: Kind::NoHeader })?;
+    let found = [file.spheres.len(), file.edges.len(), file.faces.len()];
+    for ((record, promised), found) in ['v', 'e', 'f'].into_iter().zip(counts).zip(found) {
+        if found < promised as usize {
+            return Err(MaError { line, kind: Kind::TooFew { record, promised, found } });
+        }
+    }
+    Ok(file)
+}
+
+/// Writes the text of a `.ma` file, from which [`parse`] reads the very same numbers.
+pub fn write(file: &MaFile) -> String {
+    let mut text = format!("{} {} {}\n", file.spheres.len(), file.edges.len(), file.faces.len());
+    // Writing to a string cannot fail. `{:?}` is the shortest text that reads back as the same f32.
+    for Sphere { center: Vec3 { x, y, z }, radius } in &file.spheres {
+        let _ = writeln!(text, "v {x:?} {y:?} {z:?} {radius:?}");
+    }
+    for [i, j] in &file.edges {
+        let _ = writeln!(text, "e {i} {j}");
+    }
+    for [i, j, k] in &file.faces {
+        let _ = writeln!(text, "f {i} {j} {k}");
+    }
+    text
+}
+
+/// The rest of a line.
+struct Fields<'a>(std::str::SplitWhitespace<'a>);
+
+impl<'a> Fields<'a> {
+    fn header(&mut self) -> Result<[u32; 3], Kind> {
+        let counts =
+            [self.count("the number of spheres")?, self.count("the number of edges")?, self.count("the number of faces")?];
+        if counts[0] == 0 { Err(Kind::Empty) } else { Ok(counts) }
+    }
+
+    fn record(&mut self, [spheres, edges, faces]: [u32; 3], file: &mut MaFile) -> Result<(), Kind> {
+        let room = |record: char, found: usize, promised: u32| {
+            if found < promised as usize { Ok(()) } else { Err(Kind::TooMany { record, promised }) }
+        };
+        match self.token("the record")? {
+            "v" => {
+                room('v', file.spheres.len(), spheres)?;
+                file.spheres.push(self.sphere()?);
+            }
+            "e" => {
+                room('e', file.edges.len(), edges)?;
+                file.edges.push(self.indices(spheres)?);
+            }
+            "f" => {
+                room('f', file.faces.len(), faces)?;
+                file.faces.push(self.indices(spheres)?);
+            }
+            other => return Err(Kind::UnknownRecord(other.to_owned())),
+        }
+        Ok(())
+    }
+
+    fn sphere(&mut self) -> Result<Sphere, Kind> {
+        let center = Vec3::new(self.number("x")?, self.number("y")?, self.number("z")?);
+        let radius = self.number("the radius")?;
+        if radius < 0.0 { Err(Kind::NegativeRadius(radius.to_string())) } else { Ok(Sphere::new(center, radius)) }
+    }
+
+    fn indices<const N: usize>(&mut self, spheres: u32) -> Result<[u32; N], Kind> {
+        let mut indices = [0; N];
+        for at in 0..N {
+            let index = self.count("an index")?;
+            if index >= spheres {
+                return Err(Kind::IndexOutOfRange { index, spheres });
+            }
+            if indices[..at].contains(&index) {
+                return Err(Kind::RepeatedIndex(index));
+            }
+            indices[at] = index;
+        }
+        Ok(indices)
+    }
+
+    fn count(&mut self, what: &'static str) -> Result<u32, Kind> {
+        let token = self.token(what)?;
+        token.parse().map_err(|_| Kind::NotCount { what, token: token.to_owned() })
+    }
+
+    fn number(&mut self, what: &'static str) -> Result<f32, Kind> {
+        let token = self.token(what)?;
+        let number = token.parse::<f32>().ok().filter(|number| number.is_finite());
+        number.ok_or_else(|| Kind::NotFinite { what, token: token.to_owned() })
+    }
+
+    fn token(&mut self, what: &'static str) -> Result<&'a str, Kind> {
+        self.0.next().ok_or(Kind::Missing(what))
+    }
+
+    fn end(&mut self) -> Result<(), Kind> {
+        self.0.next().map_or(Ok(()), |token| Err(Kind::Trailing(token.to_owned())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::medial_axis::oracle::{self, Random};
+
+    const GOOD: &str = "# a comment\n\n4 2 1\nv 0 0 0 1\nv 1.5 0 -2e-3 .5\r\nv 0 3 0 0.25\n  # another\n\
+                        v 0 0 9 0\ne 0 1\ne 2 3\n\nf 0 1 2\n\n";
+
+    #[test]
+    fn reads_comments_blank_lines_crlf_and_faces_without_edges() {
+        let file = parse(GOOD.as_bytes()).unwrap();
+        assert_eq!(file.spheres[1], Sphere::new(Vec3::new(1.5, 0.0, -2e-3), 0.5));
+        assert_eq!((file.spheres.len(), &file.edges[..], &file.faces[..]), (4, &[[0, 1], [2, 3]][..], &[[0, 1, 2]][..]));
+        assert_eq!(parse(GOOD.trim_end().as_bytes()), Ok(file.clone()), "no newline at the end");
+        assert_eq!(parse(GOOD.replace('\n', "\r\n").as_bytes()), Ok(file));
+    }
+
+    #[test]
+    fn errors_name_line_and_cause() {
+        let cases: &[(&str, &str)] = &[
+            ("", "line 1: no header: expected `spheres edges faces`"),
+            ("# only\n\n", "line 1: no header: expected `spheres edges faces`"),
+            ("\n0 0 0\n", "line 2: an empty mesh: the header promises no spheres"),
+            ("1 0\nv 0 0 0 1", "line 1: the number of faces is missing"),
+            ("1 0 0 0\nv 0 0 0 1", "line 1: trailing `0`"),
+            ("-1 0 0", "line 1: the number of spheres is `-1`, not a whole number from 0 to 4294967295"),
+            ("1 4294967296 0", "line 1: the number of edges is `4294967296`, not a whole number from 0 to 4294967295"),
+            ("4294967295 0 0\nv 0 0 0 1", "line 1: the header promises 4294967295 `v` records, the file has 1"),
+            ("1 0 4294967295\nv 0 0 0 1", "line 1: the header promises 4294967295 `f` records, the file has 0"),
+            ("# c\n1 1 0\nv 0 0 0 1", "line 2: the header promises 1 `e` records, the file has 0"),
+            ("1 0 0\nv 0 0 0 1\n\nv 0 0 0 1", "line 4: one `v` record more than the 1 that the header promises"),
+            ("2 0 0\nv 0 0 0 1\nv 0 0 1 1\ne 0 1", "line 4: one `e` record more than the 0 that the header promises"),
+            ("1 0 0\nv 0 0 0", "line 2: the radius is missing"),
+            ("1 0 0\nv 0 0 0 1 7", "line 2: trailing `7`"),
+            ("1 0 0\nv 0 0 0 1 # no", "line 2: trailing `#`"),
+            ("1 0 0\nv 0 0 0 1\nend", "line 3: expected a record `v`, `e` or `f`, found `end`"),
+            ("1 0 0\nvt 0 0 0 1", "line 2: expected a record `v`, `e` or `f`, found `vt`"),
+            ("1 0 0\nv 0 nan 0 1", "line 2: y is `nan`, not a finite number"),
+            ("1 0 0\nv 0 0 -inf 1", "line 2: z is `-inf`, not a finite number"),
+            ("1 0 0\nv 1e39 0 0 1", "line 2: x is `1e39`, not a finite number"),
+            ("1 0 0\nv 0 0 0 one", "line 2: the radius is `one`, not a finite number"),
+            ("1 0 0\nv 0 0 0 -0.5", "line 2: the radius is `-0.5`, which is negative"),
+            ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 0 2", "line 4: there is no sphere 2: the header promises 2"),
+            ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 1 1", "line 4: sphere 1 is repeated"),
+            ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 1", "line 4: an index is missing"),
+            ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 0 1.0", "line 4: an index is `1.0`, not a whole number from 0 to 4294967295"),
+            ("2 0 1\nv 0 0 0 1\nv 0 0 1 1\nf 0 1 0", "line 4: sphere 0 is repeated"),
+        ];
+        for (text, message) in cases {
+            assert_eq!(parse(text.as_bytes()).unwrap_err().to_string(), *message, "{text:?}");
+        }
+        assert_eq!(parse(b"1 0 0\nv 0 0 0 \xff").unwrap_err().to_string(), "line 2: not UTF-8 text");
+    }
+
+    #[test]
+    fn real_files_survive_a_round_trip() {
+        let Some(folder) = oracle::shared_models() else {
+            return println!("skipped: no shared models");
+        };
+        for name in ["dinosaur.ma", "bug.ma", "torus.ma", "qmat/cow_q82.ma"] {
+            let file = parse(&std::fs::read(folder.join(name)).unwrap()).unwrap();
+            assert_eq!(parse(write(&file).as_bytes()), Ok(file.clone()), "{name}");
+            let (axis, _) = file.into_medial_axis().unwrap();
+            let (again, report) = MaFile::from(&axis).into_medial_axis().unwrap();
+            assert_eq!((axis.spheres(), axis.primitives()), (again.spheres(), again.primitives()), "{name}: {report}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn every_finite_f32_survives_a_round_trip(bits in proptest::collection::vec(any::<[u32; 4]>(), 3..9)) {
+            let number = |bits: u32| Some(f32::from_bits(bits)).filter(|n| n.is_finite()).unwrap_or(0.1);
+            let spheres = bits.iter().map(|&[x, y, z, r]| {
+                Sphere::new(Vec3::new(number(x), number(y), number(z)), number(r).abs())
+            });
+            let file = MaFile { spheres: spheres.collect(), edges: vec![[0, 1]], faces: vec![[2, 1, 0]] };
+            prop_assert_eq!(parse(write(&file).as_bytes()), Ok(file));
+        }
+    }
+
+    #[test]
+    fn mutated_files_never_panic() {
+        const TOKENS: [&str; 12] =
+            ["nan", "-1", "1e999", "4294967295", "99999999999", "#", "v", "f 0 1 2\n", "\n", "\r", " ", "\u{e9}"];
+        let mut random = Random::new(7);
+        let (mut accepted, mut refused, mut shapes) = (0, 0, 0);
+        for _ in 0..100_000 {
+            let mut bytes = GOOD.as_bytes().to_vec();
+            for _ in 0..1 + random.below(3) {
+                let at = random.below(bytes.len() as u64 + 1) as usize;
+                match random.below(5) {
+                    0 => bytes.iter_mut().skip(at).take(1).for_each(|byte| *byte ^= 1 << random.below(8)),
+                    1 => bytes.truncate(bytes.len() - at.min(random.below(8) as usize)),
+                    2 => drop(bytes.splice(at..at, TOKENS[random.below(12) as usize].bytes())),
+                    3 => {
+                        let mut lines: Vec<_> = bytes.split_inclusive(|&byte| byte == b'\n').collect();
+                        let count = lines.len() as u64;
+                        if count > 0 {
+                            lines.swap(random.below(count) as usize, random.below(count) as usize);
+                        }
+                        bytes = lines.concat();
+                    }
+                    _ => bytes.iter_mut().skip(at).take(1).for_each(|byte| *byte = b"0123456789.-e v\n"[at % 16]),
+                }
+            }
+            match parse(&bytes) {
+                Ok(file) => {
+                    accepted += 1;
+                    let text = write(&file);
+                    assert_eq!(parse(text.as_bytes()).as_ref(), Ok(&file), "{text}");
+                    // Numbers beyond the extent are the one thing that the format allows and a shape does not.
+                    shapes += usize::from(super::super::validate(&file.spheres, &file.primitives()).is_ok());
+                }
+                Err(error) => {
+                    refused += 1;
+                    assert!(error.line >= 1 && error.line <= bytes.split(|&byte| byte == b'\n').count(), "{error}");
+                }
+            }
+        }
+        println!("{accepted} accepted, {refused} refused, {shapes} shapes");
+        assert!(accepted > 10_000 && refused > 10_000 && shapes > 0 && shapes <= accepted);
+    }
+}

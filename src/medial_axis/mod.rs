@@ -1,0 +1,324 @@
+//! The asset: an immutable medial mesh that all instances of a shape share.
+//!
+//! ```text
+//! .ma text --ma::parse--> lists --MedialAxis::new--> validate -> clean up -> derive (boxes, balls, mass) -> MedialAxis
+//! ```
+//!
+//! Everything is in the shape's own frame, in metres, at unit scale and unit density.
+
+mod cleanup;
+pub mod ma;
+mod mass;
+pub mod packed;
+mod shapes;
+mod surface;
+
+#[cfg(test)]
+mod oracle;
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use thiserror::Error;
+
+use crate::geometry::{Aabb, Bvh, Primitive, Sphere};
+
+pub use cleanup::CleanupReport;
+pub use mass::MassProperties;
+pub use surface::{Surface, triangulate};
+
+/// Largest coordinate or radius of a shape, in metres: up to here no derived value overflows an f32.
+pub const MAX_EXTENT: f32 = 1.0e6;
+
+/// Largest number of spheres of a shape, far below what would overflow the indices of the packed form.
+pub const MAX_SPHERES: usize = 1 << 20;
+
+/// An immutable solid shape: the union of medial primitives.
+///
+/// Invariants, which every constructor establishes:
+/// * there is at least one primitive, all indices are in range and no sphere is unused;
+/// * all values are finite, no radius is negative;
+/// * no primitive is degenerate, none is listed twice, and none lies inside another because each of its spheres
+///   is, or is inside, a sphere of the other: the edges of a slab are not listed beside it;
+/// * primitives are in ascending order (spheres, cones, slabs), as are the indices in each.
+///
+/// A clone shares everything.
+#[derive(Clone, Debug)]
+pub struct MedialAxis(Arc<Data>);
+
+#[derive(Debug)]
+struct Data {
+    spheres: Box<[Sphere]>,
+    primitives: Box<[Primitive]>,
+    bvh: Bvh,
+    aabb: Aabb,
+    bounding_sphere: Sphere,
+    mass: MassProperties,
+    min_radius: f32,
+}
+
+/// Why lists or parameters do not describe a shape.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum MedialAxisError {
+    /// There is no sphere.
+    #[error("the shape has no spheres")]
+    Empty,
+    /// There are more spheres than [`MAX_SPHERES`].
+    #[error("the shape has {0} spheres, more than {MAX_SPHERES}")]
+    TooManySpheres(usize),
+    /// A coordinate or radius is NaN, infinite or beyond [`MAX_EXTENT`].
+    #[error("sphere {sphere}: {value} is not a number from -{MAX_EXTENT} to {MAX_EXTENT}")]
+    NotFinite {
+        /// Index of the sphere.
+        sphere: usize,
+        /// The offending coordinate or radius.
+        value: f32,
+    },
+    /// A radius is negative.
+    #[error("sphere {sphere}: the radius {radius} is negative")]
+    NegativeRadius {
+        /// Index of the sphere.
+        sphere: usize,
+        /// Its radius.
+        radius: f32,
+    },
+    /// A primitive refers to a sphere that does not exist.
+    #[error("primitive {primitive}: there is no sphere {index} among {spheres}")]
+    IndexOutOfRange {
+        /// Index of the primitive.
+        primitive: usize,
+        /// The offending index.
+        index: u32,
+        /// Number of spheres.
+        spheres: usize,
+    },
+    /// A parameter of a shape constructor is out of its range.
+    #[error("{name} is {value}, but must be {range}")]
+    Parameter {
+        /// Name of the parameter.
+        name: &'static str,
+        /// Its value.
+        value: f32,
+        /// What is allowed.
+        range: &'static str,
+    },
+}
+
+impl MedialAxis {
+    /// A shape from its spheres and primitives.
+    ///
+    /// Each sphere that no primitive refers to becomes a primitive. Then the lists are cleaned up, which leaves the
+    /// set of points that they fill the same; the report says what was changed.
+    ///
+    /// # Errors
+    /// If there are no spheres or too many, if a number is not finite or too large, if a radius is negative or if an
+    /// index is out of range. A primitive that names a sphere twice is degenerate, which is no error.
+    pub fn new(
+        spheres: Vec<Sphere>,
+        primitives: Vec<Primitive>,
+    ) -> Result<(MedialAxis, CleanupReport), MedialAxisError> {
+        validate(&spheres, &primitives)?;
+        let (spheres, primitives, report) = cleanup::clean_up(spheres, primitives);
+        Ok((Self::derive(spheres, primitives), report))
+    }
+
+    /// A shape from spheres, edges and faces; see [`new`](Self::new).
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new); primitives are counted edges first.
+    pub fn from_lists(
+        spheres: Vec<Sphere>,
+        edges: &[[u32; 2]],
+        faces: &[[u32; 3]],
+    ) -> Result<(MedialAxis, CleanupReport), MedialAxisError> {
+        let cones = edges.iter().map(|&e| Primitive::Cone(e));
+        let slabs = faces.iter().map(|&f| Primitive::Slab(f));
+        Self::new(spheres, cones.chain(slabs).collect())
+    }
+
+    /// Computes all that follows from clean lists.
+    fn derive(spheres: Vec<Sphere>, primitives: Vec<Primitive>) -> Self {
+        let boxes: Vec<Aabb> = primitives
+            .iter()
+            .map(|p| Aabb::from_spheres(p.indices().iter().map(|&i| spheres[i as usize])))
+            .collect();
+        Self(Arc::new(Data {
+            bvh: Bvh::new(&boxes),
+            aabb: Aabb::from_spheres(spheres.iter().copied()),
+            bounding_sphere: bounding_sphere(&spheres),
+            mass: MassProperties::of_union(&spheres, &primitives),
+            min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
+            spheres: spheres.into(),
+            primitives: primitives.into(),
+        }))
+    }
+
+    /// The medial spheres.
+    pub fn spheres(&self) -> &[Sphere] {
+        &self.0.spheres
+    }
+
+    /// The primitives, whose union is the shape.
+    pub fn primitives(&self) -> &[Primitive] {
+        &self.0.primitives
+    }
+
+    /// Hierarchy over the boxes of the primitives.
+    pub fn bvh(&self) -> &Bvh {
+        &self.0.bvh
+    }
+
+    /// The least axis-aligned box around the shape, up to rounding.
+    pub fn aabb(&self) -> Aabb {
+        self.0.aabb
+    }
+
+    /// A sphere around the shape, at most about 1 % larger than the least one.
+    pub fn bounding_sphere(&self) -> Sphere {
+        self.0.bounding_sphere
+    }
+
+    /// Volume, centre of mass and inertia of the shape at unit density.
+    pub fn mass(&self) -> &MassProperties {
+        &self.0.mass
+    }
+
+    /// Least radius of all spheres, in metres: no part of the shape is thinner than twice this.
+    pub fn min_radius(&self) -> f32 {
+        self.0.min_radius
+    }
+}
+
+fn validate(spheres: &[Sphere], primitives: &[Primitive]) -> Result<(), MedialAxisError> {
+    if spheres.is_empty() {
+        return Err(MedialAxisError::Empty);
+    }
+    if spheres.len() > MAX_SPHERES {
+        return Err(MedialAxisError::TooManySpheres(spheres.len()));
+    }
+    for (sphere, s) in spheres.iter().enumerate() {
+        let values = [s.center.x, s.center.y, s.center.z, s.radius];
+        // NaN is in no range.
+        if let Some(&value) = values.iter().find(|v| !(-MAX_EXTENT..=MAX_EXTENT).contains(*v)) {
+            return Err(MedialAxisError::NotFinite { sphere, value });
+        }
+        if s.radius < 0.0 {
+            return Err(MedialAxisError::NegativeRadius { sphere, radius: s.radius });
+        }
+    }
+    for (primitive, p) in primitives.iter().enumerate() {
+        if let Some(&index) = p.indices().iter().find(|&&i| i as usize >= spheres.len()) {
+            return Err(MedialAxisError::IndexOutOfRange { primitive, index, spheres: spheres.len() });
+        }
+    }
+    Ok(())
+}
+
+/// A small sphere around all spheres: the centre walks towards the sphere that sticks out most, in ever shorter steps.
+fn bounding_sphere(spheres: &[Sphere]) -> Sphere {
+    const ROUNDS: u32 = 256;
+    const SHRINK: f64 = 0.97;
+    let reach = |center: DVec3| {
+        let reaches = spheres.iter().map(|s| (center.distance(s.center.as_dvec3()) + f64::from(s.radius), s));
+        reaches.max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let mut center = Aabb::from_spheres(spheres.iter().copied()).center().as_dvec3();
+    let (mut best, mut least) = (center, f64::INFINITY);
+    let mut step = 0.25;
+    for _ in 0..ROUNDS {
+        let Some((radius, farthest)) = reach(center) else { break };
+        if radius < least {
+            (best, least) = (center, radius);
+        }
+        center += (farthest.center.as_dvec3() - center).normalize_or_zero() * (radius * step);
+        step *= SHRINK;
+    }
+    // Measured again, and rounded up, from the centre as an f32 holds it.
+    let center: Vec3 = best.as_vec3();
+    let radius = reach(center.as_dvec3()).map_or(0.0, |(radius, _)| radius as f32);
+    Sphere::new(center, radius.next_up())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::medial_axis::oracle::Random;
+
+    fn ball(x: f32, y: f32, z: f32, radius: f32) -> Sphere {
+        Sphere::new(Vec3::new(x, y, z), radius)
+    }
+
+    #[test]
+    fn errors_name_what_and_where() {
+        let good = || vec![ball(0.0, 0.0, 0.0, 1.0), ball(3.0, 0.0, 0.0, 1.0)];
+        let with = |sphere: Sphere| vec![good()[0], sphere];
+        let cone = || vec![Primitive::Cone([0, 1])];
+        let cases = [
+            (vec![], vec![], "the shape has no spheres"),
+            (vec![good()[0]; MAX_SPHERES + 1], vec![], "the shape has 1048577 spheres, more than 1048576"),
+            (
+                with(ball(0.0, f32::NAN, 0.0, 1.0)),
+                cone(),
+                "sphere 1: NaN is not a number from -1000000 to 1000000",
+            ),
+            (
+                with(ball(0.0, 0.0, 0.0, f32::INFINITY)),
+                cone(),
+                "sphere 1: inf is not a number from -1000000 to 1000000",
+            ),
+            (
+                with(ball(-2.0e6, 0.0, 0.0, 1.0)),
+                cone(),
+                "sphere 1: -2000000 is not a number from -1000000 to 1000000",
+            ),
+            (with(ball(0.0, 0.0, 0.0, -0.5)), cone(), "sphere 1: the radius -0.5 is negative"),
+            (
+                good(),
+                vec![Primitive::Cone([0, 1]), Primitive::Slab([0, 1, 2])],
+                "primitive 1: there is no sphere 2 among 2",
+            ),
+        ];
+        for (spheres, primitives, message) in cases {
+            assert_eq!(MedialAxis::new(spheres, primitives).unwrap_err().to_string(), message);
+        }
+    }
+
+    #[test]
+    fn spheres_without_a_primitive_become_one() {
+        let spheres = vec![ball(0.0, 0.0, 0.0, 1.0), ball(3.0, 0.0, 0.0, 1.0), ball(9.0, 0.0, 0.0, 0.5)];
+        let (axis, report) = MedialAxis::new(spheres, vec![Primitive::Cone([1, 0])]).unwrap();
+        assert_eq!(axis.primitives(), [Primitive::Sphere([2]), Primitive::Cone([0, 1])]);
+        assert_eq!(report.isolated_spheres, 1);
+        assert_eq!(axis.min_radius(), 0.5);
+        assert_eq!(axis.aabb(), Aabb { min: Vec3::splat(-1.0), max: Vec3::new(9.5, 1.0, 1.0) });
+    }
+
+    #[test]
+    fn bounding_sphere_is_least_where_that_is_known() {
+        let two = bounding_sphere(&[ball(0.0, 0.0, 0.0, 1.0), ball(4.0, 0.0, 0.0, 2.0)]);
+        assert!((two.radius - 3.5).abs() < 0.01, "{two:?}");
+        let one_inside = bounding_sphere(&[ball(1.0, 2.0, 3.0, 5.0), ball(2.0, 2.0, 3.0, 1.0)]);
+        assert!((one_inside.radius - 5.0).abs() < 0.01, "{one_inside:?}");
+        let corners: Vec<_> = (0..8)
+            .map(|i| ball((i & 1) as f32 * 2.0, (i >> 1 & 1) as f32 * 4.0, (i >> 2) as f32 * 6.0, 0.25))
+            .collect();
+        let cube = bounding_sphere(&corners);
+        assert!((cube.radius - (14f32.sqrt() + 0.25)).abs() < 0.02, "{cube:?}");
+        // A regular triangle, whose box is not centred where the ball is.
+        let triangle = [0.0, 120.0, 240f32].map(|a| ball(a.to_radians().cos(), a.to_radians().sin(), 0.0, 0.0));
+        assert!((bounding_sphere(&triangle).radius - 1.0).abs() < 0.005);
+    }
+
+    #[test]
+    fn bounding_sphere_holds_all() {
+        let mut random = Random::new(1);
+        for _ in 0..200 {
+            let offset = 1000.0 * random.signed();
+            let spheres: Vec<_> = (0..1 + random.below(40))
+                .map(|_| ball(random.signed() + offset, random.signed(), random.signed() * 0.1, random.unit() * 0.3))
+                .collect();
+            let bound = bounding_sphere(&spheres);
+            assert!(spheres.iter().all(|s| bound.contains(s)));
+        }
+    }
+}

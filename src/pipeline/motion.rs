@@ -1,0 +1,158 @@
+//! The motion of a body pair in the frame in which its primitives are placed.
+
+use glam::{Mat3, Vec3};
+
+use super::{
+    StepInput, Statics, Target,
+    broad_phase::BodyPair,
+    contact::Second,
+    shape::{Placement, Shape},
+};
+use crate::{
+    constants::CHORD_TOLERANCE,
+    geometry::{Aabb, Pose3, Sweep},
+};
+
+/// A body pair in relative coordinates.
+///
+/// The axes are the world's and the origin is body 1's position at the start, so nothing is lost far from the world's
+/// origin; against a box, which never moves, the frame is the box's own.
+pub(super) struct PairMotion<'a> {
+    pub shape1: &'a Shape,
+    pub second: Second<'a>,
+    /// Pose of body 2 in the frame of body 1 at the end, from the world's poses.
+    pub end_pose12: Pose3,
+    pub sweep1: Sweep,
+    pub sweep2: Sweep,
+    /// Takes the frame's vectors to the world.
+    pub frame: Pose3,
+    /// Distance from each body's centre of mass to its farthest point; 0 for a box.
+    pub arms: [f32; 2],
+    /// Chords that the step is split into.
+    pub chords: u32,
+    /// How far any point strays from its chord, both sides together, in metres.
+    pub sagitta: f32,
+}
+
+impl<'a> PairMotion<'a> {
+    pub fn new(input: &'a StepInput, statics: &'a Statics, pair: &BodyPair) -> Self {
+        let body1 = &input.bodies[pair.body1 as usize];
+        let origin = Pose3::from_translation(body1.sweep.start.translation);
+        let (second, sweep2, frame) = match pair.target {
+            Target::Body(i) => {
+                let body = &input.bodies[i as usize];
+                (Second::Shape(&body.shape), body.sweep, origin)
+            }
+            Target::Static(i) => {
+                let body = &statics.bodies[i as usize];
+                match &body.shape {
+                    Some((shape, pose)) => (Second::Shape(shape), Sweep::at_rest(*pose), origin),
+                    None => (Second::Cuboid(body.obb.half_extents), Sweep::at_rest(body.obb.pose), body.obb.pose),
+                }
+            }
+        };
+        let end_pose12 = body1.sweep.end.inv_mul(&sweep2.end);
+        let (sweep1, sweep2) = (body1.sweep.seen_from(&frame), sweep2.seen_from(&frame));
+        let arms = [
+            arm(&body1.shape, &sweep1),
+            match second {
+                Second::Shape(shape) => arm(shape, &sweep2),
+                Second::Cuboid(_) | Second::Hull(_) => 0.0,
+            },
+        ];
+        let tolerance = CHORD_TOLERANCE * if arms[1] > 0.0 { arms[0].min(arms[1]) } else { arms[0] };
+        let chords = sweep1.chords(arms[0], tolerance).max(sweep2.chords(arms[1], tolerance));
+        let sagitta = sweep1.sagitta(arms[0], chords) + sweep2.sagitta(arms[1], chords);
+        Self { shape1: &body1.shape, second, end_pose12, sweep1, sweep2, frame, arms, chords, sagitta }
+    }
+
+    /// Both placements at a fraction of the step.
+    pub fn placements(&self, fraction: f32) -> [Placement; 2] {
+        [self.sweep1.pose_at(fraction).into(), self.sweep2.pose_at(fraction).into()]
+    }
+
+    /// How far any point strays from its chord over the whole step, both sides together.
+    pub fn whole_sagitta(&self) -> f32 {
+        self.sweep1.sagitta(self.arms[0], 1) + self.sweep2.sagitta(self.arms[1], 1)
+    }
+}
+
+/// Distance from the centre of mass to the farthest point of the shape.
+fn arm(shape: &Shape, sweep: &Sweep) -> f32 {
+    let bound = shape.bounding_sphere();
+    bound.center.distance(sweep.local_center) + bound.radius
+}
+
+/// Bounds the motion of the boxes of one body's hierarchy over the step, seen from a fixed frame.
+pub(super) struct SweptBoxes {
+    start: Placement,
+    /// Moves a local point by its chord.
+    chord: Placement,
+    extents: Mat3,
+    /// Angle of the rotation, at most a half turn.
+    angle: f32,
+    scale: f32,
+}
+
+/// A moving box: the middle goes from `center` by `motion`, the half extents hold for the whole step.
+#[derive(Clone, Copy)]
+pub(super) struct SweptBox {
+    pub center: Vec3,
+    pub motion: Vec3,
+    pub half: Vec3,
+}
+
+impl SweptBoxes {
+    /// `frame`: rotation from the parent frame into that in which boxes are compared.
+    pub fn new(sweep: &Sweep, frame: Mat3, scale: f32) -> Self {
+        let [start, end] = [0.0, 1.0].map(|fraction| {
+            let placement = Placement::from(sweep.pose_at(fraction));
+            Placement { rotation: frame * placement.rotation, translation: frame * placement.translation }
+        });
+        let chord =
+            Placement { rotation: end.rotation - start.rotation, translation: end.translation - start.translation };
+        let extents = Mat3::from_cols(
+            start.rotation.x_axis.abs(),
+            start.rotation.y_axis.abs(),
+            start.rotation.z_axis.abs(),
+        );
+        Self { start, chord, extents, angle: sweep.rotation.length().min(2.0), scale }
+    }
+
+    /// The box over the step. A turn by an angle moves a corner by at most the angle, or twice, its distance from the middle.
+    pub fn place(&self, aabb: &Aabb) -> SweptBox {
+        let (center, half) = (aabb.center() * self.scale, aabb.half_extents() * self.scale);
+        let grown = if self.angle > 0.0 { self.angle * half.length() } else { 0.0 };
+        SweptBox {
+            center: self.start.point(center),
+            motion: self.chord.point(center),
+            half: self.extents * half + grown,
+        }
+    }
+}
+
+impl SweptBox {
+    /// A box that does not move.
+    pub fn at_rest(aabb: &Aabb) -> Self {
+        Self { center: aabb.center(), motion: Vec3::ZERO, half: aabb.half_extents() }
+    }
+
+    /// True if the boxes come within `margin` of each other at some instant, each axis by itself counted at the same time.
+    pub fn meets(&self, other: &SweptBox, margin: f32) -> bool {
+        let offset = other.center - self.center;
+        let motion = other.motion - self.motion;
+        let reach = self.half + other.half + margin;
+        let (mut enter, mut leave) = (0.0f32, 1.0f32);
+        for axis in 0..3 {
+            if motion[axis].abs() > 1e-12 {
+                let inverse = 1.0 / motion[axis];
+                let (a, b) = ((-reach[axis] - offset[axis]) * inverse, (reach[axis] - offset[axis]) * inverse);
+                enter = enter.max(a.min(b));
+                leave = leave.min(a.max(b));
+            } else if offset[axis].abs() > reach[axis] {
+                return false;
+            }
+        }
+        enter <= leave
+    }
+}

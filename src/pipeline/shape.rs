@@ -1,0 +1,121 @@
+use glam::{Mat3, Vec3};
+
+use crate::{
+    geometry::{Aabb, Bvh, Pose3, Primitive, Sphere},
+    medial_axis::MedialAxis,
+};
+
+/// A medial axis at a uniform scale.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    /// The shared asset.
+    pub axis: MedialAxis,
+    /// Factor on all lengths, positive.
+    pub scale: f32,
+}
+
+impl Shape {
+    /// A shape at scale 1.
+    pub fn new(axis: MedialAxis) -> Self {
+        Self { axis, scale: 1.0 }
+    }
+
+    /// Number of primitives.
+    pub fn len(&self) -> usize {
+        self.axis.primitives().len()
+    }
+
+    /// False: a shape has at least one primitive.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Hierarchy over the primitives, *unscaled*.
+    pub fn bvh(&self) -> &Bvh {
+        self.axis.bvh()
+    }
+
+    /// Box around the shape.
+    pub fn aabb(&self) -> Aabb {
+        let aabb = self.axis.aabb();
+        Aabb { min: aabb.min * self.scale, max: aabb.max * self.scale }
+    }
+
+    /// Sphere around the shape.
+    pub fn bounding_sphere(&self) -> Sphere {
+        self.axis.bounding_sphere().scaled(self.scale)
+    }
+
+    /// Centre of mass.
+    pub fn center_of_mass(&self) -> Vec3 {
+        self.axis.mass().center_of_mass * self.scale
+    }
+
+    /// Spheres of a primitive.
+    pub fn hull(&self, primitive: u32) -> Hull {
+        let spheres = self.axis.spheres();
+        let sphere = |i: u32| spheres[i as usize].scaled(self.scale);
+        match self.axis.primitives()[primitive as usize] {
+            Primitive::Sphere(index) => Hull::Sphere(index.map(sphere)),
+            Primitive::Cone(index) => Hull::Cone(index.map(sphere)),
+            Primitive::Slab(index) => Hull::Slab(index.map(sphere)),
+        }
+    }
+}
+
+/// The spheres of one primitive.
+#[derive(Clone, Copy, Debug)]
+pub enum Hull {
+    /// A sphere.
+    Sphere([Sphere; 1]),
+    /// A medial cone.
+    Cone([Sphere; 2]),
+    /// A medial slab.
+    Slab([Sphere; 3]),
+}
+
+impl Hull {
+    /// The primitive in the frame in which its own has the given placement.
+    pub fn placed(self, placement: &Placement) -> Self {
+        let place = |s: Sphere| Sphere::new(placement.point(s.center), s.radius);
+        match self {
+            Hull::Sphere(s) => Hull::Sphere(s.map(place)),
+            Hull::Cone(s) => Hull::Cone(s.map(place)),
+            Hull::Slab(s) => Hull::Slab(s.map(place)),
+        }
+    }
+}
+
+/// A pose as a matrix, for placing many points.
+#[derive(Clone, Copy, Debug)]
+pub struct Placement {
+    /// Rotation.
+    pub rotation: Mat3,
+    /// Translation.
+    pub translation: Vec3,
+}
+
+impl Placement {
+    /// The point in the parent frame.
+    pub fn point(&self, point: Vec3) -> Vec3 {
+        self.rotation * point + self.translation
+    }
+}
+
+impl From<Pose3> for Placement {
+    fn from(pose: Pose3) -> Self {
+        Self { rotation: Mat3::from_quat(pose.rotation), translation: pose.translation }
+    }
+}
+
+/// Runs an expression with the spheres of a [`Hull`] bound to an array of the right length.
+macro_rules! with_spheres {
+    ($hull:expr, |$spheres:pat_param| $body:expr) => {
+        match $hull {
+            $crate::pipeline::Hull::Sphere($spheres) => $body,
+            $crate::pipeline::Hull::Cone($spheres) => $body,
+            $crate::pipeline::Hull::Slab($spheres) => $body,
+        }
+    };
+}
+pub(crate) use with_spheres;

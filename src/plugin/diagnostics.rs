@@ -1,0 +1,57 @@
+use std::time::Duration;
+
+use bevy::{
+    diagnostic::{Diagnostic, DiagnosticPath, Diagnostics, RegisterDiagnostic},
+    prelude::*,
+};
+
+use super::MedialStep;
+
+/// Paths of the measurements in the `DiagnosticsStore`, one a step.
+pub mod paths {
+    use bevy::diagnostic::DiagnosticPath;
+
+    /// Broad phase, in milliseconds.
+    pub const BROAD: DiagnosticPath = DiagnosticPath::const_new("medial/broad_ms");
+    /// Mid phase, in milliseconds.
+    pub const MID: DiagnosticPath = DiagnosticPath::const_new("medial/mid_ms");
+    /// Narrow phase, in milliseconds.
+    pub const NARROW: DiagnosticPath = DiagnosticPath::const_new("medial/narrow_ms");
+    /// Reduction, in milliseconds.
+    pub const REDUCE: DiagnosticPath = DiagnosticPath::const_new("medial/reduce_ms");
+    /// Bodies.
+    pub const BODIES: DiagnosticPath = DiagnosticPath::const_new("medial/bodies");
+    /// Body pairs after the broad phase.
+    pub const BODY_PAIRS: DiagnosticPath = DiagnosticPath::const_new("medial/body_pairs");
+    /// Primitive pairs after the mid phase.
+    pub const CANDIDATES: DiagnosticPath = DiagnosticPath::const_new("medial/candidates");
+    /// Contact points.
+    pub const CONTACTS: DiagnosticPath = DiagnosticPath::const_new("medial/contacts");
+    /// Bodies stopped at an impact.
+    pub const STOPPED: DiagnosticPath = DiagnosticPath::const_new("medial/stopped");
+}
+
+const TIMES: [DiagnosticPath; 4] = [paths::BROAD, paths::MID, paths::NARROW, paths::REDUCE];
+const COUNTS: [DiagnosticPath; 5] =
+    [paths::BODIES, paths::BODY_PAIRS, paths::CANDIDATES, paths::CONTACTS, paths::STOPPED];
+
+pub(super) fn register(app: &mut App) {
+    for path in TIMES {
+        app.register_diagnostic(Diagnostic::new(path).with_suffix("ms"));
+    }
+    for path in COUNTS {
+        app.register_diagnostic(Diagnostic::new(path));
+    }
+}
+
+pub(super) fn measure(step: Res<MedialStep>, mut diagnostics: Diagnostics) {
+    let (times, counts) = (&step.output.times, &step.output.counts);
+    let milliseconds = |duration: Duration| duration.as_secs_f64() * 1e3;
+    for (path, time) in TIMES.iter().zip([times.broad, times.mid, times.narrow, times.reduce]) {
+        diagnostics.add_measurement(path, || milliseconds(time));
+    }
+    let counts = [counts.bodies, counts.body_pairs, counts.candidates, counts.contacts, step.stopped];
+    for (path, count) in COUNTS.iter().zip(counts) {
+        diagnostics.add_measurement(path, || count as f64);
+    }
+}

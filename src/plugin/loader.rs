@@ -1,0 +1,48 @@
+use bevy::{
+    asset::{AssetLoader, LoadContext, io::Reader},
+    reflect::TypePath,
+};
+use thiserror::Error;
+
+use crate::medial_axis::{MedialAxis, MedialAxisError, ma};
+
+impl TypePath for MedialAxis { fn type_path() -> &'static str { "bevy_medial::medial_axis::MedialAxis" } fn short_type_path() -> &'static str { "MedialAxis" } }
+impl bevy::asset::VisitAssetDependencies for MedialAxis { fn visit_dependencies(&self, _: &mut impl FnMut(bevy::asset::UntypedAssetId)) {} }
+impl bevy::asset::Asset for MedialAxis {}
+/// Loads `.ma` files as [`MedialAxis`] assets.
+#[derive(Default, TypePath)]
+pub struct MaLoader;
+
+/// Why a `.ma` file did not load.
+#[derive(Debug, Error)]
+pub enum MaLoaderError {
+    /// The file could not be read.
+    #[error("it could not be read: {0}")]
+    Io(#[from] std::io::Error),
+    /// Its text is not in the format.
+    #[error(transparent)]
+    Format(#[from] ma::MaError),
+    /// It does not describe a shape.
+    #[error(transparent)]
+    Shape(#[from] MedialAxisError),
+}
+
+impl AssetLoader for MaLoader {
+    type Asset = MedialAxis;
+    type Settings = ();
+    type Error = MaLoaderError;
+
+    async fn load(&self, reader: &mut dyn Reader, _: &(), context: &mut LoadContext<'_>) -> Result<MedialAxis, MaLoaderError> {
+        let mut bytes = Vec::new();
+        reader.read_to_end(&mut bytes).await?;
+        let (axis, report) = ma::parse(&bytes)?.into_medial_axis()?;
+        if !report.is_empty() {
+            bevy::log::debug!("{}: {report}", context.path());
+        }
+        Ok(axis)
+    }
+
+    fn extensions(&self) -> &[&str] {
+        &["ma"]
+    }
+}

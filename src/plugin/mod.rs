@@ -1,0 +1,104 @@
+//! The ECS face: plugin, components, messages, diagnostics.
+//!
+//! | item | what |
+//! |---|---|
+//! | [`MedialPhysicsPlugin`] | adds everything below, and rapier unless it is there already |
+//! | [`MedialMesh`] | component: the entity collides by this shape |
+//! | [`StaticObb`] | component: a static box, or what makes a medial mesh static |
+//! | [`MedialCcd`] | component: whether a body stops at its first impact |
+//! | [`MedialSettings`] | resource: what holds for all |
+//! | [`MedialContactStarted`], [`MedialContactEnded`] | messages |
+//! | [`MedialSystems`] | system sets to order against |
+//! | [`MedialStep`] | resource: input and output of the last step |
+
+mod components;
+mod diagnostics;
+#[cfg(feature = "debug")]
+mod gizmos;
+mod loader;
+mod messages;
+mod report;
+mod step;
+
+use bevy::{
+    ecs::{intern::Interned, schedule::ScheduleLabel},
+    prelude::*,
+};
+
+use crate::medial_axis::MedialAxis;
+
+pub use components::{MedialCcd, MedialMesh, StaticObb};
+pub use diagnostics::paths as diagnostic_paths;
+#[cfg(feature = "debug")]
+pub use gizmos::MedialGizmos;
+pub use loader::{MaLoader, MaLoaderError};
+pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
+pub use step::{BodyInfo, MedialSettings, MedialStep};
+
+/// Collision of medial meshes, in the schedule in which rapier steps.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_medial::prelude::*;
+/// App::new().add_plugins((DefaultPlugins, MedialPhysicsPlugin::default())).run();
+/// ```
+///
+/// Adds `RapierPhysicsPlugin::<NoUserData>` in the same schedule if it has not been added before; add your own, with hooks or in another
+/// schedule, *before* this one, and tell this one the schedule.
+#[derive(Clone, Copy, Debug)]
+pub struct MedialPhysicsPlugin {
+    schedule: Interned<dyn ScheduleLabel>,
+}
+
+impl Default for MedialPhysicsPlugin {
+    /// In `PostUpdate`, as rapier's own default.
+    fn default() -> Self {
+        Self { schedule: PostUpdate.intern() }
+    }
+}
+
+impl MedialPhysicsPlugin {
+    /// In `FixedUpdate`.
+    pub fn in_fixed_schedule(self) -> Self {
+        self.in_schedule(FixedUpdate)
+    }
+
+    /// In the given schedule.
+    pub fn in_schedule(self, schedule: impl ScheduleLabel) -> Self {
+        Self { schedule: schedule.intern() }
+    }
+}
+
+/// The plugin's systems within a step, in this order.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum MedialSystems {
+    /// Colliders of loaded shapes are made. Before rapier takes over changes.
+    Attach,
+    /// Poses at the start of the step are noted. Right before rapier's step.
+    Snapshot,
+    /// The pipeline runs, fast bodies stop at impacts. Right after rapier's step.
+    Detect,
+    /// Messages and diagnostics are written. Before rapier writes back poses.
+    Report,
+}
+
+impl Plugin for MedialPhysicsPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_asset::<MedialAxis>()
+            .init_asset_loader::<MaLoader>()
+            .register_type::<MedialMesh>()
+            .register_type::<StaticObb>()
+            .register_type::<MedialCcd>()
+            .register_type::<MedialSettings>()
+            .init_resource::<MedialSettings>()
+            .init_resource::<MedialStep>()
+            .add_message::<MedialContactStarted>()
+            .add_message::<MedialContactEnded>()
+            .add_systems(self.schedule, (report::write_messages, diagnostics::measure).in_set(MedialSystems::Report));
+        diagnostics::register(app);
+        #[cfg(feature = "rapier")]
+        crate::rapier::add_systems(app, self.schedule);
+        #[cfg(feature = "debug")]
+        gizmos::add(app);
+    }
+}

@@ -1,0 +1,108 @@
+use bevy::{prelude::*, tasks::ComputeTaskPool};
+#[cfg(feature = "rapier")]
+use bevy_rapier3d::rapier::geometry::ColliderHandle;
+
+use crate::{
+    constants::STOP_SLOP,
+    pipeline::{self, Culling, Impact, Pair, Statics, StepInput, StepOutput, Target},
+};
+
+/// What holds for all medial bodies.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Resource, Default, Clone, PartialEq)]
+pub struct MedialSettings {
+    /// Bodies stop at their first impact within a step. Default: true.
+    pub stop_at_impact: bool,
+    /// Skip all culling and test every primitive pair, to measure what culling gains. Default: false.
+    pub brute_force: bool,
+}
+
+impl Default for MedialSettings {
+    fn default() -> Self {
+        Self { stop_at_impact: true, brute_force: false }
+    }
+}
+
+/// Who a dense index of the pipeline is.
+#[derive(Clone, Copy, Debug)]
+pub struct BodyInfo {
+    /// The entity.
+    pub entity: Entity,
+    /// Its collider.
+    #[cfg(feature = "rapier")]
+    pub collider: ColliderHandle,
+    /// True if it has no response.
+    pub sensor: bool,
+    /// Centre of mass at the start of the step, in the world.
+    pub center: Vec3,
+    /// Velocity of the centre of mass before the step, in metres per second.
+    pub linear: Vec3,
+    /// Angular velocity before the step, in radians per second.
+    pub angular: Vec3,
+}
+
+impl BodyInfo {
+    /// An entity that does not move.
+    #[cfg(feature = "rapier")]
+    pub(crate) fn at_rest(entity: Entity, collider: ColliderHandle) -> Self {
+        Self { entity, collider, sensor: false, center: Vec3::ZERO, linear: Vec3::ZERO, angular: Vec3::ZERO }
+    }
+
+    /// Velocity of a point of the body, before the step.
+    pub fn velocity_at(&self, point: Vec3) -> Vec3 {
+        self.linear + self.angular.cross(point - self.center)
+    }
+}
+
+/// Input and output of the last step, and who the indices in them are.
+#[derive(Resource, Default)]
+pub struct MedialStep {
+    /// A copy of the settings.
+    pub(crate) settings: MedialSettings,
+    /// Poses, shapes, motions.
+    pub input: StepInput,
+    /// Static bodies.
+    pub statics: Statics,
+    /// Pairs, contacts, impacts, counts and times.
+    pub output: StepOutput,
+    /// Entity and velocities of each body.
+    pub infos: Vec<BodyInfo>,
+    /// Entity of each static.
+    pub static_infos: Vec<BodyInfo>,
+    /// Length of the step in seconds.
+    pub dt: f32,
+    /// Number of bodies that were stopped at an impact.
+    pub stopped: usize,
+}
+
+impl MedialStep {
+    /// Who the second side of a pair is.
+    pub fn info(&self, target: Target) -> &BodyInfo {
+        match target {
+            Target::Body(body) => &self.infos[body as usize],
+            Target::Static(body) => &self.static_infos[body as usize],
+        }
+    }
+
+    /// Runs the pipeline.
+    pub(crate) fn run(&mut self) {
+        self.input.culling = if self.settings.brute_force { Culling::None } else { Culling::Hybrid };
+        self.stopped = 0;
+        let pool = ComputeTaskPool::get_or_init(Default::default);
+        self.output = pipeline::step(&self.input, &self.statics, pool);
+    }
+
+    /// True for an impact after which the bodies have settled on each other within the step: the contact at its end faces the same way
+    /// and is hardly deep, so there is nothing to stop.
+    pub(crate) fn harmless(&self, pair: &Pair, impact: &Impact) -> bool {
+        let body = &self.input.bodies[pair.body1 as usize];
+        let slop = STOP_SLOP * body.shape.bounding_sphere().radius;
+        let manifolds = &self.output.manifolds[pair.manifolds.clone()];
+        let deepest = manifolds.iter().min_by(|a, b| a.contacts()[0].distance.total_cmp(&b.contacts()[0].distance));
+        deepest.is_some_and(|manifold| {
+            let normal = body.sweep.end.rotation * manifold.normal1;
+            manifold.contacts()[0].distance >= -slop && normal.dot(impact.normal) > 0.5
+        })
+    }
+}

@@ -1,0 +1,253 @@
+use bevy_rapier3d::{
+    parry::{
+        math::{Pose, Real, Vector},
+        query::{
+            ClosestPoints, Contact as ParryContact, ContactManifold, ContactManifoldsWorkspace, NonlinearRigidMotion,
+            PersistentQueryDispatcher, QueryDispatcher, ShapeCastHit, TrackedContact, TypedWorkspaceData, Unsupported,
+            WorkspaceData,
+            details::{NormalConstraints, ShapeCastOptions},
+        },
+        shape::{PackedFeatureId, Shape as ParryShape},
+    },
+    rapier::geometry::{ContactData, ContactManifoldData},
+};
+use glam::Vec3;
+
+use super::{
+    shape::MedialShape,
+    table::{ContactTable, PairKey, SecondKey},
+};
+use crate::{
+    geometry::{Pose3, Sphere},
+    pipeline::{
+        Hull, Manifold, Second,
+        contact::{self, Contact},
+    },
+};
+
+/// Answers rapier's questions about pairs with a medial shape; all others go on to the next dispatcher of the chain.
+///
+/// Manifolds come from the step's [`ContactTable`] where it knows the pair at this very relative pose, and are computed
+/// otherwise.
+pub struct MedialDispatcher {
+    /// What the last step found.
+    pub table: ContactTable,
+}
+
+/// A pair with the medial shape first.
+struct Pair<'a> {
+    first: &'a MedialShape,
+    second: Second<'a>,
+    /// Of a second medial shape, or a box.
+    key: Option<SecondKey>,
+    /// Pose of the second side's frame in that of the first.
+    pose12: Pose3,
+    /// Pose of the second side's frame in that of its collider.
+    local: Pose3,
+    /// True if rapier has the medial shape second.
+    swapped: bool,
+}
+
+/// The second side of a pair in the terms of the pipeline, with the pose of its frame in the collider's.
+fn second_of<'a>(shape: &'a dyn ParryShape, first: &MedialShape, pose12: &Pose3) -> Option<(Second<'a>, Pose3)> {
+    let hull = |hull| Some((Second::Hull(hull), Pose3::IDENTITY));
+    if let Some(medial) = shape.as_shape::<MedialShape>() {
+        Some((Second::Shape(&medial.shape), Pose3::IDENTITY))
+    } else if let Some(cuboid) = shape.as_cuboid() {
+        Some((Second::Cuboid(cuboid.half_extents), Pose3::IDENTITY))
+    } else if let Some(ball) = shape.as_ball() {
+        hull(Hull::Sphere([Sphere::new(Vec3::ZERO, ball.radius)]))
+    } else if let Some(capsule) = shape.as_capsule() {
+        let end = |center| Sphere::new(center, capsule.radius);
+        hull(Hull::Cone([end(capsule.segment.a), end(capsule.segment.b)]))
+    } else if let Some(half_space) = shape.as_halfspace() {
+        // A box below the plane, much larger than the body and centred under it.
+        let bound = first.shape.bounding_sphere();
+        let center = pose12.inverse_transform_point(bound.center);
+        let height = half_space.normal.dot(center);
+        let half = 8.0 * bound.radius + height.abs();
+        let to_plane = Pose3::from_parts(
+            center - half_space.normal * (height + half),
+            glam::Quat::from_rotation_arc(Vec3::Y, half_space.normal),
+        );
+        Some((Second::Cuboid(Vec3::splat(half)), to_plane))
+    } else {
+        None
+    }
+}
+
+impl<'a> Pair<'a> {
+    fn new(pose12: &Pose, shape1: &'a dyn ParryShape, shape2: &'a dyn ParryShape) -> Result<Self, Unsupported> {
+        let (first, other, pose12, swapped) = match (shape1.as_shape::<MedialShape>(), shape2.as_shape::<MedialShape>()) {
+            (Some(first), _) => (first, shape2, *pose12, false),
+            (None, Some(first)) => (first, shape1, pose12.inverse(), true),
+            (None, None) => return Err(Unsupported),
+        };
+        let (second, local) = second_of(other, first, &pose12).ok_or(Unsupported)?;
+        let key = match (second, other.as_shape::<MedialShape>()) {
+            (_, Some(medial)) => Some(SecondKey::Shape(medial.key)),
+            (Second::Cuboid(half), None) => Some(SecondKey::cuboid(half)),
+            _ => None,
+        };
+        Ok(Self { first, second, key, pose12: pose12 * local, local, swapped })
+    }
+
+    fn manifolds(&self, prediction: f32, table: &ContactTable) -> Vec<Manifold> {
+        self.key
+            .and_then(|key| table.get(&PairKey::new(self.first.key, key, &self.pose12, prediction)))
+            .unwrap_or_else(|| contact::manifolds(&self.first.shape, self.second, &self.pose12, prediction))
+    }
+
+    fn nearest(&self, max_distance: f32) -> Option<Contact> {
+        contact::nearest(&self.first.shape, self.second, &self.pose12, max_distance)
+    }
+
+    /// Point and outward normal of both sides, each in its collider's frame, in rapier's order.
+    fn sides(&self, contact: &Contact) -> [(Vec3, Vec3); 2] {
+        let normal2 = self.pose12.rotation.inverse() * -contact.normal1;
+        let first = (contact.point1, contact.normal1);
+        let second = (self.local.transform_point(contact.point2), self.local.rotation * normal2);
+        self.in_order(first, second)
+    }
+
+    fn in_order<T>(&self, first: T, second: T) -> [T; 2] {
+        if self.swapped { [second, first] } else { [first, second] }
+    }
+
+    /// A distance that the pair does not exceed.
+    fn distance_bound(&self) -> f32 {
+        let bound = self.first.shape.bounding_sphere();
+        let aabb = self.second.aabb();
+        bound.center.distance(self.pose12.transform_point(aabb.center())) + bound.radius + aabb.half_extents().length()
+    }
+}
+
+impl QueryDispatcher for MedialDispatcher {
+    fn intersection_test(&self, pos12: &Pose, g1: &dyn ParryShape, g2: &dyn ParryShape) -> Result<bool, Unsupported> {
+        Ok(Pair::new(pos12, g1, g2)?.nearest(0.0).is_some())
+    }
+
+    fn distance(&self, pos12: &Pose, g1: &dyn ParryShape, g2: &dyn ParryShape) -> Result<Real, Unsupported> {
+        let pair = Pair::new(pos12, g1, g2)?;
+        Ok(pair.nearest(pair.distance_bound()).map_or(0.0, |contact| contact.distance.max(0.0)))
+    }
+
+    fn contact(
+        &self,
+        pos12: &Pose,
+        g1: &dyn ParryShape,
+        g2: &dyn ParryShape,
+        prediction: Real,
+    ) -> Result<Option<ParryContact>, Unsupported> {
+        let pair = Pair::new(pos12, g1, g2)?;
+        Ok(pair.nearest(prediction).map(|contact| {
+            let [(point1, normal1), (point2, normal2)] = pair.sides(&contact);
+            ParryContact::new(point1, point2, normal1, normal2, contact.distance)
+        }))
+    }
+
+    fn closest_points(
+        &self,
+        pos12: &Pose,
+        g1: &dyn ParryShape,
+        g2: &dyn ParryShape,
+        max_dist: Real,
+    ) -> Result<ClosestPoints, Unsupported> {
+        let pair = Pair::new(pos12, g1, g2)?;
+        Ok(match pair.nearest(max_dist) {
+            None => ClosestPoints::Disjoint,
+            Some(contact) if contact.distance <= 0.0 => ClosestPoints::Intersecting,
+            Some(contact) => {
+                let [(point1, _), (point2, _)] = pair.sides(&contact);
+                ClosestPoints::WithinMargin(point1, point2)
+            }
+        })
+    }
+
+    fn cast_shapes(
+        &self,
+        pos12: &Pose,
+        _: Vector,
+        g1: &dyn ParryShape,
+        g2: &dyn ParryShape,
+        _: ShapeCastOptions,
+    ) -> Result<Option<ShapeCastHit>, Unsupported> {
+        Pair::new(pos12, g1, g2).and(Err(Unsupported))
+    }
+
+    /// No hit: the step finds the impacts of medial bodies itself.
+    fn cast_shapes_nonlinear(
+        &self,
+        _: &NonlinearRigidMotion,
+        g1: &dyn ParryShape,
+        _: &NonlinearRigidMotion,
+        g2: &dyn ParryShape,
+        _: Real,
+        _: Real,
+        _: bool,
+    ) -> Result<Option<ShapeCastHit>, Unsupported> {
+        Pair::new(&Pose::IDENTITY, g1, g2).map(|_| None)
+    }
+}
+
+/// Marks a pair as one whose manifolds come and go: rapier then rebuilds its solver graph instead of patching it.
+#[derive(Clone)]
+struct Composite;
+
+impl WorkspaceData for Composite {
+    fn as_typed_workspace_data(&self) -> TypedWorkspaceData<'_> {
+        TypedWorkspaceData::Custom
+    }
+
+    fn clone_dyn(&self) -> Box<dyn WorkspaceData> {
+        Box::new(self.clone())
+    }
+}
+
+impl PersistentQueryDispatcher<ContactManifoldData, ContactData> for MedialDispatcher {
+    fn contact_manifolds(
+        &self,
+        pos12: &Pose,
+        g1: &dyn ParryShape,
+        g2: &dyn ParryShape,
+        prediction: Real,
+        manifolds: &mut Vec<ContactManifold<ContactManifoldData, ContactData>>,
+        workspace: &mut Option<ContactManifoldsWorkspace>,
+    ) -> Result<(), Unsupported> {
+        let pair = Pair::new(pos12, g1, g2)?;
+        if workspace.is_none() {
+            *workspace = Some(Composite.into());
+        }
+        let previous: Vec<_> = manifolds.drain(..).flat_map(|manifold| manifold.points).collect();
+        for found in pair.manifolds(prediction, &self.table) {
+            let mut manifold = ContactManifold::with_data(0, 0, ContactManifoldData::default());
+            for (i, contact) in found.contacts().iter().enumerate() {
+                let [(point1, normal1), (point2, normal2)] = pair.sides(contact);
+                let [feature1, feature2] = pair.in_order(contact.primitive1, contact.primitive2).map(PackedFeatureId::face);
+                // The deepest contact comes first and gives the manifold's normal.
+                if i == 0 {
+                    (manifold.local_n1, manifold.local_n2) = (normal1, normal2);
+                }
+                manifold.points.push(TrackedContact::new(point1, point2, feature1, feature2, contact.distance));
+            }
+            manifold.match_contacts(&previous);
+            manifolds.push(manifold);
+        }
+        // With two manifolds or more rapier matches contacts by position, which survives any change of their number.
+        manifolds.push(ContactManifold::with_data(0, 0, ContactManifoldData::default()));
+        Ok(())
+    }
+
+    fn contact_manifold_convex_convex(
+        &self,
+        _: &Pose,
+        _: &dyn ParryShape,
+        _: &dyn ParryShape,
+        _: Option<&dyn NormalConstraints>,
+        _: Option<&dyn NormalConstraints>,
+        _: Real,
+        _: &mut ContactManifold<ContactManifoldData, ContactData>,
+    ) -> Result<(), Unsupported> {
+        Err(Unsupported)
+    }
+}

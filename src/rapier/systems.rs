@@ -1,0 +1,369 @@
+use std::collections::HashMap;
+
+use bevy::{
+    asset::LoadState,
+    ecs::{intern::Interned, schedule::ScheduleLabel},
+    prelude::*,
+};
+use bevy_rapier3d::{
+    parry::{
+        query::{DefaultQueryDispatcher, QueryDispatcher},
+        shape::SharedShape,
+    },
+    plugin::context::{DefaultRapierContext, RapierContextColliders, RapierContextSimulation, RapierRigidBodySet},
+    prelude::{
+        Collider, ColliderScale, CollisionGroups, NoUserData, PhysicsSet, RapierColliderHandle, RapierConfiguration, RapierPhysicsPlugin,
+        RigidBody,
+    },
+    rapier::{
+        dynamics::{RigidBody as RapierBody, RigidBodyHandle},
+        geometry::{Collider as RapierCollider, ColliderHandle, NarrowPhase},
+    },
+};
+
+use super::{
+    dispatcher::MedialDispatcher,
+    shape::MedialShape,
+    table::{ContactTable, PairKey, SecondKey},
+};
+use crate::{
+    geometry::{Obb, Pose3, Sweep},
+    medial_axis::MedialAxis,
+    pipeline::{Body, Groups, Shape, StaticBody, Statics, Target},
+    plugin::{BodyInfo, MedialCcd, MedialMesh, MedialSettings, MedialStep, MedialSystems, StaticObb},
+};
+
+/// Adds rapier, if it is not there yet, and the systems around its step.
+pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
+    if !app.is_plugin_added::<RapierPhysicsPlugin<NoUserData>>() {
+        app.add_plugins(RapierPhysicsPlugin::<NoUserData>::default().in_schedule(schedule));
+    }
+    app.init_resource::<ContactTable>()
+        .init_resource::<Snapshot>()
+        .configure_sets(
+            schedule,
+            (
+                MedialSystems::Attach.before(PhysicsSet::SyncBackend),
+                MedialSystems::Snapshot.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation),
+                (MedialSystems::Detect, MedialSystems::Report)
+                    .chain()
+                    .after(PhysicsSet::StepSimulation)
+                    .before(PhysicsSet::Writeback),
+            ),
+        )
+        // Later than this, the pairs that rapier's broad phase knows already would be lost.
+        .add_systems(Startup, install_dispatcher)
+        .add_systems(schedule, (attach_shapes, attach_boxes).in_set(MedialSystems::Attach))
+        .add_systems(schedule, (wake_attached, snapshot).chain().in_set(MedialSystems::Snapshot))
+        .add_systems(schedule, (gather_statics, detect).chain().in_set(MedialSystems::Detect));
+}
+
+fn install_dispatcher(table: Res<ContactTable>, mut contexts: Query<&mut RapierContextSimulation>) {
+    for mut simulation in &mut contexts {
+        let dispatcher = MedialDispatcher { table: table.clone() };
+        simulation.narrow_phase = NarrowPhase::with_query_dispatcher(dispatcher.chain(DefaultQueryDispatcher));
+    }
+}
+
+/// Which shape an entity's collider was made from, or could not be.
+#[derive(Component, Clone, PartialEq)]
+struct Attached {
+    asset: AssetId<MedialAxis>,
+    scale: Vec3,
+}
+
+/// Gives every entity with a loaded [`MedialMesh`] its collider, and a new one when shape or scale change.
+#[allow(clippy::too_many_arguments)]
+fn attach_shapes(
+    mut commands: Commands,
+    meshes: Query<(NameOrEntity, &MedialMesh, &Transform, Has<ChildOf>, Option<&Attached>)>,
+    assets: Res<Assets<MedialAxis>>,
+    server: Option<Res<AssetServer>>,
+    mut events: MessageReader<AssetEvent<MedialAxis>>,
+    hierarchy: TransformHelper,
+    mut next_key: Local<u64>,
+) {
+    let changed: Vec<AssetId<MedialAxis>> = events
+        .read()
+        .filter_map(|event| match event {
+            AssetEvent::Modified { id } => Some(*id),
+            _ => None,
+        })
+        .collect();
+    for (name, mesh, transform, is_child, attached) in &meshes {
+        let scale = if is_child {
+            hierarchy.compute_global_transform(name.entity).map_or(transform.scale, |global| global.scale())
+        } else {
+            transform.scale
+        };
+        let wanted = Attached { asset: mesh.0.id(), scale };
+        if attached == Some(&wanted) && !changed.contains(&wanted.asset) {
+            continue;
+        }
+        let mut entity = commands.entity(name.entity);
+        let Some(axis) = assets.get(&mesh.0) else {
+            if let Some(LoadState::Failed(error)) = server.as_ref().and_then(|server| server.get_load_state(&mesh.0)) {
+                error!("{name}: its medial mesh did not load, so it collides with nothing: {error}");
+                entity.insert(wanted).remove::<Collider>();
+            }
+            continue;
+        };
+        entity.insert(wanted);
+        // A scale that went through a rotation is uniform but for rounding.
+        if !(scale.min_element() > 0.0 && scale.max_element() <= scale.min_element() * (1.0 + 1e-4)) {
+            error!(
+                "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \
+                 give it a uniform, positive Transform::scale, or build a mesh of the wanted proportions"
+            );
+            entity.remove::<Collider>();
+            continue;
+        }
+        *next_key += 1;
+        let shape = MedialShape { shape: Shape { axis: axis.clone(), scale: scale.x }, key: *next_key };
+        entity.insert((Collider::from(SharedShape::new(shape)), ColliderScale::Absolute(Vec3::ONE)));
+    }
+}
+
+/// Gives every entity with a [`StaticObb`] and no shape of its own a fixed box collider.
+fn attach_boxes(
+    mut commands: Commands,
+    boxes: Query<(Entity, &StaticObb, Has<RigidBody>), (Changed<StaticObb>, Without<MedialMesh>)>,
+) {
+    for (entity, obb, has_body) in &boxes {
+        let half = obb.half_extents;
+        let mut entity = commands.entity(entity);
+        entity.insert(Collider::cuboid(half.x, half.y, half.z));
+        if !has_body {
+            entity.insert(RigidBody::Fixed);
+        }
+    }
+}
+
+/// A body without a collider has no mass and falls asleep; it does not wake up by getting one.
+fn wake_attached(
+    attached: Query<&RapierColliderHandle, (Added<RapierColliderHandle>, With<MedialMesh>)>,
+    context: Single<(&mut RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
+) {
+    let (mut bodies, colliders) = context.into_inner();
+    for handle in &attached {
+        let parent = colliders.colliders.get(handle.0).and_then(RapierCollider::parent);
+        if let Some(body) = parent.and_then(|parent| bodies.bodies.get_mut(parent)) {
+            body.wake_up(true);
+        }
+    }
+}
+
+/// Where bodies were, and how fast, before rapier's step.
+#[derive(Resource, Default)]
+struct Snapshot(HashMap<ColliderHandle, Start>);
+
+#[derive(Clone, Copy)]
+struct Start {
+    pose: Pose3,
+    linear: Vec3,
+    angular: Vec3,
+}
+
+/// Pose of a collider by its body's, which is newer than the collider's own after a change by the user.
+fn collider_pose(collider: &RapierCollider, body: Option<&RapierBody>) -> Pose3 {
+    match (body, collider.position_wrt_parent()) {
+        (Some(body), Some(local)) => body.position() * local,
+        _ => *collider.position(),
+    }
+}
+
+fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
+    collider.shape().as_shape::<MedialShape>()
+}
+
+fn snapshot(
+    mut starts: ResMut<Snapshot>,
+    context: Single<(&RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
+) {
+    let (bodies, colliders) = *context;
+    starts.0.clear();
+    for (handle, collider) in colliders.colliders.iter().filter(|(_, collider)| medial(collider).is_some()) {
+        let body = collider.parent().and_then(|parent| bodies.bodies.get(parent));
+        let start = Start {
+            pose: collider_pose(collider, body),
+            linear: body.map_or(Vec3::ZERO, RapierBody::linvel),
+            angular: body.map_or(Vec3::ZERO, RapierBody::angvel),
+        };
+        starts.0.insert(handle, start);
+    }
+}
+
+fn groups(collider: &RapierCollider) -> Groups {
+    let groups = collider.collision_groups();
+    Groups { memberships: groups.memberships.bits(), filter: groups.filter.bits() }
+}
+
+/// Rebuilds the statics when one of them has come, gone or changed.
+#[allow(clippy::type_complexity)]
+fn gather_statics(
+    mut step: ResMut<MedialStep>,
+    changed: Query<
+        (),
+        (
+            With<StaticObb>,
+            Or<(Changed<GlobalTransform>, Changed<RapierColliderHandle>, Changed<Collider>, Changed<CollisionGroups>)>,
+        ),
+    >,
+    statics: Query<(Entity, &RapierColliderHandle), With<StaticObb>>,
+    context: Single<(&RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
+) {
+    if changed.is_empty() && statics.iter().len() == step.statics.bodies().len() {
+        return;
+    }
+    let (bodies, colliders) = *context;
+    let mut found: Vec<(ColliderHandle, Entity, StaticBody, bool)> = Vec::new();
+    for (entity, handle) in &statics {
+        let Some(collider) = colliders.colliders.get(handle.0) else { continue };
+        let pose = collider_pose(collider, collider.parent().and_then(|parent| bodies.bodies.get(parent)));
+        let (obb, shape) = if let Some(medial) = medial(collider) {
+            let aabb = medial.shape.aabb();
+            let pose_of_box = pose * Pose3::from_translation(aabb.center());
+            let obb = Obb { pose: pose_of_box, half_extents: aabb.half_extents() };
+            (obb, Some((medial.shape.clone(), pose)))
+        } else if let Some(cuboid) = collider.shape().as_cuboid() {
+            (Obb { pose, half_extents: cuboid.half_extents }, None)
+        } else {
+            continue;
+        };
+        let body = StaticBody { obb, shape, groups: groups(collider) };
+        found.push((handle.0, entity, body, collider.is_sensor()));
+    }
+    found.sort_by_key(|(handle, ..)| handle.into_raw_parts());
+    step.static_infos = found
+        .iter()
+        .map(|(handle, entity, _, sensor)| BodyInfo { sensor: *sensor, ..BodyInfo::at_rest(*entity, *handle) })
+        .collect();
+    step.statics = Statics::new(found.into_iter().map(|(_, _, body, _)| body).collect());
+}
+
+/// Runs the pipeline over the motion that rapier has solved, stops bodies at their first impact and fills the table.
+fn detect(
+    mut step: ResMut<MedialStep>,
+    starts: Res<Snapshot>,
+    table: Res<ContactTable>,
+    statics: Query<(), With<StaticObb>>,
+    ccd: Query<&MedialCcd>,
+    settings: Res<MedialSettings>,
+    context: Single<
+        (&mut RapierRigidBodySet, &RapierContextColliders, &RapierContextSimulation, &RapierConfiguration),
+        With<DefaultRapierContext>,
+    >,
+) {
+    let (mut bodies, colliders, simulation, configuration) = context.into_inner();
+    if !configuration.physics_pipeline_active {
+        return;
+    }
+    let step = step.as_mut();
+    let dt = simulation.integration_parameters.dt;
+    step.settings = *settings;
+    step.dt = dt;
+    step.input.prediction = simulation.integration_parameters.prediction_distance();
+    step.input.bodies.clear();
+    step.infos.clear();
+    // In the order of their handles, as rapier orders pairs.
+    for (handle, collider) in colliders.colliders.iter() {
+        let Some(medial) = medial(collider).filter(|_| collider.is_enabled()) else { continue };
+        let Some(entity) = colliders.collider_entity(handle).filter(|entity| !statics.contains(*entity)) else { continue };
+        let body = collider.parent().and_then(|parent| bodies.bodies.get(parent));
+        let end = collider_pose(collider, body);
+        let start = starts.0.get(&handle).copied().unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
+        let center = body.map_or(Vec3::ZERO, |body| end.inverse_transform_point(body.center_of_mass()));
+        let active = body.is_some_and(|body| body.is_enabled() && !body.is_fixed() && !body.is_sleeping());
+        step.input.bodies.push(Body {
+            shape: medial.shape.clone(),
+            sweep: Sweep::between(start.pose, end, center, body.map_or(Vec3::ZERO, |body| body.angvel() * dt)),
+            groups: groups(collider),
+            active,
+        });
+        step.infos.push(BodyInfo {
+            entity,
+            collider: handle,
+            sensor: collider.is_sensor(),
+            center: start.pose.transform_point(center),
+            linear: start.linear,
+            angular: start.angular,
+        });
+    }
+    step.run();
+    if step.settings.stop_at_impact {
+        stop_at_impacts(step, &mut bodies, colliders, &ccd);
+    }
+    table.fill(table_entries(step, colliders));
+}
+
+/// Moves bodies back to their first impact, their velocities kept: the next step then resolves a true contact at a true pose.
+fn stop_at_impacts(
+    step: &mut MedialStep,
+    bodies: &mut Mut<RapierRigidBodySet>,
+    colliders: &RapierContextColliders,
+    ccd: &Query<&MedialCcd>,
+) {
+    let enabled = |info: &BodyInfo| !info.sensor && ccd.get(info.entity).map_or(true, |ccd| ccd.enabled);
+    let mut impacts: Vec<(f32, u32, Target)> = Vec::new();
+    for pair in &step.output.pairs {
+        let Some(impact) = pair.impact else { continue };
+        let (info1, info2) = (&step.infos[pair.body1 as usize], step.info(pair.target));
+        if enabled(info1) && enabled(info2) && !step.harmless(pair, &impact) {
+            impacts.push((impact.fraction, pair.body1, pair.target));
+        }
+    }
+    impacts.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    let mut stopped: HashMap<RigidBodyHandle, f32> = HashMap::new();
+    for (fraction, body1, target) in impacts {
+        let mut stop = |index: u32| {
+            let sweep = &step.input.bodies[index as usize].sweep;
+            let Some(collider) = colliders.colliders.get(step.infos[index as usize].collider) else { return };
+            let Some(parent) = collider.parent() else { return };
+            let Some(body) = bodies.bodies.get(parent).filter(|body| body.is_dynamic()) else { return };
+            if stopped.contains_key(&parent) || body.is_sleeping() {
+                return;
+            }
+            stopped.insert(parent, fraction);
+            let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
+            let pose = sweep.pose_at(fraction) * local.inverse();
+            if let Some(body) = bodies.bodies.get_mut(parent) {
+                body.set_position(pose, true);
+            }
+        };
+        stop(body1);
+        if let Target::Body(body2) = target {
+            stop(body2);
+        }
+    }
+    step.stopped = stopped.len();
+}
+
+/// The manifolds of the step under the keys that the dispatcher will look them up by.
+fn table_entries<'a>(
+    step: &'a MedialStep,
+    colliders: &'a RapierContextColliders,
+) -> impl Iterator<Item = (PairKey, Vec<crate::pipeline::Manifold>)> + 'a {
+    step.output.pairs.iter().filter_map(move |pair| {
+        let info1 = &step.infos[pair.body1 as usize];
+        let info2 = step.info(pair.target);
+        let medial1 = medial(colliders.colliders.get(info1.collider)?)?;
+        let collider2 = colliders.colliders.get(info2.collider)?;
+        let end1 = step.input.bodies[pair.body1 as usize].sweep.end;
+        let end2 = match pair.target {
+            Target::Body(body) => step.input.bodies[body as usize].sweep.end,
+            Target::Static(_) => *collider2.position(),
+        };
+        let second = match (medial(collider2), collider2.shape().as_cuboid()) {
+            (Some(medial), _) => SecondKey::Shape(medial.key),
+            (None, cuboid) => SecondKey::cuboid(cuboid?.half_extents),
+        };
+        // As the dispatcher will have it from rapier, which puts the lower handle first.
+        let pose12 = if info1.collider.into_raw_parts() < info2.collider.into_raw_parts() {
+            end1.inv_mul(&end2)
+        } else {
+            end2.inv_mul(&end1).inverse()
+        };
+        let key = PairKey::new(medial1.key, second, &pose12, step.input.prediction);
+        Some((key, step.output.manifolds[pair.manifolds.clone()].to_vec()))
+    })
+}

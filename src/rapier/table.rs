@@ -1,0 +1,81 @@
+use std::{
+    collections::HashMap,
+    sync::{Arc, RwLock},
+};
+
+use bevy::prelude::Resource;
+use glam::Vec3;
+
+use crate::{geometry::Pose3, pipeline::Manifold};
+
+/// The manifolds that the last step found, for rapier to fetch by pair and relative pose.
+///
+/// Manifolds are a pure function of shapes, relative pose and prediction distance, all of which are in the key: an
+/// entry is never wrong, only missing once a body has been moved in between.
+#[derive(Resource, Clone, Default)]
+pub struct ContactTable(Arc<RwLock<Entries>>);
+
+#[derive(Default)]
+struct Entries {
+    manifolds: HashMap<PairKey, Vec<Manifold>>,
+}
+
+/// What a pair's manifolds depend on.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct PairKey {
+    first: u64,
+    second: SecondKey,
+    pose12: [u32; 7],
+    prediction: u32,
+}
+
+/// The second side of a pair.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum SecondKey {
+    Shape(u64),
+    Cuboid([u32; 3]),
+}
+
+impl SecondKey {
+    pub fn cuboid(half_extents: Vec3) -> Self {
+        Self::Cuboid(half_extents.to_array().map(f32::to_bits))
+    }
+}
+
+impl PairKey {
+    pub fn new(first: u64, second: SecondKey, pose12: &Pose3, prediction: f32) -> Self {
+        let [qx, qy, qz, qw] = pose12.rotation.to_array();
+        let [x, y, z] = pose12.translation.to_array();
+        Self {
+            first,
+            second,
+            pose12: [qx, qy, qz, qw, x, y, z].map(f32::to_bits),
+            prediction: prediction.to_bits(),
+        }
+    }
+}
+
+impl ContactTable {
+    /// Replaces all entries.
+    pub(super) fn fill(&self, entries: impl Iterator<Item = (PairKey, Vec<Manifold>)>) {
+        // A panic of another thread while it held the lock leaves nothing half done here.
+        let mut table = self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner());
+        table.manifolds.clear();
+        table.manifolds.extend(entries);
+    }
+
+    /// The manifolds of a pair, if they are known for this very pose.
+    pub(super) fn get(&self, key: &PairKey) -> Option<Vec<Manifold>> {
+        self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner()).manifolds.get(key).cloned()
+    }
+
+    /// Number of pairs.
+    pub fn len(&self) -> usize {
+        self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner()).manifolds.len()
+    }
+
+    /// True if no pair is near another.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
