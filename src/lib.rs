@@ -10,6 +10,8 @@ pub mod plugin;
 pub mod query;
 #[cfg(feature = "rapier")]
 pub mod rapier;
+#[cfg(feature = "rapier")]
+pub mod scenes;
 
 /// What an app needs.
 pub mod prelude {

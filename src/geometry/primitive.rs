@@ -84,7 +84,8 @@ impl Primitive {
             Primitive::Cone([i, j]) if contains(j, i) => Parts([Some(Primitive::Sphere([j])), None]),
             Primitive::Cone(_) => Parts([Some(self), None]),
             Primitive::Slab(index) => {
-                let edges: [[u32; 2]; 3] = std::array::from_fn(|vertex| [index[(vertex + 1) % 3], index[(vertex + 2) % 3]]);
+                let edges: [[u32; 2]; 3] =
+                    std::array::from_fn(|vertex| [index[(vertex + 1) % 3], index[(vertex + 2) % 3]]);
                 for (vertex, edge) in index.into_iter().zip(edges) {
                     if edge.into_iter().any(|other| contains(other, vertex)) {
                         return Primitive::Cone(edge).simplified(spheres);
@@ -122,7 +123,8 @@ fn open_edges(spheres: [Sphere; 3]) -> Option<[bool; 3]> {
     let (e2, e3) = (center[1] - center[0], center[2] - center[0]);
     let normal = e2.cross(e3);
     let area_squared = normal.length_squared();
-    let longest = (0..3).max_by(|&a, &b| length_opposite(&center, a).total_cmp(&length_opposite(&center, b))).unwrap_or(0);
+    let longest =
+        (0..3).max_by(|&a, &b| length_opposite(&center, a).total_cmp(&length_opposite(&center, b))).unwrap_or(0);
     if area_squared <= NEARLY * NEARLY * length_opposite(&center, longest).powi(4) {
         // On a line: the sphere opposite to the longest edge is the middle one. Does it bulge?
         let [middle, from, to] = [longest, (longest + 1) % 3, (longest + 2) % 3];
@@ -136,9 +138,8 @@ fn open_edges(spheres: [Sphere; 3]) -> Option<[bool; 3]> {
     let g = (e3.cross(normal) * -(radius[1] - radius[0]) + e2.cross(normal) * (radius[2] - radius[0])) / -area_squared;
     (g.length() >= 1.0 - NEARLY).then(|| {
         // The outward edge normals add up to zero, so one of the three is never open; rounding must not say otherwise.
-        let out: [f64; 3] = std::array::from_fn(|vertex| {
-            g.dot((center[(vertex + 2) % 3] - center[(vertex + 1) % 3]).cross(normal))
-        });
+        let out: [f64; 3] =
+            std::array::from_fn(|vertex| g.dot((center[(vertex + 2) % 3] - center[(vertex + 1) % 3]).cross(normal)));
         let least = out.iter().copied().fold(f64::INFINITY, f64::min);
         let greatest = out.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         out.map(|flow| flow == greatest || (flow >= 0.0 && flow > least))

@@ -127,31 +127,35 @@ fn drop_duplicates(primitives: &mut Vec<Primitive>, report: &mut CleanupReport) 
 
 /// Drops each primitive all of whose spheres are, or are inside, spheres of one other primitive: as the latter is
 /// convex, it holds the hull as well.
+///
+/// Nothing is lost: as no sphere of a proper primitive holds another of it, and equal spheres are merged, no two
+/// primitives cover each other.
 fn drop_covered(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mut CleanupReport) {
     let holders = holders(spheres);
     let mut users = vec![Vec::new(); spheres.len()];
     for (number, primitive) in primitives.iter().enumerate() {
         primitive.indices().iter().for_each(|&i| users[i as usize].push(number));
     }
-    // What is dropped covers nothing any more, so that of two that cover each other one stays.
-    let mut dropped = vec![false; primitives.len()];
-    for (number, primitive) in primitives.iter().enumerate() {
-        let indices = primitive.indices();
+    let is_covered = |number: usize, indices: &[u32]| {
         // Whatever covers the primitive covers its first sphere.
-        let mut candidates = holders[indices[0] as usize].iter().flat_map(|&holder| &users[holder as usize]);
-        dropped[number] = candidates.any(|&other| {
+        holders[indices[0] as usize].iter().flat_map(|&holder| &users[holder as usize]).any(|&other| {
             let by = primitives[other].indices();
-            let covers = |&i: &u32| by.iter().any(|j| holders[i as usize].contains(j));
-            other != number && !dropped[other] && indices.iter().all(covers)
-        });
-        match primitive {
-            Primitive::Sphere(_) => report.covered_spheres += usize::from(dropped[number]),
-            Primitive::Cone(_) => report.covered_cones += usize::from(dropped[number]),
-            Primitive::Slab(_) => report.covered_slabs += usize::from(dropped[number]),
-        }
-    }
-    let mut dropped = dropped.into_iter();
-    primitives.retain(|_| dropped.next() == Some(false));
+            other != number && indices.iter().all(|&i| by.iter().any(|j| holders[i as usize].contains(j)))
+        })
+    };
+    let covered: Vec<bool> =
+        primitives.iter().enumerate().map(|(number, primitive)| is_covered(number, primitive.indices())).collect();
+    let mut covered = covered.into_iter();
+    primitives.retain(|primitive| {
+        let drop = covered.next() == Some(true);
+        let count = match primitive {
+            Primitive::Sphere(_) => &mut report.covered_spheres,
+            Primitive::Cone(_) => &mut report.covered_cones,
+            Primitive::Slab(_) => &mut report.covered_slabs,
+        };
+        *count += usize::from(drop);
+        !drop
+    });
 }
 
 /// For each sphere, itself and the spheres that hold it; of equal spheres the first holds the others.
@@ -226,7 +230,13 @@ mod tests {
     }
 
     /// Checks all that a clean-up promises, with `points` random points near the surface.
-    fn check(name: &str, spheres: Vec<Sphere>, primitives: Vec<Primitive>, points: u32, random: &mut Random) -> CleanupReport {
+    fn check(
+        name: &str,
+        spheres: Vec<Sphere>,
+        primitives: Vec<Primitive>,
+        points: u32,
+        random: &mut Random,
+    ) -> CleanupReport {
         let (clean_spheres, clean, report) = clean_up(spheres.clone(), primitives.clone());
         let mut all = primitives.clone();
         add_isolated_spheres(&spheres, &mut all, &mut CleanupReport::default());
@@ -236,7 +246,10 @@ mod tests {
         for _ in 0..points {
             let point = before.point_near_surface(random);
             let error = (before.distance(point) - after.distance(point)).abs();
-            assert!(error <= 1e-6 * size, "{name}: off by {error:e} of {size:e} at {point}; {spheres:?} {primitives:?}");
+            assert!(
+                error <= 1e-6 * size,
+                "{name}: off by {error:e} of {size:e} at {point}; {spheres:?} {primitives:?}"
+            );
         }
         assert!(!clean.iter().any(|p| oracle::is_degenerate(&clean_spheres, p)), "{name}: {clean_spheres:?} {clean:?}");
         assert!(used(clean_spheres.len(), &clean).iter().all(|&used| used), "{name}");

@@ -200,8 +200,11 @@ struct Fields<'a>(std::str::SplitWhitespace<'a>);
 
 impl<'a> Fields<'a> {
     fn header(&mut self) -> Result<[u32; 3], Kind> {
-        let counts =
-            [self.count("the number of spheres")?, self.count("the number of edges")?, self.count("the number of faces")?];
+        let counts = [
+            self.count("the number of spheres")?,
+            self.count("the number of edges")?,
+            self.count("the number of faces")?,
+        ];
         if counts[0] == 0 { Err(Kind::Empty) } else { Ok(counts) }
     }
 
@@ -282,7 +285,10 @@ mod tests {
     fn reads_comments_blank_lines_crlf_and_faces_without_edges() {
         let file = parse(GOOD.as_bytes()).unwrap();
         assert_eq!(file.spheres[1], Sphere::new(Vec3::new(1.5, 0.0, -2e-3), 0.5));
-        assert_eq!((file.spheres.len(), &file.edges[..], &file.faces[..]), (4, &[[0, 1], [2, 3]][..], &[[0, 1, 2]][..]));
+        assert_eq!(
+            (file.spheres.len(), &file.edges[..], &file.faces[..]),
+            (4, &[[0, 1], [2, 3]][..], &[[0, 1, 2]][..])
+        );
         assert_eq!(parse(GOOD.trim_end().as_bytes()), Ok(file.clone()), "no newline at the end");
         assert_eq!(parse(GOOD.replace('\n', "\r\n").as_bytes()), Ok(file));
     }
@@ -315,7 +321,10 @@ mod tests {
             ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 0 2", "line 4: there is no sphere 2: the header promises 2"),
             ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 1 1", "line 4: sphere 1 is repeated"),
             ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 1", "line 4: an index is missing"),
-            ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 0 1.0", "line 4: an index is `1.0`, not a whole number from 0 to 4294967295"),
+            (
+                "2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 0 1.0",
+                "line 4: an index is `1.0`, not a whole number from 0 to 4294967295",
+            ),
             ("2 0 1\nv 0 0 0 1\nv 0 0 1 1\nf 0 1 0", "line 4: sphere 0 is repeated"),
         ];
         for (text, message) in cases {

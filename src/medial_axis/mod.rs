@@ -6,6 +6,7 @@
 //!
 //! Everything is in the shape's own frame, in metres, at unit scale and unit density.
 
+mod chord;
 mod cleanup;
 pub mod ma;
 mod mass;

@@ -8,9 +8,8 @@ use crate::geometry::{Primitive, Sphere};
 
 /// The folder of real models, if this checkout has one.
 pub fn shared_models() -> Option<PathBuf> {
-    let root = std::env::var_os("CARGO_MANIFEST_DIR")?;
-    let beside = PathBuf::from(root).join("../shared/models");
-    [beside, PathBuf::from("/work/shared/models")].into_iter().find(|folder| folder.is_dir())
+    let folder = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR")?).join("../shared/models");
+    folder.is_dir().then_some(folder)
 }
 
 /// A seeded generator (SplitMix64).

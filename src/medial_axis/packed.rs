@@ -141,7 +141,11 @@ impl PackedMedialMesh {
                 spheres: count,
             })
         });
-        Ok(UnpackedMedialMesh { bound, spheres: spheres.collect::<Result<_, _>>()?, primitives: primitives.collect::<Result<_, _>>()? })
+        Ok(UnpackedMedialMesh {
+            bound,
+            spheres: spheres.collect::<Result<_, _>>()?,
+            primitives: primitives.collect::<Result<_, _>>()?,
+        })
     }
 
     /// The bound, and the number of spheres before it.
@@ -213,7 +217,8 @@ mod tests {
 
     fn shape() -> MedialAxis {
         let at = |x: f32, y: f32, radius: f32| Sphere::new(Vec3::new(x, y, 0.5), radius);
-        let spheres = vec![at(0.0, 0.0, 0.5), at(2.0, 0.0, 0.25), at(0.0, 2.0, 0.0), at(5.0, 5.0, 1.0), at(9.0, 0.0, 1.0)];
+        let spheres =
+            vec![at(0.0, 0.0, 0.5), at(2.0, 0.0, 0.25), at(0.0, 2.0, 0.0), at(5.0, 5.0, 1.0), at(9.0, 0.0, 1.0)];
         let primitives = vec![Primitive::Slab([0, 1, 2]), Primitive::Cone([1, 3])];
         MedialAxis::new(spheres, primitives).unwrap().0
     }
@@ -236,7 +241,8 @@ mod tests {
         let packed = PackedMedialMesh::pack_dynamic(&shape());
         assert_eq!(packed.primitives, [[-2, 5, 5], [-2, 4, 4], [-1, 1, 3], [0, 1, 2]]);
         assert_eq!((packed.spheres.len(), packed.spheres[1]), (6, [2.0, 0.0, 0.5, 0.25]));
-        let obb = Obb { pose: Pose3::from_translation(Vec3::new(10.0, 20.0, 30.0)), half_extents: Vec3::new(1.0, 2.0, 3.0) };
+        let obb =
+            Obb { pose: Pose3::from_translation(Vec3::new(10.0, 20.0, 30.0)), half_extents: Vec3::new(1.0, 2.0, 3.0) };
         let packed = PackedMedialMesh::pack_static(None, &obb);
         assert_eq!(packed.primitives, [[0, 1, 2]]);
         assert_eq!(packed.spheres, [[2.0, 0.0, 0.0, 9.0], [0.0, 4.0, 0.0, 18.0], [0.0, 0.0, 6.0, 27.0]]);
@@ -300,7 +306,10 @@ mod tests {
         let broken = "is not finite or has a negative radius";
         assert_eq!(refused(&|p| p.spheres[1][3] = -1.0), format!("sphere 1: [2.0, 0.0, 0.5, -1.0] {broken}"));
         assert_eq!(refused(&|p| p.spheres[1][0] = f32::NAN), format!("sphere 1: [NaN, 0.0, 0.5, 0.25] {broken}"));
-        assert_eq!(refused(&|p| p.spheres.clear()), "the bound [-2, 5, 5] is neither a sphere nor a box at the end of the 0 spheres");
+        assert_eq!(
+            refused(&|p| p.spheres.clear()),
+            "the bound [-2, 5, 5] is neither a sphere nor a box at the end of the 0 spheres"
+        );
         let obb = Obb { pose: Pose3::IDENTITY, half_extents: Vec3::ONE };
         let mut skew = PackedMedialMesh::pack_static(None, &obb);
         skew.spheres[0][1] = 0.1;

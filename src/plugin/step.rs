@@ -72,8 +72,8 @@ pub struct MedialStep {
     pub static_infos: Vec<BodyInfo>,
     /// Length of the step in seconds.
     pub dt: f32,
-    /// Number of bodies that were stopped at an impact.
-    pub stopped: usize,
+    /// Indices, in ascending order, of the bodies that were stopped at an impact.
+    pub stopped: Vec<u32>,
 }
 
 impl MedialStep {
@@ -85,10 +85,15 @@ impl MedialStep {
         }
     }
 
+    /// True if the body was stopped at an impact.
+    pub fn is_stopped(&self, body: u32) -> bool {
+        self.stopped.binary_search(&body).is_ok()
+    }
+
     /// Runs the pipeline.
     pub(crate) fn run(&mut self) {
         self.input.culling = if self.settings.brute_force { Culling::None } else { Culling::Hybrid };
-        self.stopped = 0;
+        self.stopped.clear();
         let pool = ComputeTaskPool::get_or_init(Default::default);
         self.output = pipeline::step(&self.input, &self.statics, pool);
     }

@@ -1,4 +1,4 @@
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use bevy::{
     asset::LoadState,
@@ -313,17 +313,19 @@ fn stop_at_impacts(
         }
     }
     impacts.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut stopped: HashMap<RigidBodyHandle, f32> = HashMap::new();
+    let mut stopped: HashSet<RigidBodyHandle> = HashSet::new();
+    let mut indices = Vec::new();
     for (fraction, body1, target) in impacts {
         let mut stop = |index: u32| {
             let sweep = &step.input.bodies[index as usize].sweep;
             let Some(collider) = colliders.colliders.get(step.infos[index as usize].collider) else { return };
             let Some(parent) = collider.parent() else { return };
             let Some(body) = bodies.bodies.get(parent).filter(|body| body.is_dynamic()) else { return };
-            if stopped.contains_key(&parent) || body.is_sleeping() {
+            if stopped.contains(&parent) || body.is_sleeping() {
                 return;
             }
-            stopped.insert(parent, fraction);
+            stopped.insert(parent);
+            indices.push(index);
             let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
             let pose = sweep.pose_at(fraction) * local.inverse();
             if let Some(body) = bodies.bodies.get_mut(parent) {
@@ -335,7 +337,8 @@ fn stop_at_impacts(
             stop(body2);
         }
     }
-    step.stopped = stopped.len();
+    indices.sort_unstable();
+    step.stopped = indices;
 }
 
 /// The manifolds of the step under the keys that the dispatcher will look them up by.

@@ -158,7 +158,7 @@ impl Pair {
         (hull(&self.first, origin, rotation), second)
     }
 
-    pub fn difference(&self) -> Difference {
+    fn difference(&self) -> Difference {
         let second: Vec<Ball> = match &self.second {
             Second::Hull(spheres) => spheres.iter().map(ball).collect(),
             Second::Box(placed) => {
@@ -169,7 +169,7 @@ impl Pair {
     }
 
     /// The greater extent of the two, and the greatest relative speed of two vertices.
-    pub fn size_and_speed(&self) -> (f64, f64) {
+    fn size_and_speed(&self) -> (f64, f64) {
         let extent = |spheres: &[(Sphere, Vec3)]| {
             let first = spheres[0].0.center.as_dvec3();
             spheres.iter().map(|(s, _)| s.center.as_dvec3().distance(first)).fold(0.0, f64::max)
@@ -277,7 +277,7 @@ pub fn judge(pair: &Pair, answer: &TimeOfImpact) -> (Truth, Verdict) {
         None => Truth::Apart,
     };
     // A touch by a hair may be missed, but not a hit this deep.
-    let deep_at = |t: f64, tolerance: f64| difference.at(t).depth(400).0 < -tolerance * size;
+    let deep_at = |t: f64, tolerance: f64| difference.at(t).depth(400) < -tolerance * size;
     let verdict = if hit && !(0.0..=1.0).contains(&fraction) {
         Verdict::Invalid
     } else if overlap && start.lower < 1e-5 * size {

@@ -215,7 +215,7 @@ impl Difference {
 
     /// Greatest gap at fraction 0 along any unit direction: for an overlap minus the shortest translation that ends it.
     /// By sampling the sphere and climbing from the best samples, so a lower bound, and near the truth.
-    pub fn depth(&self, samples: usize) -> (f64, DVec3) {
+    pub fn depth(&self, samples: usize) -> f64 {
         let turn = std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let mut starts: Vec<(f64, DVec3)> = (0..samples)
             .map(|i| {
@@ -244,7 +244,7 @@ impl Difference {
                 }
             }
         }
-        starts.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::NEG_INFINITY, DVec3::Y))
+        starts.iter().map(|start| start.0).fold(f64::NEG_INFINITY, f64::max)
     }
 }
 

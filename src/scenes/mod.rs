@@ -1,0 +1,262 @@
+//! The demo scenes, written once: the example shows them, tests check them, benchmarks time them.
+//!
+//! [`SCENES`] lists them, [`Scene::spawn`] fills a world, [`Monitor`] watches it step by step, [`headless_app`] needs no display.
+
+mod models;
+mod monitor;
+
+use std::time::Duration;
+
+use bevy::{prelude::*, time::TimeUpdateStrategy};
+use bevy_rapier3d::prelude::{Damping, RigidBody, TimestepMode, Velocity};
+
+use crate::{
+    medial_axis::MedialAxis,
+    plugin::{MedialMesh, MedialPhysicsPlugin, StaticObb},
+};
+
+pub use models::{Model, ModelError, load_models};
+pub use monitor::{Monitor, StageSummary, Summary, add_monitor};
+
+/// A scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Scene {
+    /// Its name on the command line.
+    pub name: &'static str,
+    /// What it shows, in a sentence.
+    pub about: &'static str,
+    /// Steps after which it has come to its point.
+    pub steps: u32,
+    /// Where a camera looks from, and at what.
+    pub view: [Vec3; 2],
+    build: fn(&mut Builder),
+}
+
+/// All scenes.
+pub const SCENES: &[Scene] = &[
+    Scene {
+        name: "rods",
+        about: "nine different models fall over a few thin rods",
+        steps: 600,
+        view: [Vec3::new(5.0, 4.0, 7.0), Vec3::new(0.0, 1.0, 0.0)],
+        build: rods,
+    },
+    Scene {
+        name: "dinosaur",
+        about: "a dinosaur flies into a group of bodies at 100 m/s",
+        steps: 120,
+        view: [Vec3::new(2.0, 3.5, 10.0), Vec3::new(2.0, 1.5, 0.0)],
+        build: dinosaur,
+    },
+    Scene {
+        name: "tori",
+        about: "51 tori fall to the ground",
+        steps: 600,
+        view: [Vec3::new(5.0, 4.0, 7.0), Vec3::new(0.0, 0.7, 0.0)],
+        build: tori,
+    },
+    Scene {
+        name: "stairs",
+        about: "bodies tumble down stairs",
+        steps: 600,
+        view: [Vec3::new(8.0, 5.0, 9.0), Vec3::new(1.5, 1.0, 0.0)],
+        build: stairs,
+    },
+];
+
+impl Scene {
+    /// The scene of that name.
+    pub fn by_name(name: &str) -> Option<&'static Scene> {
+        SCENES.iter().find(|scene| scene.name == name)
+    }
+
+    /// Spawns the scene's entities, each with a [`SceneEntity`]. The same seed gives the same scene.
+    pub fn spawn(&self, world: &mut World, models: &[Model], seed: u64) {
+        (self.build)(&mut Builder { world, models, random: Random(seed) });
+    }
+}
+
+/// Marks what a scene has spawned.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct SceneEntity;
+
+/// Marks the fast body of the scene `dinosaur`.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Projectile;
+
+/// Beyond this distance from the origin, in metres, a body has escaped.
+pub const WORLD_RADIUS: f32 = 40.0;
+
+/// An app that runs medial physics with rapier, one step of `dt` seconds an update, and nothing else.
+pub fn headless_app(dt: f32) -> App {
+    let mut app = App::new();
+    app.add_plugins((
+        MinimalPlugins,
+        bevy::asset::AssetPlugin::default(),
+        TransformPlugin,
+        bevy::diagnostic::DiagnosticsPlugin,
+        MedialPhysicsPlugin::default(),
+    ))
+    .insert_resource(TimestepMode::Fixed { dt, substeps: 1 })
+    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(dt)));
+    add_monitor(&mut app);
+    app.finish();
+    app.cleanup();
+    app
+}
+
+/// SplitMix64: small, seeded, the same everywhere.
+struct Random(u64);
+
+impl Random {
+    /// From -1 to 1.
+    fn signed(&mut self) -> f32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
+    }
+
+    fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.signed(), self.signed(), self.signed())
+    }
+
+    fn rotation(&mut self) -> Quat {
+        loop {
+            let (v, w) = (self.vector(), self.signed());
+            let length_squared = v.length_squared() + w * w;
+            if (0.01..1.0).contains(&length_squared) {
+                return Quat::from_xyzw(v.x, v.y, v.z, w).normalize();
+            }
+        }
+    }
+}
+
+/// Spawns what scenes are made of.
+struct Builder<'a> {
+    world: &'a mut World,
+    models: &'a [Model],
+    random: Random,
+}
+
+impl Builder<'_> {
+    fn add(&mut self, axis: MedialAxis) -> MedialMesh {
+        MedialMesh(self.world.resource_mut::<Assets<MedialAxis>>().add(axis))
+    }
+
+    fn fixed_box(&mut self, name: &'static str, center: Vec3, half: Vec3) {
+        let obb = StaticObb { half_extents: half };
+        self.world.spawn((SceneEntity, Name::new(name), obb, Transform::from_translation(center)));
+    }
+
+    fn ground(&mut self) {
+        self.fixed_box("ground", Vec3::new(0.0, -1.0, 0.0), Vec3::new(20.0, 1.0, 20.0));
+    }
+
+    /// A static rod, one medial cone, 4 m long.
+    fn rod(&mut self, center: Vec3, direction: Vec3) {
+        let half = direction.normalize() * 2.0;
+        // The ends are in range by construction.
+        let Ok(axis) = MedialAxis::capsule(-half, half, 0.03) else { return };
+        let mesh = self.add(axis);
+        self.world.spawn((
+            SceneEntity,
+            Name::new("rod"),
+            mesh,
+            StaticObb::default(),
+            RigidBody::Fixed,
+            Transform::from_translation(center),
+        ));
+    }
+
+    /// A body of the given model, scaled to a longest side of `size` metres.
+    fn body(&mut self, model: usize, size: f32, center: Vec3, velocity: Velocity) -> Entity {
+        let model = &self.models[model % self.models.len()];
+        let extents = model.axis.aabb().half_extents() * 2.0;
+        let scale = size / extents.max_element();
+        let (name, axis) = (model.name.clone(), model.axis.clone());
+        let rotation = self.random.rotation();
+        let mesh = self.add(axis);
+        let transform = Transform::from_translation(center).with_rotation(rotation).with_scale(Vec3::splat(scale));
+        // A little damping stands in for rolling friction, which rapier has not.
+        let damping = Damping { linear_damping: 0.05, angular_damping: 0.5 };
+        self.world
+            .spawn((SceneEntity, Name::new(name), RigidBody::Dynamic, mesh, transform, velocity, damping))
+            .id()
+    }
+
+    fn model_named(&self, part: &str) -> Option<usize> {
+        self.models.iter().position(|model| model.name.contains(part))
+    }
+}
+
+fn rods(builder: &mut Builder) {
+    builder.ground();
+    for i in 0..4 {
+        let x = i as f32 - 1.5;
+        builder.rod(Vec3::new(x * 0.8, 1.0 + 0.1 * x, 0.0), Vec3::new(0.1 * x, 0.05, 1.0));
+    }
+    builder.rod(Vec3::new(0.0, 1.6, 0.6), Vec3::new(1.0, 0.05, 0.1));
+    for i in 0..9 {
+        let place = Vec3::new((i % 3) as f32 - 1.0, 2.8 + (i / 3) as f32 * 1.3, (i / 3) as f32 * 0.3 - 0.3);
+        let center = place + builder.random.vector() * 0.1;
+        builder.body(i, 1.0, center, Velocity::zero());
+    }
+}
+
+fn dinosaur(builder: &mut Builder) {
+    builder.ground();
+    let dinosaur = builder.model_named("dinosaur").unwrap_or(0);
+    let mut others: Vec<usize> = (0..builder.models.len()).filter(|&i| i != dinosaur).collect();
+    if others.is_empty() {
+        others.push(dinosaur);
+    }
+    let mut number = 0;
+    for x in 0..3 {
+        for y in 0..3 {
+            for z in 0..3 {
+                let place = Vec3::new(x as f32, y as f32, z as f32) * 1.25 + Vec3::new(2.4, 0.9, -1.25);
+                let center = place + builder.random.vector() * 0.05;
+                builder.body(others[number % others.len()], 1.0, center, Velocity::zero());
+                number += 1;
+            }
+        }
+    }
+    let aim = Vec3::new(0.3, 2.15, 0.0) + builder.random.vector() * Vec3::new(0.0, 0.6, 0.6);
+    let spin = builder.random.vector() * 5.0;
+    let velocity = Velocity { linear: Vec3::X * 100.0, angular: spin };
+    let entity = builder.body(dinosaur, 1.5, aim, velocity);
+    builder.world.entity_mut(entity).insert(Projectile);
+}
+
+fn tori(builder: &mut Builder) {
+    builder.ground();
+    let torus = builder.model_named("torus").unwrap_or(0);
+    for i in 0..51 {
+        let (layer, rest) = (i / 9, i % 9);
+        let place = Vec3::new((rest % 3) as f32 - 1.0, 0.6 + layer as f32 * 0.7, (rest / 3) as f32 - 1.0);
+        let center = place * Vec3::new(0.9, 1.0, 0.9) + builder.random.vector() * 0.15;
+        builder.body(torus, 0.6, center, Velocity::zero());
+    }
+}
+
+fn stairs(builder: &mut Builder) {
+    builder.ground();
+    for i in 0..8 {
+        let height = 0.35 * (8 - i) as f32;
+        let center = Vec3::new(i as f32 * 0.6 - 2.4, 0.5 * height, 0.0);
+        builder.fixed_box("stair", center, Vec3::new(0.3, 0.5 * height, 2.5));
+    }
+    for side in [-1.0, 1.0] {
+        builder.fixed_box("wall", Vec3::new(0.0, 2.0, side * 2.6), Vec3::new(6.0, 2.0, 0.1));
+    }
+    let kinds = [builder.model_named("deer"), builder.model_named("cow")];
+    let kinds = kinds.map(|kind| kind.unwrap_or(0));
+    for i in 0..12 {
+        let place = Vec3::new(-2.4 + 0.3 * (i % 2) as f32, 3.6 + 0.9 * (i / 3) as f32, (i % 3) as f32 * 1.3 - 1.3);
+        let center = place + builder.random.vector() * 0.1;
+        let velocity = Velocity { linear: Vec3::new(1.5, 0.0, 0.0), angular: Vec3::ZERO };
+        builder.body(if kinds[0] == kinds[1] { i } else { kinds[i % 2] }, 1.0, center, velocity);
+    }
+}

@@ -1,0 +1,321 @@
+//! What happens in a scene, measured: times, counts, and the signs that something went wrong.
+
+use std::{
+    collections::HashSet,
+    time::{Duration, Instant},
+};
+
+use bevy::prelude::*;
+use bevy_rapier3d::{
+    plugin::context::{DefaultRapierContext, RapierContextColliders, RapierContextSimulation, RapierRigidBodySet},
+    prelude::{PhysicsSet, RapierConfiguration},
+    rapier::geometry::Collider as RapierCollider,
+};
+use serde::Serialize;
+
+use super::{Projectile, WORLD_RADIUS};
+use crate::{
+    pipeline::{Target, Times},
+    plugin::{MedialContactStarted, MedialStep, MedialSystems},
+};
+
+/// Change of speed, in metres per second and beyond gravity and damping, that takes a contact to explain.
+const UNEXPLAINED_SPEED: f32 = 0.1;
+
+/// What was seen in every step so far.
+#[derive(Resource, Default)]
+pub struct Monitor {
+    /// A row for each step.
+    pub rows: Vec<Row>,
+    /// Deepest overlap of any pair so far, in percent of the smaller body's size.
+    pub deepest_overlap_percent: f32,
+    /// Pairs whose motions met within a step, without a stop and without a contact at its end.
+    pub tunnelled: usize,
+    /// Bodies whose velocity changed though nothing was near.
+    pub ghosts: usize,
+    /// Everything that the scene's projectile has touched.
+    pub touched_by_projectile: HashSet<Entity>,
+    near: HashSet<Entity>,
+    step_begin: Option<Instant>,
+    response: Duration,
+}
+
+/// One step.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Row {
+    /// Broad phase, in milliseconds.
+    pub broad_ms: f64,
+    /// Mid phase, in milliseconds.
+    pub mid_ms: f64,
+    /// Narrow phase, in milliseconds.
+    pub narrow_ms: f64,
+    /// Reduction, in milliseconds.
+    pub reduce_ms: f64,
+    /// Rapier's step, in milliseconds.
+    pub response_ms: f64,
+    /// Body pairs after the broad phase.
+    pub body_pairs: usize,
+    /// Primitive pairs after the mid phase.
+    pub candidates: usize,
+    /// Time of impact queries.
+    pub toi_tests: usize,
+    /// Contact points.
+    pub contacts: usize,
+    /// Bodies stopped at an impact.
+    pub stopped: usize,
+    /// Deepest overlap in percent of the smaller body's size.
+    pub overlap_percent: f32,
+    /// Kinetic energy over mass.
+    pub kinetic_energy_per_kg: f32,
+    /// Lowest point of any body.
+    pub lowest_y: f32,
+}
+
+/// Median and 95th percentile of a stage.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct StageSummary {
+    /// Median.
+    pub median_ms: f64,
+    /// 95th percentile.
+    pub p95_ms: f64,
+}
+
+/// All stages.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Stages {
+    /// Broad phase.
+    pub broad: StageSummary,
+    /// Mid phase.
+    pub mid: StageSummary,
+    /// Narrow phase.
+    pub narrow: StageSummary,
+    /// Reduction.
+    pub reduce: StageSummary,
+    /// Rapier's step.
+    pub response: StageSummary,
+}
+
+/// Counts: those that vary are medians over the steps, with their greatest value beside them.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CountSummary {
+    /// Moving bodies.
+    pub bodies: usize,
+    /// Primitive pairs in total.
+    pub primitive_pairs: usize,
+    /// Body pairs after the broad phase.
+    pub body_pairs: usize,
+    /// Greatest number of them.
+    pub body_pairs_max: usize,
+    /// Primitive pairs after the mid phase.
+    pub candidates: usize,
+    /// Greatest number of them.
+    pub candidates_max: usize,
+    /// Time of impact queries.
+    pub toi_tests: usize,
+    /// Greatest number of them.
+    pub toi_tests_max: usize,
+    /// Contact points.
+    pub contacts: usize,
+    /// Greatest number of them.
+    pub contacts_max: usize,
+}
+
+/// A run in figures.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// Name of the scene.
+    pub scene: String,
+    /// Steps.
+    pub steps: usize,
+    /// Moving bodies.
+    pub bodies: usize,
+    /// Primitive pairs in total: what brute force would test in each step.
+    pub primitive_pairs: usize,
+    /// Times.
+    pub stages: Stages,
+    /// Counts.
+    pub counts: CountSummary,
+    /// Deepest overlap in any step, in percent of the smaller body's size.
+    pub deepest_overlap_percent: f32,
+    /// Lowest point of any body, in any step.
+    pub lowest_y: f32,
+    /// Kinetic energy over mass at the end, in joules per kilogram.
+    pub kinetic_energy_per_kg: f32,
+    /// Bodies outside of the world at the end.
+    pub escaped: usize,
+    /// See [`Monitor::tunnelled`].
+    pub tunnelled: usize,
+    /// See [`Monitor::ghosts`].
+    pub ghosts: usize,
+    /// Bodies asleep at the end.
+    pub asleep: usize,
+    /// The seed.
+    pub seed: u64,
+}
+
+/// Adds the monitor to an app whose physics runs in `PostUpdate`.
+pub fn add_monitor(app: &mut App) {
+    app.init_resource::<Monitor>().add_systems(
+        PostUpdate,
+        (
+            begin_response.after(MedialSystems::Snapshot).before(PhysicsSet::StepSimulation),
+            end_response.after(PhysicsSet::StepSimulation).before(MedialSystems::Detect),
+            watch.after(MedialSystems::Report).before(PhysicsSet::Writeback),
+        ),
+    );
+}
+
+fn begin_response(mut monitor: ResMut<Monitor>) {
+    monitor.step_begin = Some(Instant::now());
+}
+
+fn end_response(mut monitor: ResMut<Monitor>) {
+    monitor.response = monitor.step_begin.take().map_or(Duration::ZERO, |begin| begin.elapsed());
+}
+
+fn watch(
+    mut monitor: ResMut<Monitor>,
+    step: Res<MedialStep>,
+    projectiles: Query<(), With<Projectile>>,
+    mut started: MessageReader<MedialContactStarted>,
+    context: Single<
+        (&RapierRigidBodySet, &RapierContextColliders, &RapierContextSimulation, &RapierConfiguration),
+        With<DefaultRapierContext>,
+    >,
+) {
+    let (bodies, colliders, _, configuration) = *context;
+    if !configuration.physics_pipeline_active || step.input.bodies.is_empty() {
+        return;
+    }
+    let monitor = monitor.as_mut();
+    for message in started.read() {
+        for (one, other) in [(message.entity1, message.entity2), (message.entity2, message.entity1)] {
+            if projectiles.contains(one) {
+                monitor.touched_by_projectile.insert(other);
+            }
+        }
+    }
+
+    let was_near = std::mem::take(&mut monitor.near);
+    let mut overlap_percent = 0.0f32;
+    for pair in &step.output.pairs {
+        let info2 = step.info(pair.target);
+        let info1 = &step.infos[pair.body1 as usize];
+        monitor.near.extend([info1.entity, info2.entity]);
+        let size1 = 2.0 * step.input.bodies[pair.body1 as usize].shape.bounding_sphere().radius;
+        let size = match pair.target {
+            Target::Body(body) => size1.min(2.0 * step.input.bodies[body as usize].shape.bounding_sphere().radius),
+            Target::Static(_) => size1,
+        };
+        let stopped = step.is_stopped(pair.body1) || matches!(pair.target, Target::Body(body) if step.is_stopped(body));
+        if !stopped {
+            let manifolds = &step.output.manifolds[pair.manifolds.clone()];
+            let deepest = manifolds.iter().map(|m| -m.contacts()[0].distance).fold(0.0, f32::max);
+            overlap_percent = overlap_percent.max(100.0 * deepest / size);
+            if pair.impact.is_some() && manifolds.is_empty() && !info1.sensor && !info2.sensor {
+                monitor.tunnelled += 1;
+            }
+        }
+    }
+
+    let (mut energy, mut mass, mut lowest_y) = (0.0, 0.0, f32::INFINITY);
+    for (body, info) in step.input.bodies.iter().zip(&step.infos) {
+        let parent = colliders.colliders.get(info.collider).and_then(RapierCollider::parent);
+        let Some(rigid) = parent.and_then(|parent| bodies.bodies.get(parent)).filter(|rigid| rigid.is_dynamic()) else {
+            continue;
+        };
+        let explained = info.linear + configuration.gravity * rigid.gravity_scale() * step.dt;
+        let damped = explained / (1.0 + step.dt * rigid.linear_damping());
+        if body.active && !was_near.contains(&info.entity) && rigid.linvel().distance(damped) > UNEXPLAINED_SPEED {
+            monitor.ghosts += 1;
+        }
+        energy += rigid.kinetic_energy();
+        mass += rigid.mass();
+        let scale = body.shape.scale;
+        for sphere in body.shape.axis.spheres().iter().map(|sphere| sphere.scaled(scale)) {
+            lowest_y = lowest_y.min(rigid.position().transform_point(sphere.center).y - sphere.radius);
+        }
+    }
+    monitor.deepest_overlap_percent = monitor.deepest_overlap_percent.max(overlap_percent);
+    let ms = |duration: Duration| duration.as_secs_f64() * 1e3;
+    let Times { broad, mid, narrow, reduce } = step.output.times;
+    let counts = &step.output.counts;
+    monitor.rows.push(Row {
+        broad_ms: ms(broad),
+        mid_ms: ms(mid),
+        narrow_ms: ms(narrow),
+        reduce_ms: ms(reduce),
+        response_ms: ms(monitor.response),
+        body_pairs: counts.body_pairs,
+        candidates: counts.candidates,
+        toi_tests: counts.toi_tests,
+        contacts: counts.contacts,
+        stopped: step.stopped.len(),
+        overlap_percent,
+        kinetic_energy_per_kg: if mass > 0.0 { energy / mass } else { 0.0 },
+        lowest_y,
+    });
+}
+
+/// The element at a fraction of the sorted values; the default for none.
+fn quantile<T: Copy + Default + PartialOrd>(values: impl Iterator<Item = T>, fraction: f64) -> T {
+    let mut values: Vec<T> = values.collect();
+    values.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+    let last = values.len().saturating_sub(1);
+    values.get((last as f64 * fraction).round() as usize).copied().unwrap_or_default()
+}
+
+impl Monitor {
+    /// The run so far, in figures.
+    pub fn summary(&self, scene: &str, seed: u64, world: &mut World) -> Summary {
+        let stage = |value: fn(&Row) -> f64| StageSummary {
+            median_ms: quantile(self.rows.iter().map(value), 0.5),
+            p95_ms: quantile(self.rows.iter().map(value), 0.95),
+        };
+        let median = |value: fn(&Row) -> usize| quantile(self.rows.iter().map(value), 0.5);
+        let most = |value: fn(&Row) -> usize| self.rows.iter().map(value).max().unwrap_or(0);
+        let (mut asleep, mut escaped) = (0, 0);
+        let mut context = world.query::<&RapierRigidBodySet>();
+        for set in context.iter(world) {
+            for (_, body) in set.bodies.iter().filter(|(_, body)| body.is_dynamic()) {
+                asleep += usize::from(body.is_sleeping());
+                escaped += usize::from(!(body.translation().length() <= WORLD_RADIUS));
+            }
+        }
+        let step = world.resource::<MedialStep>();
+        let counts = &step.output.counts;
+        Summary {
+            scene: scene.into(),
+            steps: self.rows.len(),
+            bodies: counts.bodies,
+            primitive_pairs: counts.primitive_pairs,
+            stages: Stages {
+                broad: stage(|row| row.broad_ms),
+                mid: stage(|row| row.mid_ms),
+                narrow: stage(|row| row.narrow_ms),
+                reduce: stage(|row| row.reduce_ms),
+                response: stage(|row| row.response_ms),
+            },
+            counts: CountSummary {
+                bodies: counts.bodies,
+                primitive_pairs: counts.primitive_pairs,
+                body_pairs: median(|row| row.body_pairs),
+                body_pairs_max: most(|row| row.body_pairs),
+                candidates: median(|row| row.candidates),
+                candidates_max: most(|row| row.candidates),
+                toi_tests: median(|row| row.toi_tests),
+                toi_tests_max: most(|row| row.toi_tests),
+                contacts: median(|row| row.contacts),
+                contacts_max: most(|row| row.contacts),
+            },
+            deepest_overlap_percent: self.deepest_overlap_percent,
+            lowest_y: self.rows.iter().map(|row| row.lowest_y).fold(f32::INFINITY, f32::min),
+            kinetic_energy_per_kg: self.rows.last().map_or(0.0, |row| row.kinetic_energy_per_kg),
+            escaped,
+            tunnelled: self.tunnelled,
+            ghosts: self.ghosts,
+            asleep,
+            seed,
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! The cones that bodies sweep (paper, section 4.1), against plain minimisation in f64.
+
+use std::cell::Cell;
+
+use bevy_medial::{
+    geometry::Sphere,
+    query::{Cuboid, Separation, separation},
+};
+use glam::{DVec3, Vec3};
+use proptest::{
+    prelude::*,
+    test_runner::{Config, RngAlgorithm, TestCaseResult, TestRng, TestRunner},
+};
+
+/// The least value of a convex function on [0, 1].
+fn least(f: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..60 {
+        let third = (high - low) / 3.0;
+        if f(low + third) < f(high - third) { high -= third } else { low += third }
+    }
+    f((low + high) * 0.5)
+}
+
+fn lerp(a: &Sphere, b: &Sphere, t: f64) -> (DVec3, f64) {
+    let (radius1, radius2) = (f64::from(a.radius), f64::from(b.radius));
+    (a.center.as_dvec3().lerp(b.center.as_dvec3(), t), radius1 + (radius2 - radius1) * t)
+}
+
+/// Equation 3: least of `|v(t1, t2, t3) - c(t4)| - r(t4)` over the unit tesseract, and of the first term of it where that is attained.
+/// The box's edges are orthogonal, so that for a given `t4` each of the other three has a minimum of its own.
+fn cone_to_box([a, b]: &[Sphere; 2], half: Vec3) -> f64 {
+    least(|t4| {
+        let (center, radius) = lerp(a, b, t4);
+        let squared: f64 = (0..3)
+            .map(|axis| {
+                let (half, center) = (f64::from(half[axis]), center[axis]);
+                least(|t| (-half + 2.0 * half * t - center).powi(2))
+            })
+            .sum();
+        squared.sqrt() - radius
+    })
+}
+
+fn cone_to_cone([a, b]: &[Sphere; 2], [c, d]: &[Sphere; 2]) -> f64 {
+    least(|t| {
+        let (center1, radius1) = lerp(a, b, t);
+        least(|s| {
+            let (center2, radius2) = lerp(c, d, s);
+            center1.distance(center2) - radius1 - radius2
+        })
+    })
+}
+
+fn vec3(low: f32, high: f32) -> impl Strategy<Value = Vec3> {
+    prop::array::uniform3(low..high).prop_map(Vec3::from_array)
+}
+
+/// Cones of any slope, also with pointed ends, with one end inside the other, and of length 0.
+fn cone() -> impl Strategy<Value = [Sphere; 2]> {
+    let radius = || prop_oneof![1 => Just(0.0f32), 5 => 0.0f32..1.0];
+    let way = prop_oneof![1 => Just(Vec3::ZERO), 8 => vec3(-2.0, 2.0)];
+    (vec3(-2.5, 2.5), way, radius(), radius())
+        .prop_map(|(start, way, r1, r2)| [Sphere::new(start, r1), Sphere::new(start + way, r2)])
+}
+
+/// Checks a separation against the least value, which is the distance unless the centres meet: then the overlap is at least that deep.
+fn check(got: &Separation, wanted: f64, deepest: f32, counts: &[Cell<u32>; 3]) -> TestCaseResult {
+    let tolerance = 2e-5;
+    let distance = f64::from(got.distance);
+    let kind = if wanted > 0.0 { 0 } else { usize::from(wanted < f64::from(-deepest) + 1e-3) + 1 };
+    counts[kind].set(counts[kind].get() + 1);
+    if kind == 2 {
+        prop_assert!(distance < wanted + tolerance, "{distance} is above {wanted}");
+    } else {
+        prop_assert!((distance - wanted).abs() < tolerance, "{distance} is not {wanted}");
+    }
+    Ok(())
+}
+
+/// Runs a property on the same cases every time; the counts of pairs apart, overlapping, and possibly with centres meeting.
+fn run<S: Strategy>(strategy: S, property: impl Fn(S::Value, &[Cell<u32>; 3]) -> TestCaseResult) {
+    let cases = if cfg!(debug_assertions) { 2_000 } else { 20_000 };
+    let config = Config { cases, failure_persistence: None, ..Config::default() };
+    let mut runner = TestRunner::new_with_rng(config, TestRng::deterministic_rng(RngAlgorithm::ChaCha));
+    let counts = [const { Cell::new(0) }; 3];
+    let result = runner.run(&strategy, |value| property(value, &counts));
+    println!("apart, overlapping, deep: {counts:?}");
+    if let Err(error) = result {
+        panic!("{error}");
+    }
+    assert!(counts.iter().all(|count| count.get() > cases / 50), "{counts:?} do not reach every case");
+}
+
+#[test]
+fn cone_against_box_is_the_minimum_of_equation_3() {
+    run((cone(), vec3(0.01, 2.0)), |(cone, half), counts| {
+        let got = separation(&cone, &Cuboid { half }, 0);
+        check(&got, cone_to_box(&cone, half), cone[0].radius.min(cone[1].radius), counts)
+    });
+}
+
+#[test]
+fn cone_against_cone_is_the_minimum() {
+    run((cone(), cone()), |(cone1, cone2), counts| {
+        let deepest = cone1[0].radius.min(cone1[1].radius) + cone2[0].radius.min(cone2[1].radius);
+        check(&separation(&cone1, &cone2, 0), cone_to_cone(&cone1, &cone2), deepest, counts)
+    });
+}
