@@ -36,5 +36,6 @@ pub const DUPLICATE_CONTACT: f32 = 1.0e-3;
 /// Distance in metres at which two bodies begin to touch, for messages. Rapier lets resting bodies overlap by about as much.
 pub const TOUCH_DISTANCE: f32 = 1.0e-3;
 
-/// Depth at the end of a step, per metre of bounding radius, up to which an impact within the step needs no stop.
-pub const STOP_SLOP: f32 = 2.0e-3;
+/// Overlap, per metre of the smaller body's radius, that a body may gain within a step before it stops. Well above what the solver
+/// leaves at a contact that it knows, well below what can be seen.
+pub const STOP_SLOP: f32 = 1.0e-3;

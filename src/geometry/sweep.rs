@@ -61,6 +61,16 @@ impl Sweep {
         Pose3::from_parts(center - rotation * self.local_center, rotation)
     }
 
+    /// The part of the motion from `fraction` on.
+    pub fn rest_from(&self, fraction: f32) -> Self {
+        Self {
+            start: self.pose_at(fraction),
+            translation: self.translation * (1.0 - fraction),
+            rotation: self.rotation * (1.0 - fraction),
+            ..*self
+        }
+    }
+
     /// The same motion in a frame that has the pose `frame`.
     pub fn seen_from(&self, frame: &Pose3) -> Self {
         let turn = frame.rotation.inverse();

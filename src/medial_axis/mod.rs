@@ -19,6 +19,7 @@ mod oracle;
 
 use std::sync::Arc;
 
+use bevy::{asset::Asset, reflect::TypePath};
 use glam::{DVec3, Vec3};
 use thiserror::Error;
 
@@ -44,7 +45,7 @@ pub const MAX_SPHERES: usize = 1 << 20;
 /// * primitives are in ascending order (spheres, cones, slabs), as are the indices in each.
 ///
 /// A clone shares everything.
-#[derive(Clone, Debug)]
+#[derive(Asset, TypePath, Clone, Debug)]
 pub struct MedialAxis(Arc<Data>);
 
 #[derive(Debug)]

@@ -1,8 +1,8 @@
 //! Broad phase: which bodies may touch within the step.
 //!
-//! The sphere around a moving body sweeps a medial cone (paper, section 4). Two bodies are a pair if their spheres meet *at the
-//! same time*, which is stricter than an overlap of the two cones and cheaper to tell. A body and a static are a pair if the
-//! cone comes within the prediction distance of the static's box (section 4.1).
+//! The sphere around a moving body sweeps a medial cone. Two bodies are a pair if their cones come within the prediction distance of
+//! each other (paper, section 4), whenever that is: one may stop on its way, and the other run into it. A body and a static
+//! are a pair if the cone comes as near to the static's box (section 4.1).
 
 use bevy::tasks::TaskPool;
 use glam::Vec3;
@@ -44,12 +44,15 @@ impl SweptSphere {
         Aabb::from_spheres([self.sphere, end])
     }
 
+    /// The cone, with a place near it as the origin.
+    fn cone(&self, origin: Vec3) -> [Sphere; 2] {
+        [Vec3::ZERO, self.motion]
+            .map(|motion| Sphere::new(self.sphere.center - origin + motion, self.sphere.radius))
+    }
+
     fn meets(&self, other: &SweptSphere) -> bool {
-        let offset = other.sphere.center - self.sphere.center;
-        let motion = other.motion - self.motion;
-        let reach = self.sphere.radius + other.sphere.radius;
-        let t = (-offset.dot(motion) / motion.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-        (offset + motion * t).length_squared() <= reach * reach
+        let origin = self.sphere.center;
+        separation(&self.cone(origin), &other.cone(origin), 0).distance <= 0.0
     }
 }
 

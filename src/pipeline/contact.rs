@@ -108,7 +108,7 @@ pub fn nearest(shape1: &Shape, second: Second, pose12: &Pose3, max_distance: f32
 }
 
 /// Primitive pairs whose boxes come within `margin`, in ascending order.
-fn near(shape1: &Shape, second: Second, pose12: &Pose3, margin: f32) -> Vec<[u32; 2]> {
+pub(super) fn near(shape1: &Shape, second: Second, pose12: &Pose3, margin: f32) -> Vec<[u32; 2]> {
     let pose21 = pose12.inverse();
     let mut pairs = Vec::new();
     match second {

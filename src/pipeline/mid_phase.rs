@@ -25,16 +25,17 @@ pub(super) fn run(
     pool: &TaskPool,
 ) -> Vec<Vec<PrimitivePair>> {
     parallel::map(pool, pairs, 8, |_, pair| {
-        let motion = PairMotion::new(input, statics, pair);
+        let motion = PairMotion::new(input, statics, pair, |body| input.bodies[body as usize].sweep);
         if input.culling == Culling::None {
             let count2 = motion.second.len() as u32;
             return (0..motion.shape1.len() as u32).flat_map(|i| (0..count2).map(move |j| [i, j])).collect();
         }
-        swept_candidates(&motion, input.prediction)
+        candidates(&motion, input.prediction)
     })
 }
 
-fn swept_candidates(motion: &PairMotion, prediction: f32) -> Vec<PrimitivePair> {
+/// Candidate primitive pairs of one body pair, in ascending order.
+pub(super) fn candidates(motion: &PairMotion, prediction: f32) -> Vec<PrimitivePair> {
     let frame = Mat3::from_quat(motion.sweep2.start.rotation).transpose();
     let boxes1 = SweptBoxes::new(&motion.sweep1, frame, motion.shape1.scale);
     let margin = prediction + motion.whole_sagitta();

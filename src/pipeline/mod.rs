@@ -4,7 +4,7 @@
 //!   poses, shapes, statics
 //!     broad   swept bounding spheres against each other, and against a BVH of static boxes  -> body pairs
 //!     mid     primitive BVH against primitive BVH (or box), swept over the step             -> candidate primitive pairs
-//!     narrow  contacts at the end of the step, first impact within it                       -> raw contacts, impacts
+//!     narrow  first impacts within the step, the bodies that stop there, contacts at the end -> raw contacts, impacts
 //!     reduce  a few manifolds per body pair
 //!   sorted contacts, impacts, counts and times
 //! ```
@@ -20,6 +20,7 @@ mod narrow_phase;
 mod parallel;
 mod reduce;
 mod shape;
+mod stop;
 
 use std::{
     ops::Range,
@@ -65,6 +66,10 @@ pub struct Body {
     pub groups: Groups,
     /// False for bodies that sleep or never move: two of these are not looked at.
     pub active: bool,
+    /// True if it stops where it is at an impact: a dynamic body does, a kinematic one goes on.
+    pub stops: bool,
+    /// True if nothing stops at it, nor it at anything: a sensor.
+    pub passes: bool,
 }
 
 /// A body that never moves by itself: a box, or a shape with its box.
@@ -76,6 +81,8 @@ pub struct StaticBody {
     pub shape: Option<(Shape, Pose3)>,
     /// Whom it collides with.
     pub groups: Groups,
+    /// True if nothing stops at it: a sensor.
+    pub passes: bool,
 }
 
 /// The static bodies and the hierarchy over their boxes, rebuilt only when one of them changes.
@@ -115,6 +122,8 @@ pub struct StepInput {
     pub bodies: Vec<Body>,
     /// Contacts are reported up to this distance, in metres.
     pub prediction: f32,
+    /// Bodies stop at their first impact.
+    pub stop_at_impact: bool,
     /// Which pairs reach the narrow phase.
     pub culling: Culling,
 }
@@ -128,7 +137,8 @@ pub enum Target {
     Static(u32),
 }
 
-/// First touch of a pair within the step.
+/// First impact of a pair within the step: they touch, and would overlap by more than a slop if nothing stopped them; or they are in
+/// touch at the start and would overlap by more than a slop beyond that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact {
     /// When, as a fraction of the step.
@@ -150,15 +160,28 @@ pub struct Pair {
     pub body1: u32,
     /// The second.
     pub target: Target,
-    /// Its manifolds at the end of the step: a range of [`StepOutput::manifolds`].
+    /// Its manifolds where the bodies end the step: a range of [`StepOutput::manifolds`].
     pub manifolds: Range<usize>,
-    /// The first touch, if they were apart at the start.
+    /// Their first impact, if there is one.
     pub impact: Option<Impact>,
+}
+
+/// A body that stops within the step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// The body.
+    pub body: u32,
+    /// When, as a fraction of the step.
+    pub fraction: f32,
+    /// Its pose from then on.
+    pub pose: Pose3,
 }
 
 /// What a step yields, sorted by body indices.
 #[derive(Clone, Debug, Default)]
 pub struct StepOutput {
+    /// Bodies that stop at an impact.
+    pub stops: Vec<Stop>,
     /// Pairs with something to tell.
     pub pairs: Vec<Pair>,
     /// Their manifolds.
@@ -167,6 +190,13 @@ pub struct StepOutput {
     pub counts: Counts,
     /// What it took.
     pub times: Times,
+}
+
+impl StepOutput {
+    /// The stop of a body, if it has one.
+    pub fn stop_of(&self, body: u32) -> Option<&Stop> {
+        self.stops.binary_search_by_key(&body, |stop| stop.body).ok().map(|i| &self.stops[i])
+    }
 }
 
 /// Counts of one step.
@@ -223,7 +253,9 @@ pub fn step(input: &StepInput, statics: &Statics, pool: &TaskPool) -> StepOutput
     let candidates = mid_phase::run(input, statics, &pairs, pool);
     output.times.mid = lap();
 
-    let results = narrow_phase::run(input, statics, &pairs, &candidates, pool);
+    let mut results = narrow_phase::impacts(input, statics, &pairs, &candidates, pool);
+    let stops = stop::run(input, statics, &pairs, &mut results);
+    let contacts = narrow_phase::contacts(input, statics, &pairs, &candidates, &stops, pool);
     output.times.narrow = lap();
 
     output.counts = Counts {
@@ -235,7 +267,12 @@ pub fn step(input: &StepInput, statics: &Statics, pool: &TaskPool) -> StepOutput
         unresolved: results.iter().map(|r| r.unresolved).sum(),
         contacts: 0,
     };
-    reduce::run(&pairs, results, &mut output);
+    output.stops = stops
+        .iter()
+        .map(|(body, fraction)| Stop { body, fraction, pose: stops.final_pose(input, body) })
+        .collect();
+    let impacts = results.iter().map(|result| result.impact);
+    reduce::run(&pairs, impacts, contacts, &mut output);
     output.times.reduce = lap();
     output
 }

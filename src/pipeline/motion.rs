@@ -20,8 +20,6 @@ use crate::{
 pub(super) struct PairMotion<'a> {
     pub shape1: &'a Shape,
     pub second: Second<'a>,
-    /// Pose of body 2 in the frame of body 1 at the end, from the world's poses.
-    pub end_pose12: Pose3,
     pub sweep1: Sweep,
     pub sweep2: Sweep,
     /// Takes the frame's vectors to the world.
@@ -32,16 +30,19 @@ pub(super) struct PairMotion<'a> {
     pub chords: u32,
     /// How far any point strays from its chord, both sides together, in metres.
     pub sagitta: f32,
+    /// Distance from the centre of mass to the farthest point of the smaller body, in metres.
+    pub size: f32,
 }
 
 impl<'a> PairMotion<'a> {
-    pub fn new(input: &'a StepInput, statics: &'a Statics, pair: &BodyPair) -> Self {
-        let body1 = &input.bodies[pair.body1 as usize];
-        let origin = Pose3::from_translation(body1.sweep.start.translation);
+    /// `sweep_of`: the motion of a body, the whole step's or what is left of it.
+    pub fn new(input: &'a StepInput, statics: &'a Statics, pair: &BodyPair, sweep_of: impl Fn(u32) -> Sweep) -> Self {
+        let shape1 = &input.bodies[pair.body1 as usize].shape;
+        let sweep1 = sweep_of(pair.body1);
+        let origin = Pose3::from_translation(sweep1.start.translation);
         let (second, sweep2, frame) = match pair.target {
             Target::Body(i) => {
-                let body = &input.bodies[i as usize];
-                (Second::Shape(&body.shape), body.sweep, origin)
+                (Second::Shape(&input.bodies[i as usize].shape), sweep_of(i), origin)
             }
             Target::Static(i) => {
                 let body = &statics.bodies[i as usize];
@@ -51,24 +52,29 @@ impl<'a> PairMotion<'a> {
                 }
             }
         };
-        let end_pose12 = body1.sweep.end.inv_mul(&sweep2.end);
-        let (sweep1, sweep2) = (body1.sweep.seen_from(&frame), sweep2.seen_from(&frame));
+        let (sweep1, sweep2) = (sweep1.seen_from(&frame), sweep2.seen_from(&frame));
         let arms = [
-            arm(&body1.shape, &sweep1),
+            arm(shape1, &sweep1),
             match second {
                 Second::Shape(shape) => arm(shape, &sweep2),
                 Second::Cuboid(_) | Second::Hull(_) => 0.0,
             },
         ];
-        let tolerance = CHORD_TOLERANCE * if arms[1] > 0.0 { arms[0].min(arms[1]) } else { arms[0] };
+        let size = if arms[1] > 0.0 { arms[0].min(arms[1]) } else { arms[0] };
+        let tolerance = CHORD_TOLERANCE * size;
         let chords = sweep1.chords(arms[0], tolerance).max(sweep2.chords(arms[1], tolerance));
         let sagitta = sweep1.sagitta(arms[0], chords) + sweep2.sagitta(arms[1], chords);
-        Self { shape1: &body1.shape, second, end_pose12, sweep1, sweep2, frame, arms, chords, sagitta }
+        Self { shape1, second, sweep1, sweep2, frame, arms, chords, sagitta, size }
     }
 
     /// Both placements at a fraction of the step.
     pub fn placements(&self, fraction: f32) -> [Placement; 2] {
         [self.sweep1.pose_at(fraction).into(), self.sweep2.pose_at(fraction).into()]
+    }
+
+    /// True if neither body moves.
+    pub fn is_at_rest(&self) -> bool {
+        [&self.sweep1, &self.sweep2].iter().all(|sweep| sweep.translation == Vec3::ZERO && sweep.rotation == Vec3::ZERO)
     }
 
     /// How far any point strays from its chord over the whole step, both sides together.

@@ -1,17 +1,22 @@
 //! Reduction: from all contacts of a body pair to a few manifolds, in an order that depends on the contacts alone.
 
-use super::{Contact, Manifold, Pair, StepOutput, broad_phase::BodyPair, narrow_phase::PairResult};
+use super::{Contact, Impact, Manifold, Pair, StepOutput, broad_phase::BodyPair};
 use crate::constants::{DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS};
 
 /// Reduces each pair's contacts and keeps the pairs with something to tell.
-pub(super) fn run(pairs: &[BodyPair], results: Vec<PairResult>, output: &mut StepOutput) {
-    for (pair, mut result) in pairs.iter().zip(results) {
+pub(super) fn run(
+    pairs: &[BodyPair],
+    impacts: impl Iterator<Item = Option<Impact>>,
+    contacts: Vec<Vec<Contact>>,
+    output: &mut StepOutput,
+) {
+    for ((pair, impact), mut contacts) in pairs.iter().zip(impacts).zip(contacts) {
         let first = output.manifolds.len();
-        reduce(&mut result.contacts, &mut output.manifolds);
+        reduce(&mut contacts, &mut output.manifolds);
         let manifolds = first..output.manifolds.len();
-        if !manifolds.is_empty() || result.impact.is_some() {
+        if !manifolds.is_empty() || impact.is_some() {
             output.counts.contacts += output.manifolds[first..].iter().map(|m| m.contacts().len()).sum::<usize>();
-            output.pairs.push(Pair { body1: pair.body1, target: pair.target, manifolds, impact: result.impact });
+            output.pairs.push(Pair { body1: pair.body1, target: pair.target, manifolds, impact });
         }
     }
 }

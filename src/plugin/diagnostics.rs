@@ -50,7 +50,7 @@ pub(super) fn measure(step: Res<MedialStep>, mut diagnostics: Diagnostics) {
     for (path, time) in TIMES.iter().zip([times.broad, times.mid, times.narrow, times.reduce]) {
         diagnostics.add_measurement(path, || milliseconds(time));
     }
-    let counts = [counts.bodies, counts.body_pairs, counts.candidates, counts.contacts, step.stopped.len()];
+    let counts = [counts.bodies, counts.body_pairs, counts.candidates, counts.contacts, step.output.stops.len()];
     for (path, count) in COUNTS.iter().zip(counts) {
         diagnostics.add_measurement(path, || count as f64);
     }

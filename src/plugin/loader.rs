@@ -6,9 +6,6 @@ use thiserror::Error;
 
 use crate::medial_axis::{MedialAxis, MedialAxisError, ma};
 
-impl TypePath for MedialAxis { fn type_path() -> &'static str { "bevy_medial::medial_axis::MedialAxis" } fn short_type_path() -> &'static str { "MedialAxis" } }
-impl bevy::asset::VisitAssetDependencies for MedialAxis { fn visit_dependencies(&self, _: &mut impl FnMut(bevy::asset::UntypedAssetId)) {} }
-impl bevy::asset::Asset for MedialAxis {}
 /// Loads `.ma` files as [`MedialAxis`] assets.
 #[derive(Default, TypePath)]
 pub struct MaLoader;

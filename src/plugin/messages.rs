@@ -3,7 +3,7 @@ use bevy::prelude::*;
 /// Where and how two bodies touch.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 pub struct TouchPoint {
-    /// When, as a fraction of the step: that of the first impact where they were apart at its start, else 0.
+    /// When, as a fraction of the step: that of their impact, or 1 where they touch gently, as found at its end.
     pub fraction: f32,
     /// Where, in the world.
     pub point: Vec3,

@@ -57,15 +57,15 @@ fn active_entities(step: &MedialStep) -> HashSet<Entity> {
 
 /// The first impact of the pair, or else its deepest contact.
 fn touch_point(step: &MedialStep, pair: &Pair) -> Option<TouchPoint> {
-    let sweep = &step.input.bodies[pair.body1 as usize].sweep;
+    let end = step.final_pose(pair.body1);
     let contacts = step.output.manifolds[pair.manifolds.clone()].iter().flat_map(|manifold| manifold.contacts());
     let deepest = contacts.min_by(|a, b| a.distance.total_cmp(&b.distance));
     let (fraction, point, normal, separation, primitives) = match (pair.impact, deepest) {
         (Some(impact), _) => (impact.fraction, impact.point, impact.normal, 0.0, (impact.primitive1, impact.primitive2)),
         (None, Some(contact)) => {
-            let point = sweep.end.transform_point(contact.point1 + contact.normal1 * (0.5 * contact.distance));
-            let normal = sweep.end.rotation * contact.normal1;
-            (0.0, point, normal, contact.distance, (contact.primitive1, contact.primitive2))
+            let point = end.transform_point(contact.point1 + contact.normal1 * (0.5 * contact.distance));
+            let normal = end.rotation * contact.normal1;
+            (1.0, point, normal, contact.distance, (contact.primitive1, contact.primitive2))
         }
         (None, None) => return None,
     };

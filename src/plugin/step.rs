@@ -3,8 +3,8 @@ use bevy::{prelude::*, tasks::ComputeTaskPool};
 use bevy_rapier3d::rapier::geometry::ColliderHandle;
 
 use crate::{
-    constants::STOP_SLOP,
-    pipeline::{self, Culling, Impact, Pair, Statics, StepInput, StepOutput, Target},
+    geometry::Pose3,
+    pipeline::{self, Culling, Statics, StepInput, StepOutput, Target},
 };
 
 /// What holds for all medial bodies.
@@ -72,8 +72,6 @@ pub struct MedialStep {
     pub static_infos: Vec<BodyInfo>,
     /// Length of the step in seconds.
     pub dt: f32,
-    /// Indices, in ascending order, of the bodies that were stopped at an impact.
-    pub stopped: Vec<u32>,
 }
 
 impl MedialStep {
@@ -85,29 +83,16 @@ impl MedialStep {
         }
     }
 
-    /// True if the body was stopped at an impact.
-    pub fn is_stopped(&self, body: u32) -> bool {
-        self.stopped.binary_search(&body).is_ok()
+    /// Where a body is at the end of the step.
+    pub fn final_pose(&self, body: u32) -> Pose3 {
+        self.output.stop_of(body).map_or(self.input.bodies[body as usize].sweep.end, |stop| stop.pose)
     }
 
     /// Runs the pipeline.
     pub(crate) fn run(&mut self) {
         self.input.culling = if self.settings.brute_force { Culling::None } else { Culling::Hybrid };
-        self.stopped.clear();
+        self.input.stop_at_impact = self.settings.stop_at_impact;
         let pool = ComputeTaskPool::get_or_init(Default::default);
         self.output = pipeline::step(&self.input, &self.statics, pool);
-    }
-
-    /// True for an impact after which the bodies have settled on each other within the step: the contact at its end faces the same way
-    /// and is hardly deep, so there is nothing to stop.
-    pub(crate) fn harmless(&self, pair: &Pair, impact: &Impact) -> bool {
-        let body = &self.input.bodies[pair.body1 as usize];
-        let slop = STOP_SLOP * body.shape.bounding_sphere().radius;
-        let manifolds = &self.output.manifolds[pair.manifolds.clone()];
-        let deepest = manifolds.iter().min_by(|a, b| a.contacts()[0].distance.total_cmp(&b.contacts()[0].distance));
-        deepest.is_some_and(|manifold| {
-            let normal = body.sweep.end.rotation * manifold.normal1;
-            manifold.contacts()[0].distance >= -slop && normal.dot(impact.normal) > 0.5
-        })
     }
 }

@@ -19,4 +19,4 @@ mod time_of_impact;
 pub use alternating::alternating;
 pub use ray::{RayHit, ray_cast};
 pub use separation::{Convex, Cuboid, Separation, separation};
-pub use time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact};
+pub use time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact, time_of_overlap};

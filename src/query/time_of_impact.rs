@@ -115,16 +115,41 @@ pub fn time_of_impact<const N: usize, B: MovingConvex>(
     second: &B,
     max_fraction: f32,
 ) -> TimeOfImpact {
+    let start = separation(&first.at(0.0), &second.at(0.0), 0);
+    advance(first, second, max_fraction, start, 0.0)
+}
+
+/// First fraction at which they overlap by more than `slop` metres beyond what they do at the start, if they do there.
+///
+/// A contact that the solver keeps within the slop is none, and a pair in touch that turns deeper into each other is one.
+pub fn time_of_overlap<const N: usize, B: MovingConvex>(
+    first: &Moving<N>,
+    second: &B,
+    max_fraction: f32,
+    slop: f32,
+) -> TimeOfImpact {
+    let start = separation(&first.at(0.0), &second.at(0.0), 0);
+    advance(first, second, max_fraction, start, start.distance.min(0.0) - slop)
+}
+
+/// The search of [`time_of_impact`] for the distance `target`, from the separation at the start.
+fn advance<const N: usize, B: MovingConvex>(
+    first: &Moving<N>,
+    second: &B,
+    max_fraction: f32,
+    start: Separation,
+    target: f32,
+) -> TimeOfImpact {
     let extent = first.start.extent().max(second.at(0.0).extent());
-    let touching = CONTACT_ROUNDING * extent;
-    let mut here = separation(&first.at(0.0), &second.at(0.0), 0);
+    let touching = target + CONTACT_ROUNDING * extent;
+    let mut here = start;
     let mut rounds = 1;
     let result = |status, fraction, contact, rounds| TimeOfImpact { status, fraction, contact, rounds };
     if here.distance <= touching {
         return result(TimeOfImpactStatus::Overlapping, 0.0, here, rounds);
     }
     let mut fraction = 0.0;
-    let mut cleared = cleared_until(first, second, here.normal);
+    let mut cleared = cleared_until(first, second, here.normal, target);
     while rounds < MAX_ADVANCES {
         if cleared > max_fraction {
             return result(TimeOfImpactStatus::Separated, fraction, here, rounds);
@@ -135,7 +160,7 @@ pub fn time_of_impact<const N: usize, B: MovingConvex>(
             return result(TimeOfImpactStatus::Hit, cleared, next, rounds);
         }
         (fraction, here) = (cleared, next);
-        cleared = fraction.max(cleared_until(first, second, here.normal));
+        cleared = fraction.max(cleared_until(first, second, here.normal, target));
     }
 
     let fastest = first.motion.iter().map(|&m| second.fastest(m)).fold(0.0, f32::max);
@@ -145,12 +170,12 @@ pub fn time_of_impact<const N: usize, B: MovingConvex>(
         let trial = (fraction + step).min(max_fraction);
         let there = separation(&first.at(trial), &second.at(trial), here.feature);
         rounds += 1;
-        if there.distance > touching && cleared_since(first, second, there.normal) <= cleared {
+        if there.distance > touching && cleared_since(first, second, there.normal, target) <= cleared {
             if trial >= max_fraction {
                 break;
             }
             (fraction, here) = (trial, there);
-            cleared = fraction.max(cleared_until(first, second, here.normal));
+            cleared = fraction.max(cleared_until(first, second, here.normal, target));
             step *= 2.0;
         } else if step <= shortest {
             return result(TimeOfImpactStatus::Hit, cleared.min(trial), here, rounds);
@@ -163,11 +188,11 @@ pub fn time_of_impact<const N: usize, B: MovingConvex>(
     result(TimeOfImpactStatus::Separated, fraction, here, rounds)
 }
 
-/// First root of the gap along `n`: from an instant at which the gap is positive until then nothing touches.
+/// First time that the gap along `n` falls to `target`: from an instant at which it is more until then nothing touches.
 #[inline]
-fn cleared_until<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B, n: Vec3) -> f32 {
+fn cleared_until<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B, n: Vec3, target: f32) -> f32 {
     let mut root = f32::INFINITY;
-    gaps(first, second, n, |gap, closing| {
+    gaps(first, second, n, target, |gap, closing| {
         if closing > 0.0 {
             root = root.min(gap / closing);
         }
@@ -175,10 +200,10 @@ fn cleared_until<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B,
     root
 }
 
-/// Last root of the gap along `n`: from then until an instant at which the gap is positive nothing touches.
-fn cleared_since<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B, n: Vec3) -> f32 {
+/// Last time that the gap along `n` rises above `target`: from then until an instant at which it is more nothing touches.
+fn cleared_since<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B, n: Vec3, target: f32) -> f32 {
     let mut root = f32::NEG_INFINITY;
-    gaps(first, second, n, |gap, closing| {
+    gaps(first, second, n, target, |gap, closing| {
         if closing < 0.0 {
             root = root.max(gap / closing);
         }
@@ -186,15 +211,21 @@ fn cleared_since<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B,
     root
 }
 
-/// For every pair of spheres its gap along `n` at fraction 0, and how much of it closes over the step.
+/// For every pair of spheres how far its gap along `n` exceeds `target` at fraction 0, and how much of it closes over the step.
 #[inline]
-fn gaps<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B, n: Vec3, mut visit: impl FnMut(f32, f32)) {
+fn gaps<const N: usize, B: MovingConvex>(
+    first: &Moving<N>,
+    second: &B,
+    n: Vec3,
+    target: f32,
+    mut visit: impl FnMut(f32, f32),
+) {
     let high: [(f32, f32); N] = std::array::from_fn(|i| {
         (first.start[i].center.dot(n) + first.start[i].radius, first.motion[i].dot(n))
     });
     second.supports(n, |low, low_motion| {
         for (high, high_motion) in high {
-            visit(low - high, high_motion - low_motion);
+            visit(low - high - target, high_motion - low_motion);
         }
     });
 }

@@ -1,4 +1,4 @@
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use bevy::{
     asset::LoadState,
@@ -16,7 +16,7 @@ use bevy_rapier3d::{
         RigidBody,
     },
     rapier::{
-        dynamics::{RigidBody as RapierBody, RigidBodyHandle},
+        dynamics::RigidBody as RapierBody,
         geometry::{Collider as RapierCollider, ColliderHandle, NarrowPhase},
     },
 };
@@ -230,7 +230,7 @@ fn gather_statics(
         } else {
             continue;
         };
-        let body = StaticBody { obb, shape, groups: groups(collider) };
+        let body = StaticBody { obb, shape, groups: groups(collider), passes: collider.is_sensor() };
         found.push((handle.0, entity, body, collider.is_sensor()));
     }
     found.sort_by_key(|(handle, ..)| handle.into_raw_parts());
@@ -279,6 +279,8 @@ fn detect(
             sweep: Sweep::between(start.pose, end, center, body.map_or(Vec3::ZERO, |body| body.angvel() * dt)),
             groups: groups(collider),
             active,
+            stops: active && body.is_some_and(RapierBody::is_dynamic),
+            passes: collider.is_sensor() || ccd.get(entity).is_ok_and(|ccd| !ccd.enabled),
         });
         step.infos.push(BodyInfo {
             entity,
@@ -290,55 +292,19 @@ fn detect(
         });
     }
     step.run();
-    if step.settings.stop_at_impact {
-        stop_at_impacts(step, &mut bodies, colliders, &ccd);
-    }
+    stop_bodies(step, &mut bodies, colliders);
     table.fill(table_entries(step, colliders));
 }
 
-/// Moves bodies back to their first impact, their velocities kept: the next step then resolves a true contact at a true pose.
-fn stop_at_impacts(
-    step: &mut MedialStep,
-    bodies: &mut Mut<RapierRigidBodySet>,
-    colliders: &RapierContextColliders,
-    ccd: &Query<&MedialCcd>,
-) {
-    let enabled = |info: &BodyInfo| !info.sensor && ccd.get(info.entity).map_or(true, |ccd| ccd.enabled);
-    let mut impacts: Vec<(f32, u32, Target)> = Vec::new();
-    for pair in &step.output.pairs {
-        let Some(impact) = pair.impact else { continue };
-        let (info1, info2) = (&step.infos[pair.body1 as usize], step.info(pair.target));
-        if enabled(info1) && enabled(info2) && !step.harmless(pair, &impact) {
-            impacts.push((impact.fraction, pair.body1, pair.target));
+/// Moves bodies back to where they stop, their velocities kept: the next step then resolves a true contact at a true pose.
+fn stop_bodies(step: &MedialStep, bodies: &mut RapierRigidBodySet, colliders: &RapierContextColliders) {
+    for stop in &step.output.stops {
+        let Some(collider) = colliders.colliders.get(step.infos[stop.body as usize].collider) else { continue };
+        let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
+        if let Some(body) = collider.parent().and_then(|parent| bodies.bodies.get_mut(parent)) {
+            body.set_position(stop.pose * local.inverse(), true);
         }
     }
-    impacts.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut stopped: HashSet<RigidBodyHandle> = HashSet::new();
-    let mut indices = Vec::new();
-    for (fraction, body1, target) in impacts {
-        let mut stop = |index: u32| {
-            let sweep = &step.input.bodies[index as usize].sweep;
-            let Some(collider) = colliders.colliders.get(step.infos[index as usize].collider) else { return };
-            let Some(parent) = collider.parent() else { return };
-            let Some(body) = bodies.bodies.get(parent).filter(|body| body.is_dynamic()) else { return };
-            if stopped.contains(&parent) || body.is_sleeping() {
-                return;
-            }
-            stopped.insert(parent);
-            indices.push(index);
-            let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
-            let pose = sweep.pose_at(fraction) * local.inverse();
-            if let Some(body) = bodies.bodies.get_mut(parent) {
-                body.set_position(pose, true);
-            }
-        };
-        stop(body1);
-        if let Target::Body(body2) = target {
-            stop(body2);
-        }
-    }
-    indices.sort_unstable();
-    step.stopped = indices;
 }
 
 /// The manifolds of the step under the keys that the dispatcher will look them up by.
@@ -351,9 +317,9 @@ fn table_entries<'a>(
         let info2 = step.info(pair.target);
         let medial1 = medial(colliders.colliders.get(info1.collider)?)?;
         let collider2 = colliders.colliders.get(info2.collider)?;
-        let end1 = step.input.bodies[pair.body1 as usize].sweep.end;
+        let end1 = step.final_pose(pair.body1);
         let end2 = match pair.target {
-            Target::Body(body) => step.input.bodies[body as usize].sweep.end,
+            Target::Body(body) => step.final_pose(body),
             Target::Static(_) => *collider2.position(),
         };
         let second = match (medial(collider2), collider2.shape().as_cuboid()) {

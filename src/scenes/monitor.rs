@@ -29,7 +29,7 @@ pub struct Monitor {
     pub rows: Vec<Row>,
     /// Deepest overlap of any pair so far, in percent of the smaller body's size.
     pub deepest_overlap_percent: f32,
-    /// Pairs whose motions met within a step, without a stop and without a contact at its end.
+    /// Pairs that had an impact within a step and yet no contact at its end.
     pub tunnelled: usize,
     /// Bodies whose velocity changed though nothing was near.
     pub ghosts: usize,
@@ -207,14 +207,11 @@ fn watch(
             Target::Body(body) => size1.min(2.0 * step.input.bodies[body as usize].shape.bounding_sphere().radius),
             Target::Static(_) => size1,
         };
-        let stopped = step.is_stopped(pair.body1) || matches!(pair.target, Target::Body(body) if step.is_stopped(body));
-        if !stopped {
-            let manifolds = &step.output.manifolds[pair.manifolds.clone()];
-            let deepest = manifolds.iter().map(|m| -m.contacts()[0].distance).fold(0.0, f32::max);
-            overlap_percent = overlap_percent.max(100.0 * deepest / size);
-            if pair.impact.is_some() && manifolds.is_empty() && !info1.sensor && !info2.sensor {
-                monitor.tunnelled += 1;
-            }
+        let manifolds = &step.output.manifolds[pair.manifolds.clone()];
+        let deepest = manifolds.iter().map(|m| -m.contacts()[0].distance).fold(0.0, f32::max);
+        overlap_percent = overlap_percent.max(100.0 * deepest / size);
+        if pair.impact.is_some() && manifolds.is_empty() && !info1.sensor && !info2.sensor {
+            monitor.tunnelled += 1;
         }
     }
 
@@ -250,7 +247,7 @@ fn watch(
         candidates: counts.candidates,
         toi_tests: counts.toi_tests,
         contacts: counts.contacts,
-        stopped: step.stopped.len(),
+        stopped: step.output.stops.len(),
         overlap_percent,
         kinetic_energy_per_kg: if mass > 0.0 { energy / mass } else { 0.0 },
         lowest_y,

@@ -194,7 +194,8 @@ impl Difference {
         let mut fraction = 0.0;
         for _ in 0..20_000 {
             let now = self.at(fraction).distance();
-            if now.upper <= level + TOUCHING * size {
+            assert!(now.upper - now.lower < 1e-7 * size, "no proof at {fraction}: {now:?}");
+            if now.lower <= level + TOUCHING * size {
                 return Some(fraction);
             }
             let mut next = f64::INFINITY;
@@ -207,7 +208,6 @@ impl Difference {
             if next > 1.0 {
                 return None;
             }
-            assert!(next > fraction - 1e-12, "no progress at {fraction}: {now:?}");
             fraction = next.max(fraction);
         }
         panic!("no end at {fraction}: {:?}", self.at(fraction).distance());
