@@ -5,14 +5,20 @@
 //!                                         [--cull hybrid|none] [--csv FILE] [--json FILE] [--list]
 //! ```
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
-use bevy::prelude::*;
+use bevy::{prelude::*, tasks::ComputeTaskPool};
 use bevy_medial::{
+    pipeline::{self, Culling, StepInput},
     plugin::MedialStep,
-    scenes::{Model, Monitor, SCENES, Scene, StageSummary, Summary, headless_app, load_models},
+    scenes::{Model, Monitor, Row, SCENES, Scene, StageSummary, Summary, headless_app, load_models},
 };
 use clap::Parser;
+use indicatif::ProgressBar;
 
 #[derive(Parser)]
 #[command(about = "Demo scenes of bevy_medial")]
@@ -86,20 +92,71 @@ fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn 
     let mut app = headless_app(args.dt);
     scene.spawn(app.world_mut(), models, args.seed);
     let steps = args.steps.unwrap_or(scene.steps);
+    let progress = ProgressBar::new(steps.into());
+    let mut brute_force = Vec::new();
     for _ in 0..steps {
         app.update();
+        if args.cull == Cull::None {
+            brute_force.push(test_every_pair(app.world())?);
+        }
+        progress.inc(1);
     }
-    let summary = app.world_mut().resource_scope(|world, monitor: Mut<Monitor>| {
-        monitor.summary(scene.name, args.seed, world)
-    });
+    progress.finish_and_clear();
+    let summary =
+        app.world_mut().resource_scope(|world, monitor: Mut<Monitor>| monitor.summary(scene.name, args.seed, world));
     print_summary(&summary);
+    let rows = &app.world().resource::<Monitor>().rows;
+    if args.cull == Cull::None {
+        let hybrid = rows.iter().map(|row| row.broad_ms + row.mid_ms + row.narrow_ms + row.reduce_ms);
+        let (hybrid, none) = (median(hybrid.collect()), median(brute_force));
+        println!("collision, median ms: hybrid culling {hybrid:.4}, none {none:.4}: {:.1} times as fast", none / hybrid);
+    }
+    if let Some(path) = &args.csv {
+        write_csv(path, rows).map_err(|error| format!("{}: {error}", path.display()))?;
+    }
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&summary)?;
+        std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+    }
     Ok(())
+}
+
+/// Runs the last step's input again without culling. Returns the milliseconds; an error if that finds anything else.
+fn test_every_pair(world: &World) -> Result<f64, String> {
+    let step = world.resource::<MedialStep>();
+    let input = StepInput { culling: Culling::None, ..step.input.clone() };
+    let pool = ComputeTaskPool::get_or_init(Default::default);
+    let output = pipeline::step(&input, &step.statics, pool);
+    if output.pairs != step.output.pairs || output.manifolds != step.output.manifolds {
+        return Err("culling has lost a pair".into());
+    }
+    Ok(output.times.total().as_secs_f64() * 1e3)
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// A line for each step, under a line of names: those of the row's fields.
+fn write_csv(path: &Path, rows: &[Row]) -> Result<(), Box<dyn std::error::Error>> {
+    let mut text = String::new();
+    for (step, row) in rows.iter().enumerate() {
+        let serde_json::Value::Object(fields) = serde_json::to_value(row)? else { continue };
+        if step == 0 {
+            let names: Vec<&str> = fields.keys().map(String::as_str).collect();
+            writeln!(text, "step,{}", names.join(","))?;
+        }
+        let values: Vec<String> = fields.values().map(ToString::to_string).collect();
+        writeln!(text, "{step},{}", values.join(","))?;
+    }
+    Ok(std::fs::write(path, text)?)
 }
 
 fn print_summary(summary: &Summary) {
     println!("{}: {} steps, seed {}", summary.scene, summary.steps, summary.seed);
     let stages = &summary.stages;
-    println!("{:10} {:>10} {:>10}", "stage", "median ms", "p95 ms");
+    println!("\n{:10} {:>10} {:>10}", "stage", "median ms", "p95 ms");
     for (name, StageSummary { median_ms, p95_ms }) in [
         ("broad", stages.broad),
         ("mid", stages.mid),
@@ -109,5 +166,21 @@ fn print_summary(summary: &Summary) {
     ] {
         println!("{name:10} {median_ms:10.4} {p95_ms:10.4}");
     }
-    println!("{}", serde_json::to_string_pretty(summary).unwrap_or_default());
+    let counts = &summary.counts;
+    println!("\n{:26} {:>10} {:>10}", "count", "median", "most");
+    for (name, median, most) in [
+        ("bodies", counts.bodies, counts.bodies),
+        ("primitive pairs in total", counts.primitive_pairs, counts.primitive_pairs),
+        ("body pairs", counts.body_pairs, counts.body_pairs_max),
+        ("candidate primitive pairs", counts.candidates, counts.candidates_max),
+        ("time of impact tests", counts.toi_tests, counts.toi_tests_max),
+        ("contacts", counts.contacts, counts.contacts_max),
+    ] {
+        println!("{name:26} {median:10} {most:10}");
+    }
+    println!();
+    println!("deepest overlap  {:.3} % of a body's size", summary.deepest_overlap_percent);
+    println!("lowest point     {:.4} m", summary.lowest_y);
+    println!("kinetic energy   {:.2e} J/kg at the end, {} of {} asleep", summary.kinetic_energy_per_kg, summary.asleep, summary.bodies);
+    println!("escaped {}, tunnelled {}, ghosts {}", summary.escaped, summary.tunnelled, summary.ghosts);
 }

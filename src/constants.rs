@@ -39,3 +39,6 @@ pub const TOUCH_DISTANCE: f32 = 1.0e-3;
 /// Overlap, per metre of the smaller body's radius, that a body may gain within a step before it stops. Well above what the solver
 /// leaves at a contact that it knows, well below what can be seen.
 pub const STOP_SLOP: f32 = 1.0e-3;
+
+/// Contacts within this many metres of the deepest carry the body: they go to the solver before those farther off.
+pub const CARRYING_DEPTH: f32 = 5.0e-3;

@@ -1,7 +1,7 @@
 //! Reduction: from all contacts of a body pair to a few manifolds, in an order that depends on the contacts alone.
 
 use super::{Contact, Impact, Manifold, Pair, StepOutput, broad_phase::BodyPair};
-use crate::constants::{DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS};
+use crate::constants::{CARRYING_DEPTH, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS};
 
 /// Reduces each pair's contacts and keeps the pairs with something to tell.
 pub(super) fn run(
@@ -41,19 +41,38 @@ pub(super) fn reduce(contacts: &mut Vec<Contact>, manifolds: &mut Vec<Manifold>)
 }
 
 /// Up to four contacts that span the group: the deepest, the one farthest from it, the one farthest from their line, and the one
-/// farthest out on the other side of it.
+/// farthest out on the other side of it. Those about as deep as the deepest carry the body and come before those that it may touch next.
 fn spread(group: &[Contact]) -> Vec<Contact> {
-    let normal = group[0].normal1;
-    let deepest = group[0].point1;
-    let farthest = |measure: &dyn Fn(&Contact) -> f32| {
-        let best = group.iter().max_by(|a, b| measure(a).total_cmp(&measure(b)).then(b.distance.total_cmp(&a.distance)));
-        best.filter(|contact| measure(contact) > DUPLICATE_CONTACT).copied()
-    };
-    let mut kept = vec![group[0]];
-    let Some(second) = farthest(&|c| c.point1.distance(deepest)) else { return kept };
-    kept.push(second);
-    let across = (second.point1 - deepest).cross(normal).normalize_or_zero();
-    kept.extend(farthest(&|c| (c.point1 - deepest).dot(across)));
-    kept.extend(farthest(&|c| (deepest - c.point1).dot(across)));
+    let carrying = group.partition_point(|contact| contact.distance <= group[0].distance + CARRYING_DEPTH);
+    let mut kept = Vec::with_capacity(4);
+    span(&group[..carrying], &mut kept);
+    span(group, &mut kept);
     kept
+}
+
+/// Adds contacts of the group to those kept, until there are four or the others lie within what is kept.
+fn span(group: &[Contact], kept: &mut Vec<Contact>) {
+    let normal = group[0].normal1;
+    let add = |kept: &mut Vec<Contact>, measure: &dyn Fn(&Contact) -> f32| {
+        let best = group.iter().max_by(|a, b| measure(a).total_cmp(&measure(b)).then(b.distance.total_cmp(&a.distance)));
+        if kept.len() < 4 {
+            kept.extend(best.filter(|contact| measure(contact) > DUPLICATE_CONTACT));
+        }
+    };
+    if kept.is_empty() {
+        kept.push(group[0]);
+    }
+    let deepest = kept[0].point1;
+    if kept.len() == 1 {
+        add(kept, &|c| c.point1.distance(deepest));
+    }
+    let Some(second) = kept.get(1).map(|c| c.point1) else { return };
+    let across = (second - deepest).cross(normal).normalize_or_zero();
+    let reach = |kept: &[Contact], side: f32| {
+        kept.iter().map(|c| side * (c.point1 - deepest).dot(across)).fold(0.0, f32::max)
+    };
+    for side in [1.0, -1.0] {
+        let reached = reach(kept, side);
+        add(kept, &|c| side * (c.point1 - deepest).dot(across) - reached);
+    }
 }

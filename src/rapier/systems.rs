@@ -62,6 +62,8 @@ fn install_dispatcher(table: Res<ContactTable>, mut contexts: Query<&mut RapierC
     for mut simulation in &mut contexts {
         let dispatcher = MedialDispatcher { table: table.clone() };
         simulation.narrow_phase = NarrowPhase::with_query_dispatcher(dispatcher.chain(DefaultQueryDispatcher));
+        // Rapier would keep the old contacts of a pair that has hardly moved: of one that has just stopped at its impact, too.
+        simulation.integration_parameters.contact_recycling = false;
     }
 }
 
@@ -292,17 +294,20 @@ fn detect(
         });
     }
     step.run();
-    stop_bodies(step, &mut bodies, colliders);
+    stop_bodies(step, &mut bodies, colliders, configuration.gravity);
     table.fill(table_entries(step, colliders));
 }
 
-/// Moves bodies back to where they stop, their velocities kept: the next step then resolves a true contact at a true pose.
-fn stop_bodies(step: &MedialStep, bodies: &mut RapierRigidBodySet, colliders: &RapierContextColliders) {
+/// Moves bodies back to where they stop, with the velocities that they have there: the next step then resolves a true contact at a
+/// true pose. Gravity has not acted on them for the rest of the step; left in, it would feed bodies that rock to and fro.
+fn stop_bodies(step: &MedialStep, bodies: &mut RapierRigidBodySet, colliders: &RapierContextColliders, gravity: Vec3) {
     for stop in &step.output.stops {
         let Some(collider) = colliders.colliders.get(step.infos[stop.body as usize].collider) else { continue };
         let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
         if let Some(body) = collider.parent().and_then(|parent| bodies.bodies.get_mut(parent)) {
             body.set_position(stop.pose * local.inverse(), true);
+            let early = gravity * body.gravity_scale() * (1.0 - stop.fraction) * step.dt;
+            body.set_linvel(body.linvel() - early, true);
         }
     }
 }

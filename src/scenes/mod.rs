@@ -16,7 +16,7 @@ use crate::{
 };
 
 pub use models::{Model, ModelError, load_models};
-pub use monitor::{Monitor, StageSummary, Summary, add_monitor};
+pub use monitor::{Monitor, Row, StageSummary, Summary, add_monitor};
 
 /// A scene.
 #[derive(Clone, Copy, Debug)]
@@ -195,11 +195,11 @@ fn rods(builder: &mut Builder) {
     builder.ground();
     for i in 0..4 {
         let x = i as f32 - 1.5;
-        builder.rod(Vec3::new(x * 0.8, 1.0 + 0.1 * x, 0.0), Vec3::new(0.1 * x, 0.05, 1.0));
+        builder.rod(Vec3::new(x * 0.9, 1.0 + 0.1 * x, 0.0), Vec3::new(0.1 * x, 0.05, 1.0));
     }
     builder.rod(Vec3::new(0.0, 1.6, 0.6), Vec3::new(1.0, 0.05, 0.1));
     for i in 0..9 {
-        let place = Vec3::new((i % 3) as f32 - 1.0, 2.8 + (i / 3) as f32 * 1.3, (i / 3) as f32 * 0.3 - 0.3);
+        let place = Vec3::new((i % 3) as f32 * 1.4 - 1.4, 2.8 + (i / 3) as f32 * 1.5, (i / 3) as f32 * 0.3 - 0.3);
         let center = place + builder.random.vector() * 0.1;
         builder.body(i, 1.0, center, Velocity::zero());
     }
@@ -207,6 +207,10 @@ fn rods(builder: &mut Builder) {
 
 fn dinosaur(builder: &mut Builder) {
     builder.ground();
+    for side in [-1.0, 1.0] {
+        builder.fixed_box("wall", Vec3::new(side * 20.0, 10.0, 0.0), Vec3::new(0.5, 10.0, 20.0));
+        builder.fixed_box("wall", Vec3::new(0.0, 10.0, side * 20.0), Vec3::new(20.0, 10.0, 0.5));
+    }
     let dinosaur = builder.model_named("dinosaur").unwrap_or(0);
     let mut others: Vec<usize> = (0..builder.models.len()).filter(|&i| i != dinosaur).collect();
     if others.is_empty() {
@@ -235,8 +239,8 @@ fn tori(builder: &mut Builder) {
     let torus = builder.model_named("torus").unwrap_or(0);
     for i in 0..51 {
         let (layer, rest) = (i / 9, i % 9);
-        let place = Vec3::new((rest % 3) as f32 - 1.0, 0.6 + layer as f32 * 0.7, (rest / 3) as f32 - 1.0);
-        let center = place * Vec3::new(0.9, 1.0, 0.9) + builder.random.vector() * 0.15;
+        let place = Vec3::new((rest % 3) as f32 - 1.0, 0.6 + layer as f32 * 0.8, (rest / 3) as f32 - 1.0);
+        let center = place * Vec3::new(0.95, 1.0, 0.95) + builder.random.vector() * 0.1;
         builder.body(torus, 0.6, center, Velocity::zero());
     }
 }

@@ -216,14 +216,19 @@ fn watch(
     }
 
     let (mut energy, mut mass, mut lowest_y) = (0.0, 0.0, f32::INFINITY);
-    for (body, info) in step.input.bodies.iter().zip(&step.infos) {
+    for (index, (body, info)) in (0..).zip(step.input.bodies.iter().zip(&step.infos)) {
         let parent = colliders.colliders.get(info.collider).and_then(RapierCollider::parent);
         let Some(rigid) = parent.and_then(|parent| bodies.bodies.get(parent)).filter(|rigid| rigid.is_dynamic()) else {
             continue;
         };
         let explained = info.linear + configuration.gravity * rigid.gravity_scale() * step.dt;
         let damped = explained / (1.0 + step.dt * rigid.linear_damping());
-        if body.active && !was_near.contains(&info.entity) && rigid.linvel().distance(damped) > UNEXPLAINED_SPEED {
+        let stopped = step.output.stop_of(index).is_some();
+        if !body.active {
+            // What wakes it is not told.
+            monitor.near.insert(info.entity);
+        }
+        if body.active && !stopped && !was_near.contains(&info.entity) && rigid.linvel().distance(damped) > UNEXPLAINED_SPEED {
             monitor.ghosts += 1;
         }
         energy += rigid.kinetic_energy();
