@@ -170,14 +170,15 @@ impl Builder<'_> {
         ));
     }
 
-    /// A body of the given model, scaled to a longest side of `size` metres.
+    /// A body of the given model, scaled to fit a ball `size` metres across, so that it can be turned at will.
     fn body(&mut self, model: usize, size: f32, center: Vec3, velocity: Velocity) -> Entity {
         let model = &self.models[model % self.models.len()];
-        let extents = model.axis.aabb().half_extents() * 2.0;
-        let scale = size / extents.max_element();
+        let bound = model.axis.bounding_sphere();
+        let scale = 0.5 * size / bound.radius;
         let (name, axis) = (model.name.clone(), model.axis.clone());
         let rotation = self.random.rotation();
         let mesh = self.add(axis);
+        let center = center - rotation * bound.center * scale;
         let transform = Transform::from_translation(center).with_rotation(rotation).with_scale(Vec3::splat(scale));
         // A little damping stands in for rolling friction, which rapier has not.
         let damping = Damping { linear_damping: 0.05, angular_damping: 0.5 };
@@ -201,7 +202,7 @@ fn rods(builder: &mut Builder) {
     for i in 0..9 {
         let place = Vec3::new((i % 3) as f32 * 1.4 - 1.4, 2.8 + (i / 3) as f32 * 1.5, (i / 3) as f32 * 0.3 - 0.3);
         let center = place + builder.random.vector() * 0.1;
-        builder.body(i, 1.0, center, Velocity::zero());
+        builder.body(i, 1.15, center, Velocity::zero());
     }
 }
 
@@ -258,9 +259,9 @@ fn stairs(builder: &mut Builder) {
     let kinds = [builder.model_named("deer"), builder.model_named("cow")];
     let kinds = kinds.map(|kind| kind.unwrap_or(0));
     for i in 0..12 {
-        let place = Vec3::new(-2.4 + 0.3 * (i % 2) as f32, 3.6 + 0.9 * (i / 3) as f32, (i % 3) as f32 * 1.3 - 1.3);
+        let place = Vec3::new(-2.4 + 0.3 * (i % 2) as f32, 3.8 + 1.3 * (i / 3) as f32, (i % 3) as f32 * 1.3 - 1.3);
         let center = place + builder.random.vector() * 0.1;
         let velocity = Velocity { linear: Vec3::new(1.5, 0.0, 0.0), angular: Vec3::ZERO };
-        builder.body(if kinds[0] == kinds[1] { i } else { kinds[i % 2] }, 1.0, center, velocity);
+        builder.body(if kinds[0] == kinds[1] { i } else { kinds[i % 2] }, 1.1, center, velocity);
     }
 }
