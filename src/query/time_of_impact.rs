@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::separation::{Convex, Cuboid, Separation, separation};
 use crate::{
-    constants::{CONTACT_ROUNDING, MAX_ADVANCES, MAX_ROUNDS, TIME_TOLERANCE},
+    constants::{CONTACT_ROUNDING, LEAST_GROWTH, OVERLAP_LIMIT, MAX_ADVANCES, MAX_ROUNDS, TIME_TOLERANCE},
     geometry::Sphere,
 };
 
@@ -129,7 +129,9 @@ pub fn time_of_overlap<const N: usize, B: MovingConvex>(
     slop: f32,
 ) -> TimeOfImpact {
     let start = separation(&first.at(0.0), &second.at(0.0), 0);
-    advance(first, second, max_fraction, start, start.distance.min(0.0) - slop)
+    let depth = (-start.distance).max(0.0);
+    let growth = slop * (1.0 - depth / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
+    advance(first, second, max_fraction, start, -depth - growth)
 }
 
 /// The search of [`time_of_impact`] for the distance `target`, from the separation at the start.
