@@ -38,28 +38,28 @@ pub const SCENES: &[Scene] = &[
         name: "rods",
         about: "nine different models fall over a few thin rods",
         steps: 600,
-        view: [Vec3::new(5.0, 4.0, 7.0), Vec3::new(0.0, 1.0, 0.0)],
+        view: [Vec3::new(2.9, 2.4, 4.3), Vec3::new(0.0, 0.95, 0.0)],
         build: rods,
     },
     Scene {
         name: "dinosaur",
         about: "a dinosaur flies into a group of bodies at 100 m/s",
         steps: 120,
-        view: [Vec3::new(2.0, 3.5, 10.0), Vec3::new(2.0, 1.5, 0.0)],
+        view: [Vec3::new(1.5, 3.2, 8.0), Vec3::new(3.0, 1.6, 0.0)],
         build: dinosaur,
     },
     Scene {
         name: "tori",
         about: "51 tori fall to the ground",
         steps: 600,
-        view: [Vec3::new(5.0, 4.0, 7.0), Vec3::new(0.0, 0.7, 0.0)],
+        view: [Vec3::new(2.8, 2.6, 4.4), Vec3::new(0.0, 0.5, 0.0)],
         build: tori,
     },
     Scene {
         name: "stairs",
         about: "bodies tumble down stairs",
         steps: 600,
-        view: [Vec3::new(8.0, 5.0, 9.0), Vec3::new(1.5, 1.0, 0.0)],
+        view: [Vec3::new(5.0, 3.6, 5.6), Vec3::new(0.0, 1.1, 0.0)],
         build: stairs,
     },
 ];
@@ -154,9 +154,9 @@ impl Builder<'_> {
         self.fixed_box("ground", Vec3::new(0.0, -1.0, 0.0), Vec3::new(20.0, 1.0, 20.0));
     }
 
-    /// A static rod, one medial cone, 4 m long.
+    /// A static rod, one medial cone, 3 m long.
     fn rod(&mut self, center: Vec3, direction: Vec3) {
-        let half = direction.normalize() * 2.0;
+        let half = direction.normalize() * 1.5;
         // The ends are in range by construction.
         let Ok(axis) = MedialAxis::capsule(-half, half, 0.03) else { return };
         let mesh = self.add(axis);
@@ -196,7 +196,7 @@ fn rods(builder: &mut Builder) {
     builder.ground();
     for i in 0..4 {
         let x = i as f32 - 1.5;
-        builder.rod(Vec3::new(x * 0.9, 1.0 + 0.1 * x, 0.0), Vec3::new(0.1 * x, 0.05, 1.0));
+        builder.rod(Vec3::new(x * 0.75, 1.0 + 0.1 * x, 0.0), Vec3::new(0.1 * x, 0.05, 1.0));
     }
     builder.rod(Vec3::new(0.0, 1.6, 0.6), Vec3::new(1.0, 0.05, 0.1));
     for i in 0..9 {

@@ -277,7 +277,7 @@ pub fn judge(pair: &Pair, answer: &TimeOfImpact) -> (Truth, Verdict) {
         None => Truth::Apart,
     };
     // A touch by a hair may be missed, but not a hit this deep.
-    let deep_at = |t: f64, tolerance: f64| difference.at(t).depth(400) < -tolerance * size;
+    let deep_at = |t: f64, tolerance: f64| difference.at(t).deeper_than(tolerance * size);
     let verdict = if hit && !(0.0..=1.0).contains(&fraction) {
         Verdict::Invalid
     } else if overlap && start.lower < 1e-5 * size {
@@ -289,7 +289,7 @@ pub fn judge(pair: &Pair, answer: &TimeOfImpact) -> (Truth, Verdict) {
         let slack = size / speed.max(1e-30);
         if !hit {
             let deep = difference.first_within(-1e-5 * size, size).is_some()
-                || (0..=64).any(|i| deep_at(toi + (1.0 - toi) * f64::from(i) / 64.0, 1e-5));
+                || (1..=16).any(|i| deep_at(toi + (1.0 - toi) * f64::from(i) / 16.0, 1e-5));
             if deep { Verdict::Missed } else { Verdict::Good }
         } else if fraction - toi > 1e-4 * slack + 5e-7 {
             Verdict::Late

@@ -213,6 +213,11 @@ impl Difference {
         panic!("no end at {fraction}: {:?}", self.at(fraction).distance());
     }
 
+    /// Whether no translation of the given length parts the two at fraction 0.
+    pub fn deeper_than(&self, length: f64) -> bool {
+        self.gap(self.distance().normal.normalize_or(DVec3::Y)) < -length && self.depth(400) < -length
+    }
+
     /// Greatest gap at fraction 0 along any unit direction: for an overlap minus the shortest translation that ends it.
     /// By sampling the sphere and climbing from the best samples, so a lower bound, and near the truth.
     pub fn depth(&self, samples: usize) -> f64 {

@@ -3,7 +3,10 @@
 //! ```text
 //! cargo run --release --example scenes -- NAME [--headless] [--steps N] [--dt S] [--seed S] [--models DIR]
 //!                                         [--cull hybrid|none] [--csv FILE] [--json FILE] [--list]
+//!                                         [--screenshot FILE]
 //! ```
+
+mod view;
 
 use std::{
     fmt::Write,
@@ -19,6 +22,7 @@ use bevy_medial::{
 };
 use clap::Parser;
 use indicatif::ProgressBar;
+use view::Show;
 
 #[derive(Parser)]
 #[command(about = "Demo scenes of bevy_medial")]
@@ -52,6 +56,9 @@ struct Args {
     /// Write the summary.
     #[arg(long)]
     json: Option<PathBuf>,
+    /// Run the steps, write a picture of the last one as PNG and exit. Needs a graphics adapter, software will do, and no display.
+    #[arg(long)]
+    screenshot: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -85,7 +92,23 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     }
     let folder = args.models.clone().unwrap_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/models"));
     let models = load_models(&folder)?;
-    headless(args, scene, &models)
+    let steps = args.steps.unwrap_or(scene.steps);
+    let show = || Show { scene, models: models.clone(), seed: args.seed, dt: args.dt };
+    if let Some(file) = &args.screenshot {
+        return Ok(view::screenshot(show(), steps, UVec2::new(1280, 720), file)?);
+    }
+    // What asks for figures is meant to end by itself.
+    let wants_figures = args.csv.is_some() || args.json.is_some() || args.cull == Cull::None || args.steps.is_some();
+    if args.headless || wants_figures || !has_display() {
+        return headless(args, scene, &models);
+    }
+    view::window(show());
+    Ok(())
+}
+
+/// Whether there is a screen to open a window on. Only on Linux can that be missing without a notice.
+fn has_display() -> bool {
+    !cfg!(target_os = "linux") || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some())
 }
 
 fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn std::error::Error>> {
