@@ -148,12 +148,18 @@ enum LineError {
 impl fmt::Display for LineError {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match self {
-            LineError::Fields(found) => write!(f, "found {found} fields split by `|`, wanted at least 3: `category kindA kindB | A | B`"),
+            LineError::Fields(found) => {
+                write!(f, "found {found} fields split by `|`, wanted at least 3: `category kindA kindB | A | B`")
+            }
             LineError::Header(head) => write!(f, "`{head}` is not `category kindA kindB`"),
-            LineError::Kind { side, kind } => write!(f, "{side} is of the unknown kind `{kind}`; known are sphere, cone, slab and, for B, box"),
+            LineError::Kind { side, kind } => {
+                write!(f, "{side} is of the unknown kind `{kind}`; known are sphere, cone, slab and, for B, box")
+            }
             LineError::Number { side, text } => write!(f, "{side}: `{text}` is not a number"),
             LineError::NotFinite { side, text } => write!(f, "{side}: `{text}` is not finite"),
-            LineError::Count { side, kind, wanted, found } => write!(f, "{side} is a {kind} of {found} numbers, wanted {wanted}"),
+            LineError::Count { side, kind, wanted, found } => {
+                write!(f, "{side} is a {kind} of {found} numbers, wanted {wanted}")
+            }
             LineError::NegativeSize { side } => write!(f, "{side} has a negative radius or half extent"),
             LineError::Rotation => write!(f, "B: the box's rotation is not a unit quaternion"),
         }

@@ -48,3 +48,6 @@ pub const OVERLAP_LIMIT: f32 = 18.0;
 
 /// Least part of a slop that any overlap may gain, so that bodies in deep contact are slowed and not frozen.
 pub const LEAST_GROWTH: f32 = 0.1;
+
+/// Distance in metres up to which contacts are reported without rapier, whose own setting counts otherwise.
+pub const DEFAULT_PREDICTION: f32 = 0.02;

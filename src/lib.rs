@@ -1,4 +1,69 @@
-//! Collision of concave dynamic bodies for Bevy.
+//! Collision of **concave dynamic bodies** for Bevy: accurate, tunnel-free, joined with rapier.
+//!
+//! A body's shape is a *medial mesh*: a few dozen to a few hundred spheres, joined into medial cones (convex hull of two spheres)
+//! and medial slabs (of three), which fill its volume and fit it closely. Collision is found by hybrid culling and by continuous collision
+//! detection between these primitives; response is rapier's.
+//!
+//! ```no_run
+//! use bevy::prelude::*;
+//! use bevy_medial::prelude::*;
+//! use bevy_rapier3d::prelude::RigidBody;
+//!
+//! fn main() {
+//!     App::new().add_plugins((DefaultPlugins, MedialPhysicsPlugin::default())).add_systems(Startup, setup).run();
+//! }
+//!
+//! fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+//!     commands.spawn((StaticObb::new(10.0, 0.5, 10.0), Transform::from_xyz(0.0, -0.5, 0.0)));
+//!     commands.spawn((RigidBody::Dynamic, MedialMesh(assets.load("models/bear.ma")), Transform::from_xyz(0.0, 3.0, 0.0)));
+//! }
+//! ```
+//!
+//! # The story of a step
+//!
+//! | | stage | file | from | to |
+//! |---|---|---|---|---|
+//! | 1 | snapshot | `rapier/systems.rs` | rapier's poses before and after its step | [`StepInput`](pipeline::StepInput) |
+//! | 2 | broad | `pipeline/broad_phase.rs` | swept bounding spheres, BVH of static boxes | body pairs |
+//! | 3 | mid | `pipeline/mid_phase.rs` | primitive BVH against primitive BVH or box | candidate primitive pairs |
+//! | 4 | narrow | `pipeline/narrow_phase.rs`, `stop.rs` | time of impact, distance | impacts, stops, raw contacts |
+//! | 5 | reduce | `pipeline/reduce.rs` | raw contacts | a few manifolds per pair |
+//! | 6 | write back | `rapier/table.rs`, `plugin/report.rs` | [`StepOutput`](pipeline::StepOutput) | contact table, messages, diagnostics |
+//! | 7 | response | rapier | the table, by `rapier/dispatcher.rs` | new poses |
+//!
+//! Stages 2 to 5 are one function on plain data, [`pipeline::step`]. It runs once a step, right *after* rapier's solver: the motion of each body is
+//! known then, so impacts are those of the motion that happens, and the contacts at its end are those that the next solve starts from.
+//! A body that would pass through another, or sink into it, stops at its first impact and keeps its velocity; the next step solves a true
+//! contact there.
+//!
+//! # Rooms
+//!
+//! A room uses only those above it.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`constants`] | every tolerance and limit, with unit and reason |
+//! | [`geometry`] | spheres, primitives, boxes, sweeps, the BVH |
+//! | [`query`] | kernels on two primitives: separation, time of impact, ray |
+//! | [`medial_axis`] | the asset: `.ma` files, clean-up, mass, packed form, surface |
+//! | [`pipeline`] | one step on plain data |
+//! | [`plugin`] | components, messages, settings, diagnostics, gizmos |
+//! | [`rapier`] | custom shape, dispatcher, contact table |
+//! | [`scenes`] | the demo scenes, for examples, tests and benchmarks |
+//!
+//! # Units and frames
+//!
+//! SI units: metres, seconds, radians, kilograms. A *fraction* is time within a step, from 0 to 1. `pose12` is the pose of body 2 in the frame of
+//! body 1, as in parry; names that end in 1 or 2 belong to that side, normals point from 1 to 2. Kernels work in coordinates relative to the
+//! pair, so a scene may be kilometres from the origin as far as its f32 poses allow.
+//!
+//! # Features
+//!
+//! | feature | default | what |
+//! |---|---|---|
+//! | `rapier` | yes | response through `bevy_rapier3d`; without it bodies move as their transforms say, and messages tell what they hit |
+//! | `debug` | no | gizmos for spheres, sweeps, boxes and contacts |
+//! | `serialize` | no | serde for components, settings and geometry |
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -23,3 +88,8 @@ pub mod prelude {
         },
     };
 }
+
+/// The README's program compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -132,7 +132,10 @@ fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn 
     if args.cull == Cull::None {
         let hybrid = rows.iter().map(|row| row.broad_ms + row.mid_ms + row.narrow_ms + row.reduce_ms);
         let (hybrid, none) = (median(hybrid.collect()), median(brute_force));
-        println!("collision, median ms: hybrid culling {hybrid:.4}, none {none:.4}: {:.1} times as fast", none / hybrid);
+        println!(
+            "collision, median ms: hybrid culling {hybrid:.4}, none {none:.4}: {:.1} times as fast",
+            none / hybrid
+        );
     }
     if let Some(path) = &args.csv {
         write_csv(path, rows).map_err(|error| format!("{}: {error}", path.display()))?;
@@ -204,6 +207,9 @@ fn print_summary(summary: &Summary) {
     println!();
     println!("deepest overlap  {:.3} % of a body's size", summary.deepest_overlap_percent);
     println!("lowest point     {:.4} m", summary.lowest_y);
-    println!("kinetic energy   {:.2e} J/kg at the end, {} of {} asleep", summary.kinetic_energy_per_kg, summary.asleep, summary.bodies);
+    println!(
+        "kinetic energy   {:.2e} J/kg at the end, {} of {} asleep",
+        summary.kinetic_energy_per_kg, summary.asleep, summary.bodies
+    );
     println!("escaped {}, tunnelled {}, ghosts {}", summary.escaped, summary.tunnelled, summary.ghosts);
 }

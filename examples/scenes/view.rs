@@ -46,10 +46,9 @@ struct StatusText;
 pub fn window(show: Show) {
     let title = format!("bevy_medial: {}", show.scene.name);
     let mut app = App::new();
-    app.add_plugins(DefaultPlugins.set(WindowPlugin {
-        primary_window: Some(Window { title, ..default() }),
-        ..default()
-    }))
+    app.add_plugins(
+        DefaultPlugins.set(WindowPlugin { primary_window: Some(Window { title, ..default() }), ..default() }),
+    )
     .init_resource::<Clock>()
     .add_systems(Startup, spawn_status)
     .add_systems(Update, (control, orbit, update_status));
@@ -155,8 +154,11 @@ fn dress_boxes(
             continue;
         }
         let shade = if name.as_str() == "ground" { 0.5 } else { 0.62 };
-        let material =
-            StandardMaterial { base_color: Color::srgb(shade, shade, shade * 0.95), perceptual_roughness: 0.9, ..default() };
+        let material = StandardMaterial {
+            base_color: Color::srgb(shade, shade, shade * 0.95),
+            perceptual_roughness: 0.9,
+            ..default()
+        };
         let mesh = meshes.add(Cuboid::from_size(obb.half_extents * 2.0));
         commands.entity(entity).insert((Mesh3d(mesh), MeshMaterial3d(materials.add(material))));
     }
@@ -167,7 +169,12 @@ fn spawn_status(mut commands: Commands) {
     commands.spawn((StatusText, Text::default(), TextFont::from_font_size(14.0), node));
 }
 
-fn update_status(mut text: Single<&mut Text, With<StatusText>>, monitor: Res<Monitor>, step: Res<MedialStep>, clock: Res<Clock>) {
+fn update_status(
+    mut text: Single<&mut Text, With<StatusText>>,
+    monitor: Res<Monitor>,
+    step: Res<MedialStep>,
+    clock: Res<Clock>,
+) {
     let times = &step.output.times;
     let counts = &step.output.counts;
     text.0 = format!(

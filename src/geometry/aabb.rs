@@ -18,9 +18,9 @@ impl Aabb {
 
     /// The box around `spheres`.
     pub fn from_spheres(spheres: impl IntoIterator<Item = Sphere>) -> Self {
-        spheres.into_iter().fold(Self::EMPTY, |aabb, s| {
-            aabb.merge(Aabb { min: s.center - s.radius, max: s.center + s.radius })
-        })
+        spheres
+            .into_iter()
+            .fold(Self::EMPTY, |aabb, s| aabb.merge(Aabb { min: s.center - s.radius, max: s.center + s.radius }))
     }
 
     /// The box around both.

@@ -97,7 +97,12 @@ impl Bvh {
     /// Calls `visit` with every pair of items, one of each tree, whose boxes and ancestors' boxes pass `test`.
     ///
     /// `test` compares a box of this tree with one of the other, in whatever frames it knows them.
-    pub fn visit_pairs(&self, other: &Bvh, mut test: impl FnMut(&Aabb, &Aabb) -> bool, mut visit: impl FnMut(u32, u32)) {
+    pub fn visit_pairs(
+        &self,
+        other: &Bvh,
+        mut test: impl FnMut(&Aabb, &Aabb) -> bool,
+        mut visit: impl FnMut(u32, u32),
+    ) {
         if self.nodes.is_empty() || other.nodes.is_empty() {
             return;
         }

@@ -140,10 +140,8 @@ impl MedialAxis {
 
     /// Computes all that follows from clean lists.
     fn derive(spheres: Vec<Sphere>, primitives: Vec<Primitive>) -> Self {
-        let boxes: Vec<Aabb> = primitives
-            .iter()
-            .map(|p| Aabb::from_spheres(p.indices().iter().map(|&i| spheres[i as usize])))
-            .collect();
+        let boxes: Vec<Aabb> =
+            primitives.iter().map(|p| Aabb::from_spheres(p.indices().iter().map(|&i| spheres[i as usize]))).collect();
         Self(Arc::new(Data {
             bvh: Bvh::new(&boxes),
             aabb: Aabb::from_spheres(spheres.iter().copied()),
@@ -258,21 +256,13 @@ mod tests {
         let cases = [
             (vec![], vec![], "the shape has no spheres"),
             (vec![good()[0]; MAX_SPHERES + 1], vec![], "the shape has 1048577 spheres, more than 1048576"),
-            (
-                with(ball(0.0, f32::NAN, 0.0, 1.0)),
-                cone(),
-                "sphere 1: NaN is not a number from -1000000 to 1000000",
-            ),
+            (with(ball(0.0, f32::NAN, 0.0, 1.0)), cone(), "sphere 1: NaN is not a number from -1000000 to 1000000"),
             (
                 with(ball(0.0, 0.0, 0.0, f32::INFINITY)),
                 cone(),
                 "sphere 1: inf is not a number from -1000000 to 1000000",
             ),
-            (
-                with(ball(-2.0e6, 0.0, 0.0, 1.0)),
-                cone(),
-                "sphere 1: -2000000 is not a number from -1000000 to 1000000",
-            ),
+            (with(ball(-2.0e6, 0.0, 0.0, 1.0)), cone(), "sphere 1: -2000000 is not a number from -1000000 to 1000000"),
             (with(ball(0.0, 0.0, 0.0, -0.5)), cone(), "sphere 1: the radius -0.5 is negative"),
             (
                 good(),

@@ -46,8 +46,7 @@ impl SweptSphere {
 
     /// The cone, with a place near it as the origin.
     fn cone(&self, origin: Vec3) -> [Sphere; 2] {
-        [Vec3::ZERO, self.motion]
-            .map(|motion| Sphere::new(self.sphere.center - origin + motion, self.sphere.radius))
+        [Vec3::ZERO, self.motion].map(|motion| Sphere::new(self.sphere.center - origin + motion, self.sphere.radius))
     }
 
     fn meets(&self, other: &SweptSphere) -> bool {

@@ -267,10 +267,8 @@ pub fn step(input: &StepInput, statics: &Statics, pool: &TaskPool) -> StepOutput
         unresolved: results.iter().map(|r| r.unresolved).sum(),
         contacts: 0,
     };
-    output.stops = stops
-        .iter()
-        .map(|(body, fraction)| Stop { body, fraction, pose: stops.final_pose(input, body) })
-        .collect();
+    output.stops =
+        stops.iter().map(|(body, fraction)| Stop { body, fraction, pose: stops.final_pose(input, body) }).collect();
     let impacts = results.iter().map(|result| result.impact);
     reduce::run(&pairs, impacts, contacts, &mut output);
     output.times.reduce = lap();

@@ -3,7 +3,7 @@
 use glam::{Mat3, Vec3};
 
 use super::{
-    StepInput, Statics, Target,
+    Statics, StepInput, Target,
     broad_phase::BodyPair,
     contact::Second,
     shape::{Placement, Shape},
@@ -41,9 +41,7 @@ impl<'a> PairMotion<'a> {
         let sweep1 = sweep_of(pair.body1);
         let origin = Pose3::from_translation(sweep1.start.translation);
         let (second, sweep2, frame) = match pair.target {
-            Target::Body(i) => {
-                (Second::Shape(&input.bodies[i as usize].shape), sweep_of(i), origin)
-            }
+            Target::Body(i) => (Second::Shape(&input.bodies[i as usize].shape), sweep_of(i), origin),
             Target::Static(i) => {
                 let body = &statics.bodies[i as usize];
                 match &body.shape {
@@ -117,11 +115,8 @@ impl SweptBoxes {
         });
         let chord =
             Placement { rotation: end.rotation - start.rotation, translation: end.translation - start.translation };
-        let extents = Mat3::from_cols(
-            start.rotation.x_axis.abs(),
-            start.rotation.y_axis.abs(),
-            start.rotation.z_axis.abs(),
-        );
+        let extents =
+            Mat3::from_cols(start.rotation.x_axis.abs(), start.rotation.y_axis.abs(), start.rotation.z_axis.abs());
         Self { start, chord, extents, angle: sweep.rotation.length().min(2.0), scale }
     }
 

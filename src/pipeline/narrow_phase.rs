@@ -125,7 +125,13 @@ fn chord_impact(
     end: &[Placement; 2],
     limit: f32,
 ) -> TimeOfImpact {
-    fn against<B: MovingConvex>(motion: &PairMotion, hull1: Hull, placements: [&Placement; 2], second: &B, limit: f32) -> TimeOfImpact {
+    fn against<B: MovingConvex>(
+        motion: &PairMotion,
+        hull1: Hull,
+        placements: [&Placement; 2],
+        second: &B,
+        limit: f32,
+    ) -> TimeOfImpact {
         with_spheres!(hull1, |spheres| {
             let mut first = moving(&spheres, placements);
             first.start.iter_mut().for_each(|sphere| sphere.radius += motion.sagitta);

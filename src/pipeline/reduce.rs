@@ -54,7 +54,8 @@ fn spread(group: &[Contact]) -> Vec<Contact> {
 fn span(group: &[Contact], kept: &mut Vec<Contact>) {
     let normal = group[0].normal1;
     let add = |kept: &mut Vec<Contact>, measure: &dyn Fn(&Contact) -> f32| {
-        let best = group.iter().max_by(|a, b| measure(a).total_cmp(&measure(b)).then(b.distance.total_cmp(&a.distance)));
+        let best =
+            group.iter().max_by(|a, b| measure(a).total_cmp(&measure(b)).then(b.distance.total_cmp(&a.distance)));
         if kept.len() < 4 {
             kept.extend(best.filter(|contact| measure(contact) > DUPLICATE_CONTACT));
         }
@@ -68,9 +69,8 @@ fn span(group: &[Contact], kept: &mut Vec<Contact>) {
     }
     let Some(second) = kept.get(1).map(|c| c.point1) else { return };
     let across = (second - deepest).cross(normal).normalize_or_zero();
-    let reach = |kept: &[Contact], side: f32| {
-        kept.iter().map(|c| side * (c.point1 - deepest).dot(across)).fold(0.0, f32::max)
-    };
+    let reach =
+        |kept: &[Contact], side: f32| kept.iter().map(|c| side * (c.point1 - deepest).dot(across)).fold(0.0, f32::max);
     for side in [1.0, -1.0] {
         let reached = reach(kept, side);
         add(kept, &|c| side * (c.point1 - deepest).dot(across) - reached);

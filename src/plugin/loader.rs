@@ -29,7 +29,12 @@ impl AssetLoader for MaLoader {
     type Settings = ();
     type Error = MaLoaderError;
 
-    async fn load(&self, reader: &mut dyn Reader, _: &(), context: &mut LoadContext<'_>) -> Result<MedialAxis, MaLoaderError> {
+    async fn load(
+        &self,
+        reader: &mut dyn Reader,
+        _: &(),
+        context: &mut LoadContext<'_>,
+    ) -> Result<MedialAxis, MaLoaderError> {
         let mut bytes = Vec::new();
         reader.read_to_end(&mut bytes).await?;
         let (axis, report) = ma::parse(&bytes)?.into_medial_axis()?;

@@ -19,6 +19,8 @@ mod loader;
 mod messages;
 mod report;
 mod step;
+#[cfg(not(feature = "rapier"))]
+mod transforms;
 
 use bevy::{
     ecs::{intern::Interned, schedule::ScheduleLabel},
@@ -98,6 +100,8 @@ impl Plugin for MedialPhysicsPlugin {
         diagnostics::register(app);
         #[cfg(feature = "rapier")]
         crate::rapier::add_systems(app, self.schedule);
+        #[cfg(not(feature = "rapier"))]
+        transforms::add_systems(app, self.schedule);
         #[cfg(feature = "debug")]
         gizmos::add(app);
     }

@@ -61,7 +61,9 @@ fn touch_point(step: &MedialStep, pair: &Pair) -> Option<TouchPoint> {
     let contacts = step.output.manifolds[pair.manifolds.clone()].iter().flat_map(|manifold| manifold.contacts());
     let deepest = contacts.min_by(|a, b| a.distance.total_cmp(&b.distance));
     let (fraction, point, normal, separation, primitives) = match (pair.impact, deepest) {
-        (Some(impact), _) => (impact.fraction, impact.point, impact.normal, 0.0, (impact.primitive1, impact.primitive2)),
+        (Some(impact), _) => {
+            (impact.fraction, impact.point, impact.normal, 0.0, (impact.primitive1, impact.primitive2))
+        }
         (None, Some(contact)) => {
             let point = end.transform_point(contact.point1 + contact.normal1 * (0.5 * contact.distance));
             let normal = end.rotation * contact.normal1;

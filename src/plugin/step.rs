@@ -44,9 +44,16 @@ pub struct BodyInfo {
 
 impl BodyInfo {
     /// An entity that does not move.
-    #[cfg(feature = "rapier")]
-    pub(crate) fn at_rest(entity: Entity, collider: ColliderHandle) -> Self {
-        Self { entity, collider, sensor: false, center: Vec3::ZERO, linear: Vec3::ZERO, angular: Vec3::ZERO }
+    pub(crate) fn at_rest(entity: Entity, #[cfg(feature = "rapier")] collider: ColliderHandle) -> Self {
+        Self {
+            entity,
+            #[cfg(feature = "rapier")]
+            collider,
+            sensor: false,
+            center: Vec3::ZERO,
+            linear: Vec3::ZERO,
+            angular: Vec3::ZERO,
+        }
     }
 
     /// Velocity of a point of the body, before the step.

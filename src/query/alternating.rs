@@ -25,15 +25,12 @@ pub fn alternating<const N: usize, const M: usize>(first: &Moving<N>, second: &M
         let (sphere1, sphere2) = shape2.feature(&shape1, contact.feature);
         let (start1, motion1) = trace(first, &shape1, &sphere1);
         let (start2, motion2) = trace(second, &shape2, &sphere2);
-        let (next, touches) = approach(
-            start2 - start1,
-            motion2 - motion1,
-            sphere1.radius + sphere2.radius,
-        );
+        let (next, touches) = approach(start2 - start1, motion2 - motion1, sphere1.radius + sphere2.radius);
         let settled = (next - fraction).abs() < 1e-5;
         fraction = next;
         if settled || rounds == 8 {
-            let status = if touches && fraction > 0.0 { TimeOfImpactStatus::Hit } else { TimeOfImpactStatus::Separated };
+            let status =
+                if touches && fraction > 0.0 { TimeOfImpactStatus::Hit } else { TimeOfImpactStatus::Separated };
             return TimeOfImpact { status, fraction, contact, rounds };
         }
     }

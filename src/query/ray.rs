@@ -39,10 +39,8 @@ pub fn ray_cast<const N: usize>(spheres: &[Sphere; N], origin: Vec3, direction: 
     let start = Sphere::new((origin - middle) + direction * begin, 0.0);
     let point = Moving { start: [start], motion: [direction * (end - begin)] };
     let impact = time_of_impact(&point, &still, 1.0);
-    (impact.status != TimeOfImpactStatus::Separated).then(|| RayHit {
-        time: begin + impact.fraction * (end - begin),
-        normal: -impact.contact.normal,
-    })
+    (impact.status != TimeOfImpactStatus::Separated)
+        .then(|| RayHit { time: begin + impact.fraction * (end - begin), normal: -impact.contact.normal })
 }
 
 #[cfg(test)]

@@ -57,11 +57,23 @@ pub trait Convex: Copy {
 #[inline]
 pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hint: usize) -> Separation {
     let rounding = CONTACT_ROUNDING * (first.extent() + second.extent());
-    let mut best = Best { upper: f32::INFINITY, lower: f32::NEG_INFINITY, normal: Vec3::Y, feature: 0, spheres: (first[0], first[0]) };
+    let mut best = Best {
+        upper: f32::INFINITY,
+        lower: f32::NEG_INFINITY,
+        normal: Vec3::Y,
+        feature: 0,
+        spheres: (first[0], first[0]),
+    };
     let count = second.features::<N>();
     for turn in 0..count {
         // The hinted feature first, then the others in order.
-        let k = if turn == 0 { hint } else if turn <= hint { turn - 1 } else { turn };
+        let k = if turn == 0 {
+            hint
+        } else if turn <= hint {
+            turn - 1
+        } else {
+            turn
+        };
         let (sphere1, sphere2) = second.feature(first, k);
         let apart = sphere2.center - sphere1.center;
         let length = apart.length();
@@ -171,7 +183,8 @@ fn face_normals<const N: usize>(spheres: &[Sphere; N], towards: Vec3) -> Option<
     let growth = spheres[1].radius - spheres[0].radius;
     let (across, part) = if N == 2 {
         let across = towards.reject_from(u);
-        let across = if across.length_squared() > 1e-12 * towards.length_squared() { across } else { u.any_orthogonal_vector() };
+        let across =
+            if across.length_squared() > 1e-12 * towards.length_squared() { across } else { u.any_orthogonal_vector() };
         (across, u * (growth / u.length_squared()))
     } else {
         let v = spheres[2].center - spheres[0].center;
@@ -260,11 +273,7 @@ impl<const M: usize> Convex for [Sphere; M] {
 
 /// How many spheres of either side have to be held against the whole other side. An edge's ends are covered by its cones.
 const fn vertex_features(n: usize, m: usize) -> (usize, usize) {
-    if n == 1 {
-        (1, 0)
-    } else {
-        (if m == 3 { n } else { 0 }, if m == 1 || n == 3 { m } else { 0 })
-    }
+    if n == 1 { (1, 0) } else { (if m == 3 { n } else { 0 }, if m == 1 || n == 3 { m } else { 0 }) }
 }
 
 /// The two unit directions, from first to second, in which the mantles of two cones are both level: `n . u = -alpha`, `n . v = beta`.
@@ -310,9 +319,8 @@ impl Convex for Cuboid {
             _ if k < 3 => cone_to_cuboid(edge(first, k), self.half),
             _ => {
                 // A face of the slab touches a corner of the box.
-                let corner = face_normals(first, Vec3::Y).map_or(Vec3::ZERO, |normals| {
-                    -self.half * normals[k - 3].signum()
-                });
+                let corner =
+                    face_normals(first, Vec3::Y).map_or(Vec3::ZERO, |normals| -self.half * normals[k - 3].signum());
                 (nearest(corner, first), corner)
             }
         };

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::separation::{Convex, Cuboid, Separation, separation};
 use crate::{
-    constants::{CONTACT_ROUNDING, LEAST_GROWTH, OVERLAP_LIMIT, MAX_ADVANCES, MAX_ROUNDS, TIME_TOLERANCE},
+    constants::{CONTACT_ROUNDING, LEAST_GROWTH, MAX_ADVANCES, MAX_ROUNDS, OVERLAP_LIMIT, TIME_TOLERANCE},
     geometry::Sphere,
 };
 
@@ -63,9 +63,7 @@ impl<const M: usize> MovingConvex for Moving<M> {
 
     #[inline]
     fn at(&self, fraction: f32) -> [Sphere; M] {
-        std::array::from_fn(|i| {
-            Sphere::new(self.start[i].center + self.motion[i] * fraction, self.start[i].radius)
-        })
+        std::array::from_fn(|i| Sphere::new(self.start[i].center + self.motion[i] * fraction, self.start[i].radius))
     }
 
     #[inline]
@@ -222,9 +220,8 @@ fn gaps<const N: usize, B: MovingConvex>(
     target: f32,
     mut visit: impl FnMut(f32, f32),
 ) {
-    let high: [(f32, f32); N] = std::array::from_fn(|i| {
-        (first.start[i].center.dot(n) + first.start[i].radius, first.motion[i].dot(n))
-    });
+    let high: [(f32, f32); N] =
+        std::array::from_fn(|i| (first.start[i].center.dot(n) + first.start[i].radius, first.motion[i].dot(n)));
     second.supports(n, |low, low_motion| {
         for (high, high_motion) in high {
             visit(low - high - target, high_motion - low_motion);

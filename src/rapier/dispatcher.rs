@@ -78,7 +78,8 @@ fn second_of<'a>(shape: &'a dyn ParryShape, first: &MedialShape, pose12: &Pose3)
 
 impl<'a> Pair<'a> {
     fn new(pose12: &Pose, shape1: &'a dyn ParryShape, shape2: &'a dyn ParryShape) -> Result<Self, Unsupported> {
-        let (first, other, pose12, swapped) = match (shape1.as_shape::<MedialShape>(), shape2.as_shape::<MedialShape>()) {
+        let (first, other, pose12, swapped) = match (shape1.as_shape::<MedialShape>(), shape2.as_shape::<MedialShape>())
+        {
             (Some(first), _) => (first, shape2, *pose12, false),
             (None, Some(first)) => (first, shape1, pose12.inverse(), true),
             (None, None) => return Err(Unsupported),
@@ -223,7 +224,8 @@ impl PersistentQueryDispatcher<ContactManifoldData, ContactData> for MedialDispa
             let mut manifold = ContactManifold::with_data(0, 0, ContactManifoldData::default());
             for (i, contact) in found.contacts().iter().enumerate() {
                 let [(point1, normal1), (point2, normal2)] = pair.sides(contact);
-                let [feature1, feature2] = pair.in_order(contact.primitive1, contact.primitive2).map(PackedFeatureId::face);
+                let [feature1, feature2] =
+                    pair.in_order(contact.primitive1, contact.primitive2).map(PackedFeatureId::face);
                 // The deepest contact comes first and gives the manifold's normal.
                 if i == 0 {
                     (manifold.local_n1, manifold.local_n2) = (normal1, normal2);

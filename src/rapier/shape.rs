@@ -1,4 +1,5 @@
 use bevy_rapier3d::{
+    parry::math::Matrix,
     parry::{
         bounding_volume::{Aabb as ParryAabb, BoundingSphere},
         mass_properties::MassProperties,
@@ -6,7 +7,6 @@ use bevy_rapier3d::{
         query::{PointProjection, PointQuery, Ray, RayCast, RayIntersection},
         shape::{FeatureId, Shape as ParryShape, ShapeType, TypedShape},
     },
-    parry::math::Matrix,
 };
 use glam::Vec3;
 
@@ -100,9 +100,8 @@ impl RayCast for MedialShape {
         let mut nearest: Option<RayIntersection> = None;
         for primitive in 0..self.shape.len() as u32 {
             let limit = nearest.map_or(max_time, |hit| hit.time_of_impact);
-            let hit = with_spheres!(self.shape.hull(primitive), |spheres| {
-                ray_cast(&spheres, ray.origin, ray.dir, limit)
-            });
+            let hit =
+                with_spheres!(self.shape.hull(primitive), |spheres| { ray_cast(&spheres, ray.origin, ray.dir, limit) });
             if let Some(hit) = hit
                 && nearest.is_none_or(|best| hit.time < best.time_of_impact)
                 && (solid || hit.time > 0.0)

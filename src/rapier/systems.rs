@@ -12,8 +12,8 @@ use bevy_rapier3d::{
     },
     plugin::context::{DefaultRapierContext, RapierContextColliders, RapierContextSimulation, RapierRigidBodySet},
     prelude::{
-        Collider, ColliderScale, CollisionGroups, NoUserData, PhysicsSet, RapierColliderHandle, RapierConfiguration, RapierPhysicsPlugin,
-        RigidBody,
+        Collider, ColliderScale, CollisionGroups, NoUserData, PhysicsSet, RapierColliderHandle, RapierConfiguration,
+        RapierPhysicsPlugin, RigidBody,
     },
     rapier::{
         dynamics::RigidBody as RapierBody,
@@ -270,10 +270,13 @@ fn detect(
     // In the order of their handles, as rapier orders pairs.
     for (handle, collider) in colliders.colliders.iter() {
         let Some(medial) = medial(collider).filter(|_| collider.is_enabled()) else { continue };
-        let Some(entity) = colliders.collider_entity(handle).filter(|entity| !statics.contains(*entity)) else { continue };
+        let Some(entity) = colliders.collider_entity(handle).filter(|entity| !statics.contains(*entity)) else {
+            continue;
+        };
         let body = collider.parent().and_then(|parent| bodies.bodies.get(parent));
         let end = collider_pose(collider, body);
-        let start = starts.0.get(&handle).copied().unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
+        let start =
+            starts.0.get(&handle).copied().unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
         let center = body.map_or(Vec3::ZERO, |body| end.inverse_transform_point(body.center_of_mass()));
         let active = body.is_some_and(|body| body.is_enabled() && !body.is_fixed() && !body.is_sleeping());
         step.input.bodies.push(Body {

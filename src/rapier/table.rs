@@ -46,12 +46,7 @@ impl PairKey {
     pub fn new(first: u64, second: SecondKey, pose12: &Pose3, prediction: f32) -> Self {
         let [qx, qy, qz, qw] = pose12.rotation.to_array();
         let [x, y, z] = pose12.translation.to_array();
-        Self {
-            first,
-            second,
-            pose12: [qx, qy, qz, qw, x, y, z].map(f32::to_bits),
-            prediction: prediction.to_bits(),
-        }
+        Self { first, second, pose12: [qx, qy, qz, qw, x, y, z].map(f32::to_bits), prediction: prediction.to_bits() }
     }
 }
 

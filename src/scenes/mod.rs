@@ -182,9 +182,7 @@ impl Builder<'_> {
         let transform = Transform::from_translation(center).with_rotation(rotation).with_scale(Vec3::splat(scale));
         // A little damping stands in for rolling friction, which rapier has not.
         let damping = Damping { linear_damping: 0.1, angular_damping: 1.0 };
-        self.world
-            .spawn((SceneEntity, Name::new(name), RigidBody::Dynamic, mesh, transform, velocity, damping))
-            .id()
+        self.world.spawn((SceneEntity, Name::new(name), RigidBody::Dynamic, mesh, transform, velocity, damping)).id()
     }
 
     fn model_named(&self, part: &str) -> Option<usize> {

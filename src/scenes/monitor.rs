@@ -228,7 +228,11 @@ fn watch(
             // What wakes it is not told.
             monitor.near.insert(info.entity);
         }
-        if body.active && !stopped && !was_near.contains(&info.entity) && rigid.linvel().distance(damped) > UNEXPLAINED_SPEED {
+        if body.active
+            && !stopped
+            && !was_near.contains(&info.entity)
+            && rigid.linvel().distance(damped) > UNEXPLAINED_SPEED
+        {
             monitor.ghosts += 1;
         }
         energy += rigid.kinetic_energy();

@@ -16,10 +16,7 @@ use std::{
 
 use bevy_medial::{
     geometry::Sphere,
-    query::{
-        Convex, MovingConvex, TimeOfImpact, TimeOfImpactStatus, alternating, separation,
-        time_of_impact,
-    },
+    query::{Convex, MovingConvex, TimeOfImpact, TimeOfImpactStatus, alternating, separation, time_of_impact},
 };
 use glam::{DQuat, DVec3};
 use pairs::{CATEGORIES, KINDS, Pair, Random, Verdict, corners, judge, kind_name, random_pair};
@@ -68,7 +65,13 @@ struct Score {
 }
 
 impl Score {
-    fn of(category: usize, kind: usize, mut random: Random, pairs: u64, kernel: impl Fn(&Pair) -> TimeOfImpact) -> Self {
+    fn of(
+        category: usize,
+        kind: usize,
+        mut random: Random,
+        pairs: u64,
+        kernel: impl Fn(&Pair) -> TimeOfImpact,
+    ) -> Self {
         let mut score = Score::default();
         for _ in 0..pairs {
             let pair = random_pair(&mut random, category, KINDS[kind]);
@@ -89,7 +92,18 @@ impl Score {
 fn summary(scores: &[Score]) -> [usize; 7] {
     println!(
         "{:16} {:12} {:>8} {:>8} {:>8} | {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} | {:>7}",
-        "category", "kind", "overlap", "hit", "apart", "missed", "late", "early", "false", "overlap", "invalid", "gave up"
+        "category",
+        "kind",
+        "overlap",
+        "hit",
+        "apart",
+        "missed",
+        "late",
+        "early",
+        "false",
+        "overlap",
+        "invalid",
+        "gave up"
     );
     let row = |category: &str, kind: &str, truths: [usize; 3], v: [usize; 7], gave_up: usize| {
         println!(
@@ -178,7 +192,13 @@ impl Separations {
     /// * unless the centres cross, `d` is the true distance, and the points lie on the surfaces. The pair of points is one of those within
     ///   the kernel's rounding of nearest: along `n` they are `d` apart, sideways they may be off by the square root of that;
     /// * where they do, no translation is shorter.
-    fn check<const N: usize, B: Convex + Debug>(&mut self, a: &[Sphere; N], b: &B, second: &[Ball], random: &mut Random) {
+    fn check<const N: usize, B: Convex + Debug>(
+        &mut self,
+        a: &[Sphere; N],
+        b: &B,
+        second: &[Ball],
+        random: &mut Random,
+    ) {
         let hint = if random.chance(0.5) { 0 } else { random.below(b.features::<N>()) };
         let got = separation(a, b, hint);
         let first = balls(a);
@@ -190,7 +210,8 @@ impl Separations {
         let tolerance = 3e-6 * size + 4e-7 * farthest;
         let mut fault = |wrong: bool, what: &str, by: f64| {
             if wrong && self.faults.len() < 3 {
-                self.faults.push(format!("{what}, {by:e} of {size}: {a:?} {b:?} hint {hint}: {got:?}, truth {truth:?}"));
+                self.faults
+                    .push(format!("{what}, {by:e} of {size}: {a:?} {b:?} hint {hint}: {got:?}, truth {truth:?}"));
             }
         };
         let length = (n.length() - 1.0).abs();
@@ -235,11 +256,11 @@ fn separation_agrees_with_reference() {
             let fraction = if touch { impact.fraction } else { random.range(0.0, 1.0) as f32 };
             let (first, second) = pair.relative();
             for_kinds!(first, second, |a, b|
-                hulls: result.check(&a.at(fraction), &b.at(fraction), &balls(&b.at(fraction)), &mut random),
-                cuboid: {
-                    let points = corners(b.half.as_dvec3(), DVec3::ZERO, DQuat::IDENTITY);
-                    result.check(&a.at(fraction), &b, &points, &mut random);
-                });
+            hulls: result.check(&a.at(fraction), &b.at(fraction), &balls(&b.at(fraction)), &mut random),
+            cuboid: {
+                let points = corners(b.half.as_dvec3(), DVec3::ZERO, DQuat::IDENTITY);
+                result.check(&a.at(fraction), &b, &points, &mut random);
+            });
         }
         result
     });

@@ -445,7 +445,8 @@ fn graze(random: &mut Random, difference: &mut Difference, size: f64) -> DVec3 {
             .map(|t| (distance(t), t))
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .map_or(0.0, |best| best.1);
-        let (mut low, mut high) = ((best - 1.0 / f64::from(samples)).max(0.0), (best + 1.0 / f64::from(samples)).min(1.0));
+        let (mut low, mut high) =
+            ((best - 1.0 / f64::from(samples)).max(0.0), (best + 1.0 / f64::from(samples)).min(1.0));
         for _ in 0..14 {
             let (a, b) = (low + (high - low) * 0.4, low + (high - low) * 0.6);
             if distance(a) < distance(b) { high = b } else { low = a }
@@ -508,7 +509,8 @@ fn random_hull(random: &mut Random, category: &str, count: usize, size: f64) -> 
 /// Puts the last sphere into the hull of the others, or by a hair not.
 fn degenerate(random: &mut Random, balls: &mut [Ball], near: bool, size: f64) {
     let last = balls.len() - 1;
-    let hair = if near { size * random.magnitude(-6.0, -2.0) * if random.chance(0.7) { 1.0 } else { -1.0 } } else { 0.0 };
+    let hair =
+        if near { size * random.magnitude(-6.0, -2.0) * if random.chance(0.7) { 1.0 } else { -1.0 } } else { 0.0 };
     balls[0].radius = random.range(0.1, 1.2) * size;
     let aside = random.direction();
     if last == 1 || random.chance(0.3) {

@@ -1,0 +1,95 @@
+//! Without rapier: bodies move as their transforms say, from one frame to the next, and nothing stops them. Messages tell what they hit.
+
+use std::collections::HashMap;
+
+use bevy::{
+    ecs::{intern::Interned, schedule::ScheduleLabel},
+    prelude::*,
+};
+
+use super::{BodyInfo, MedialCcd, MedialMesh, MedialSettings, MedialStep, MedialSystems, StaticObb};
+use crate::{
+    constants::DEFAULT_PREDICTION,
+    geometry::{Obb, Pose3, Sweep},
+    medial_axis::MedialAxis,
+    pipeline::{Body, Groups, Shape, StaticBody, Statics},
+};
+
+pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
+    app.configure_sets(
+        schedule,
+        (MedialSystems::Detect, MedialSystems::Report).chain().after(TransformSystems::Propagate),
+    )
+    .add_systems(schedule, (gather_statics, detect).chain().in_set(MedialSystems::Detect));
+}
+
+fn pose_of(transform: &GlobalTransform) -> (Pose3, Vec3) {
+    let (scale, rotation, translation) = transform.to_scale_rotation_translation();
+    (Pose3::from_parts(translation, rotation), scale)
+}
+
+fn gather_statics(
+    mut step: ResMut<MedialStep>,
+    changed: Query<(), (With<StaticObb>, Or<(Changed<GlobalTransform>, Changed<StaticObb>, Changed<MedialMesh>)>)>,
+    statics: Query<(Entity, &StaticObb, Option<&MedialMesh>, &GlobalTransform)>,
+    axes: Res<Assets<MedialAxis>>,
+) {
+    let known = step.static_infos.len();
+    if changed.is_empty() && statics.iter().len() == known {
+        return;
+    }
+    let mut infos = Vec::new();
+    let mut bodies = Vec::new();
+    for (entity, obb, mesh, transform) in statics.iter().sort::<Entity>() {
+        let (pose, scale) = pose_of(transform);
+        let (obb, shape) = match mesh {
+            None => (Obb { pose, half_extents: obb.half_extents * scale.abs() }, None),
+            Some(mesh) => {
+                let Some(axis) = axes.get(&mesh.0) else { continue };
+                let shape = Shape { axis: axis.clone(), scale: scale.x };
+                let aabb = shape.aabb();
+                let pose_of_box = pose * Pose3::from_translation(aabb.center());
+                (Obb { pose: pose_of_box, half_extents: aabb.half_extents() }, Some((shape, pose)))
+            }
+        };
+        infos.push(BodyInfo::at_rest(entity));
+        bodies.push(StaticBody { obb, shape, groups: Groups::ALL, passes: false });
+    }
+    step.static_infos = infos;
+    step.statics = Statics::new(bodies);
+}
+
+fn detect(
+    mut step: ResMut<MedialStep>,
+    settings: Res<MedialSettings>,
+    time: Res<Time>,
+    axes: Res<Assets<MedialAxis>>,
+    bodies: Query<(Entity, &MedialMesh, &GlobalTransform, Option<&MedialCcd>), Without<StaticObb>>,
+    mut poses: Local<HashMap<Entity, Pose3>>,
+) {
+    let step = step.as_mut();
+    step.settings = MedialSettings { stop_at_impact: false, ..*settings };
+    step.dt = time.delta_secs();
+    step.input.prediction = DEFAULT_PREDICTION;
+    step.input.bodies.clear();
+    step.infos.clear();
+    let before = std::mem::take(&mut *poses);
+    for (entity, mesh, transform, ccd) in bodies.iter().sort::<Entity>() {
+        let Some(axis) = axes.get(&mesh.0) else { continue };
+        let (end, scale) = pose_of(transform);
+        let shape = Shape { axis: axis.clone(), scale: scale.x };
+        let start = before.get(&entity).copied().unwrap_or(end);
+        poses.insert(entity, end);
+        let sweep = Sweep::between(start, end, shape.center_of_mass(), Vec3::ZERO);
+        let speed = if step.dt > 0.0 { 1.0 / step.dt } else { 0.0 };
+        step.infos.push(BodyInfo {
+            center: start.transform_point(sweep.local_center),
+            linear: sweep.translation * speed,
+            angular: sweep.rotation * speed,
+            ..BodyInfo::at_rest(entity)
+        });
+        let passes = ccd.is_some_and(|ccd| !ccd.enabled);
+        step.input.bodies.push(Body { shape, sweep, groups: Groups::ALL, active: true, stops: false, passes });
+    }
+    step.run();
+}

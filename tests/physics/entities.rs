@@ -1,0 +1,207 @@
+//! `(RigidBody, MedialMesh, Transform)` just works: colliders come with the asset, follow the scale, and go with the entity.
+
+use std::{fs, path::PathBuf, time::Duration};
+
+use bevy::{
+    asset::{AssetServer, LoadState},
+    prelude::*,
+    time::Fixed,
+};
+use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_rapier3d::prelude::{Collider, ColliderMassProperties, RapierConfiguration, RigidBody};
+
+use crate::common::*;
+
+/// Height at which the model `torus` lies flat on a floor: the radius of its tube.
+const TUBE: f32 = 0.0525;
+
+fn load(app: &App, path: &'static str) -> MedialMesh {
+    MedialMesh(app.world().resource::<AssetServer>().load(path))
+}
+
+/// Updates until the server knows how the loading of the file ends. The step count is bounded, the clock is not looked at.
+fn wait(app: &mut App, mesh: &MedialMesh) -> LoadState {
+    for _ in 0..10_000 {
+        app.update();
+        let state = app.world().resource::<AssetServer>().load_state(&mesh.0);
+        if matches!(state, LoadState::Loaded | LoadState::Failed(_)) {
+            app.update();
+            return state;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    panic!("the file is neither loaded nor refused");
+}
+
+fn has_collider(app: &App, entity: Entity) -> bool {
+    app.world().get::<Collider>(entity).is_some()
+}
+
+#[test]
+fn a_file_gives_collider_mass_and_inertia() {
+    let mut app = app_with(MedialPhysicsPlugin::default(), &assets());
+    app.world_mut().query::<&mut RapierConfiguration>();
+    for (path, name, density) in
+        [("models/torus.ma", "torus", 1.0), ("models/bear.ma", "bear", 1.0), ("models/deer.ma", "deer", 700.0)]
+    {
+        let mesh = load(&app, path);
+        let body = app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), Transform::default())).id();
+        if density != 1.0 {
+            app.world_mut().entity_mut(body).insert(ColliderMassProperties::Density(density));
+        }
+        assert!(matches!(wait(&mut app, &mesh), LoadState::Loaded), "{path}");
+        assert!(has_collider(&app, body), "{path}");
+        app.update();
+        let expected = *model(name).mass();
+        let properties = rigid(&mut app, body).mass_properties().local_mprops;
+        let mass = expected.volume * density;
+        assert!((properties.mass() / mass - 1.0).abs() < 1e-5, "{path}: {} {mass}", properties.mass());
+        assert!(properties.local_com.distance(expected.center_of_mass) < 1e-6, "{path}");
+        let inertia = Mat3::from_cols_array(&properties.reconstruct_inertia_matrix().to_cols_array());
+        let error = inertia - expected.inertia * density;
+        let size = expected.inertia.col(0).length() * density;
+        assert!(error.to_cols_array().iter().all(|e| e.abs() < 1e-4 * size), "{path}: {inertia} {}", expected.inertia);
+    }
+}
+
+#[test]
+fn a_body_hangs_still_until_its_shape_is_there_and_then_falls() {
+    let mut app = app();
+    let handle = app.world().resource::<Assets<MedialAxis>>().reserve_handle();
+    let start = Transform::from_xyz(0.3, 1.0, -0.2);
+    let body = app.world_mut().spawn((RigidBody::Dynamic, MedialMesh(handle.clone()), start)).id();
+    spawn_ground(&mut app);
+    // Longer than rapier takes to put it to sleep.
+    run(&mut app, 200);
+    assert_eq!(*app.world().get::<Transform>(body).unwrap(), start);
+    assert!(!has_collider(&app, body));
+    app.world_mut().resource_mut::<Assets<MedialAxis>>().insert(&handle, model("torus")).unwrap();
+    run(&mut app, 20);
+    assert!(position(&mut app, body).y < 0.8, "it does not fall");
+    run(&mut app, 400);
+    assert!((position(&mut app, body).y - TUBE).abs() < 2e-3 && is_at_rest(&mut app, body));
+}
+
+#[test]
+fn missing_and_broken_files_stop_nothing_else() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("physics-broken-files");
+    fs::create_dir_all(&folder).unwrap();
+    fs::copy(assets().join("models/torus.ma"), folder.join("good.ma")).unwrap();
+    fs::write(folder.join("text.ma"), "this is no mesh\n").unwrap();
+    fs::write(folder.join("short.ma"), "2 1 0\nv 0 0 0 1\n").unwrap();
+    fs::write(folder.join("empty.ma"), "").unwrap();
+    fs::write(folder.join("negative.ma"), "1 0 0\nv 0 0 0 -1\n").unwrap();
+    let mut app = app_with(MedialPhysicsPlugin::default(), &folder);
+    spawn_ground(&mut app);
+    let mut bad = Vec::new();
+    for (x, path) in (2..).zip(["missing.ma", "text.ma", "short.ma", "empty.ma", "negative.ma"]) {
+        let mesh = load(&app, path);
+        let at = Transform::from_xyz(x as f32, 1.0, 0.0);
+        bad.push(app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), at)).id());
+        assert!(matches!(wait(&mut app, &mesh), LoadState::Failed(_)), "{path}");
+    }
+    let mesh = load(&app, "good.ma");
+    let good = app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), Transform::from_xyz(0.0, 1.0, 0.0))).id();
+    assert!(matches!(wait(&mut app, &mesh), LoadState::Loaded));
+    run(&mut app, 400);
+    assert!(bad.iter().all(|&entity| !has_collider(&app, entity)));
+    assert!((position(&mut app, good).y - TUBE).abs() < 2e-3 && is_at_rest(&mut app, good));
+    // A good shape in place of a bad one.
+    let mesh = self::mesh(&mut app, model("torus"));
+    app.world_mut().entity_mut(bad[0]).insert(mesh);
+    run(&mut app, 400);
+    assert!((position(&mut app, bad[0]).y - TUBE).abs() < 2e-3, "{}", position(&mut app, bad[0]));
+}
+
+#[test]
+fn a_body_of_twice_the_size_rests_twice_as_high_and_weighs_eight_times_as_much() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let bodies = [1.0, 2.0].map(|scale| {
+        let at = Transform::from_xyz(3.0 * scale, 0.5, 0.0).with_scale(Vec3::splat(scale));
+        spawn_body(&mut app, model("torus"), at)
+    });
+    run(&mut app, 400);
+    let [small, large] = bodies.map(|body| (position(&mut app, body).y, rigid(&mut app, body).mass()));
+    assert!((small.0 - TUBE).abs() < 2e-3 && (large.0 - 2.0 * TUBE).abs() < 2e-3, "{small:?} {large:?}");
+    assert!((large.1 / small.1 - 8.0).abs() < 1e-4, "{small:?} {large:?}");
+    assert!(bodies.into_iter().all(|body| is_at_rest(&mut app, body)));
+}
+
+#[test]
+fn a_change_of_scale_changes_the_collider() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.5, 0.0));
+    run(&mut app, 400);
+    let mass = rigid(&mut app, body).mass();
+    // It is asleep, and by growing it is within the ground: it must wake up and get out; by shrinking it hangs in the air.
+    for scale in [2.0, 0.5, 1.0] {
+        assert!(is_at_rest(&mut app, body));
+        app.world_mut().get_mut::<Transform>(body).unwrap().scale = Vec3::splat(scale);
+        run(&mut app, 600);
+        let height = position(&mut app, body).y;
+        assert!((height - TUBE * scale).abs() < 2e-3, "{scale}: {height}");
+        let ratio = rigid(&mut app, body).mass() / mass;
+        assert!((ratio / scale.powi(3) - 1.0).abs() < 1e-4, "{scale}: {ratio}");
+    }
+}
+
+#[test]
+fn a_body_of_uneven_scale_has_no_collider_until_it_is_even() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let uneven = [Vec3::new(1.0, 2.0, 1.0), Vec3::new(-1.0, -1.0, -1.0), Vec3::ZERO, Vec3::new(1.0, -1.0, 1.0)];
+    let bad =
+        uneven.map(|scale| spawn_body(&mut app, model("torus"), Transform::from_xyz(2.0, 0.5, 0.0).with_scale(scale)));
+    let good = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.5, 0.0));
+    run(&mut app, 400);
+    assert!(bad.iter().all(|&body| !has_collider(&app, body)));
+    assert!(has_collider(&app, good) && is_at_rest(&mut app, good));
+    // And the other way.
+    app.world_mut().get_mut::<Transform>(bad[0]).unwrap().scale = Vec3::ONE;
+    app.world_mut().get_mut::<Transform>(good).unwrap().scale = uneven[0];
+    run(&mut app, 400);
+    assert!(has_collider(&app, bad[0]) && is_at_rest(&mut app, bad[0]));
+    assert!((position(&mut app, bad[0]).y - TUBE).abs() < 2e-3);
+    assert!(!has_collider(&app, good));
+}
+
+#[test]
+fn a_despawned_body_is_gone_for_those_in_contact_with_it() {
+    let mut app = app();
+    let ground = spawn_ground(&mut app);
+    let flat = MedialAxis::rounded_box(Vec3::new(0.5, 0.1, 0.5), 0.05).unwrap();
+    let lower = spawn_body(&mut app, flat.clone(), Transform::from_xyz(0.0, 0.101, 0.0));
+    let upper = spawn_body(&mut app, flat, Transform::from_xyz(0.0, 0.302, 0.0));
+    let mut record = Record::default();
+    record.run(&mut app, 300);
+    assert!(is_at_rest(&mut app, upper) && (position(&mut app, upper).y - 0.3).abs() < 4e-3);
+    app.world_mut().despawn(lower);
+    record.run(&mut app, 300);
+    assert!((position(&mut app, upper).y - 0.1).abs() < 2e-3, "{}", position(&mut app, upper));
+    assert_eq!(record.counts(lower, upper), [1, 1]);
+    assert_eq!(record.counts(lower, ground), [1, 1]);
+    app.world_mut().despawn(ground);
+    record.run(&mut app, 60);
+    assert!(position(&mut app, upper).y < -3.0);
+    assert_eq!(record.counts(upper, ground), [1, 1]);
+    app.world_mut().despawn(upper);
+    record.run(&mut app, 3);
+}
+
+#[test]
+fn in_the_fixed_schedule_a_body_falls_and_rests_as_well() {
+    for rate in [60.0f64, 144.0] {
+        let mut app = app_with(MedialPhysicsPlugin::default().in_fixed_schedule(), &assets());
+        app.insert_resource(Time::<Fixed>::from_hz(60.0));
+        app.insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / rate)));
+        let ground = spawn_ground(&mut app);
+        let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 1.0, 0.0));
+        let mut record = Record::default();
+        record.run(&mut app, (6.0 * rate) as u32);
+        let height = app.world().get::<Transform>(body).unwrap().translation.y;
+        assert!((height - TUBE).abs() < 2e-3 && is_at_rest(&mut app, body), "{rate}: {height}");
+        assert_eq!(record.counts(body, ground), [1, 0], "{rate}");
+    }
+}

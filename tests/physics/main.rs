@@ -1,0 +1,8 @@
+//! Medial bodies in an app: they fall, rest, stop, and tell what they touch; and the pipeline behind it keeps its promises.
+//!
+//! One binary, so that Bevy is linked once. Everything is seeded, nothing depends on the clock.
+
+mod common;
+mod entities;
+mod messages;
+mod statics;

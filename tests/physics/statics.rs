@@ -1,0 +1,129 @@
+//! Static boxes and static shapes, at any scale, moved and taken away at run time.
+
+use bevy::prelude::*;
+use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_rapier3d::prelude::{Collider, RigidBody};
+
+use crate::common::*;
+
+fn ball() -> MedialAxis {
+    MedialAxis::sphere(0.2).unwrap()
+}
+
+fn plate() -> MedialAxis {
+    MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.02).unwrap()
+}
+
+#[test]
+fn a_box_may_have_any_scale_and_change_it() {
+    let mut app = app();
+    let turn = Quat::from_rotation_y(0.5);
+    let scale = Vec3::new(6.0, 0.5, 3.0);
+    let floor =
+        app.world_mut().spawn((StaticObb::new(0.5, 1.0, 0.5), Transform::from_rotation(turn).with_scale(scale))).id();
+    // Within the scaled box only, on either wide axis.
+    let bodies = [Vec3::new(2.5, 1.0, 0.0), Vec3::new(0.0, 1.0, 1.1)]
+        .map(|at| spawn_body(&mut app, plate(), Transform::from_translation(turn * at).with_rotation(turn)));
+    // Beside the scaled box, yet within the largest extent.
+    let outside = spawn_body(&mut app, plate(), Transform::from_translation(turn * Vec3::new(0.0, 1.0, 2.2)));
+    run(&mut app, 300);
+    for body in bodies {
+        assert!((position(&mut app, body).y - 0.6).abs() < 2e-3, "{}", position(&mut app, body));
+        assert!(is_at_rest(&mut app, body));
+    }
+    assert!(position(&mut app, outside).y < -2.0);
+    app.world_mut().get_mut::<Transform>(floor).unwrap().scale.y = 0.25;
+    run(&mut app, 300);
+    for body in bodies {
+        assert!((position(&mut app, body).y - 0.35).abs() < 2e-3, "{}", position(&mut app, body));
+    }
+    app.world_mut().get_mut::<StaticObb>(floor).unwrap().half_extents.y = 2.0;
+    run(&mut app, 400);
+    for body in bodies {
+        assert!((position(&mut app, body).y - 0.6).abs() < 2e-3, "{}", position(&mut app, body));
+    }
+}
+
+/// A static of each kind that has its top at the height of its entity.
+fn spawn_static(app: &mut App, kind: &str, at: Vec3) -> Entity {
+    let transform = Transform::from_translation(at);
+    match kind {
+        "box" => app.world_mut().spawn((StaticObb::new(1.0, 0.5, 1.0), transform)).id(),
+        "shape" => {
+            let mesh = mesh(app, MedialAxis::rounded_box(Vec3::new(1.0, 0.5, 1.0), 0.1).unwrap());
+            app.world_mut().spawn((mesh, StaticObb::default(), RigidBody::Fixed, transform)).id()
+        }
+        _ => app.world_mut().spawn((Collider::cuboid(1.0, 0.5, 1.0), RigidBody::Fixed, transform)).id(),
+    }
+}
+
+#[test]
+fn contacts_follow_a_static_that_is_moved() {
+    for kind in ["box", "shape", "rapier"] {
+        let mut app = app();
+        let floor = spawn_static(&mut app, kind, Vec3::ZERO);
+        let body = spawn_body(&mut app, plate(), Transform::from_xyz(0.0, 0.7, 0.0));
+        run(&mut app, 200);
+        assert!(is_at_rest(&mut app, body) && (position(&mut app, body).y - 0.6).abs() < 2e-3, "{kind}");
+        // Down: it must wake up and follow. Up, by a little: it is pushed out.
+        for height in [-0.8, -0.75] {
+            app.world_mut().get_mut::<Transform>(floor).unwrap().translation.y = height;
+            run(&mut app, 300);
+            let found = position(&mut app, body).y;
+            assert!((found - (height + 0.6)).abs() < 2e-3, "{kind} {height}: {found}");
+        }
+        // Away: it falls.
+        app.world_mut().get_mut::<Transform>(floor).unwrap().translation.x = 50.0;
+        run(&mut app, 60);
+        assert!(position(&mut app, body).y < -3.0, "{kind}");
+    }
+}
+
+#[test]
+fn a_fast_body_stops_at_a_static_where_it_is_now() {
+    for kind in ["box", "shape"] {
+        let mut app = app();
+        let wall = spawn_static(&mut app, kind, Vec3::new(0.0, 0.0, 5.0));
+        run(&mut app, 10);
+        // Into the way, in the very frame in which the body comes.
+        app.world_mut().get_mut::<Transform>(wall).unwrap().translation.z = 0.0;
+        let velocity = bevy_rapier3d::prelude::Velocity::linear(Vec3::X * 300.0);
+        let body = spawn_flying(&mut app, ball(), Transform::from_xyz(-4.0, 0.0, 0.0), velocity);
+        run(&mut app, 3);
+        assert!(position(&mut app, body).x < -1.19, "{kind}: {}", position(&mut app, body));
+        run(&mut app, 60);
+        assert!(position(&mut app, body).x < -1.19, "{kind}: {}", position(&mut app, body));
+    }
+}
+
+#[test]
+fn a_despawned_or_disabled_static_stops_nothing() {
+    use bevy_rapier3d::prelude::{ColliderDisabled, Sensor, Velocity};
+    let (mut stopped, mut passed) = (0, 0);
+    for kind in ["box", "shape"] {
+        for change in ["none", "despawn", "disable", "sensor"] {
+            let mut app = app();
+            let wall = spawn_static(&mut app, kind, Vec3::ZERO);
+            run(&mut app, 10);
+            match change {
+                "despawn" => drop(app.world_mut().despawn(wall)),
+                "disable" => drop(app.world_mut().entity_mut(wall).insert(ColliderDisabled)),
+                "sensor" => drop(app.world_mut().entity_mut(wall).insert(Sensor)),
+                _ => {}
+            }
+            run(&mut app, 2);
+            let velocity = Velocity::linear(Vec3::X * 300.0);
+            let body = spawn_flying(&mut app, ball(), Transform::from_xyz(-4.0, 0.0, 0.0), velocity);
+            run(&mut app, 10);
+            let x = position(&mut app, body).x;
+            if change == "none" {
+                assert!(x < -1.19, "{kind}: {x}");
+                stopped += 1;
+            } else {
+                assert!((x - (-4.0 + 50.0)).abs() < 5.1, "{kind} {change}: {x}");
+                passed += 1;
+            }
+        }
+    }
+    assert_eq!((stopped, passed), (2, 6));
+}
