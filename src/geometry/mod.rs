@@ -15,6 +15,7 @@
 mod aabb;
 mod bvh;
 mod obb;
+mod placement;
 mod primitive;
 mod sweep;
 
@@ -22,5 +23,6 @@ pub use aabb::Aabb;
 pub use bvh::Bvh;
 pub use glamx::Pose3;
 pub use obb::Obb;
+pub use placement::Placement;
 pub use primitive::{Parts, Primitive, Sphere};
 pub use sweep::Sweep;

@@ -8,11 +8,11 @@ use glam::Vec3;
 use super::{
     Shape,
     reduce::reduce,
-    shape::{Hull, Placement, with_spheres},
+    shape::{Hull, with_spheres},
 };
 use crate::{
     constants::VERTEX_NORMAL_COSINE,
-    geometry::{Aabb, Pose3, Sphere},
+    geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, separation},
 };
 

@@ -2,15 +2,11 @@
 
 use glam::{Mat3, Vec3};
 
-use super::{
-    Statics, StepInput, Target,
-    broad_phase::BodyPair,
-    contact::Second,
-    shape::{Placement, Shape},
-};
+use super::{Statics, StepInput, Target, broad_phase::BodyPair, contact::Second, shape::Shape};
 use crate::{
     constants::CHORD_TOLERANCE,
-    geometry::{Aabb, Pose3, Sweep},
+    geometry::{Aabb, Placement, Pose3, Sweep},
+    query::Chords,
 };
 
 /// A body pair in relative coordinates.
@@ -26,10 +22,6 @@ pub(super) struct PairMotion<'a> {
     pub frame: Pose3,
     /// Distance from each body's centre of mass to its farthest point; 0 for a box.
     pub arms: [f32; 2],
-    /// Chords that the step is split into.
-    pub chords: u32,
-    /// How far any point strays from its chord, both sides together, in metres.
-    pub sagitta: f32,
     /// Distance from the centre of mass to the farthest point of the smaller body, in metres.
     pub size: f32,
 }
@@ -59,15 +51,12 @@ impl<'a> PairMotion<'a> {
             },
         ];
         let size = if arms[1] > 0.0 { arms[0].min(arms[1]) } else { arms[0] };
-        let tolerance = CHORD_TOLERANCE * size;
-        let chords = sweep1.chords(arms[0], tolerance).max(sweep2.chords(arms[1], tolerance));
-        let sagitta = sweep1.sagitta(arms[0], chords) + sweep2.sagitta(arms[1], chords);
-        Self { shape1, second, sweep1, sweep2, frame, arms, chords, sagitta, size }
+        Self { shape1, second, sweep1, sweep2, frame, arms, size }
     }
 
-    /// Both placements at a fraction of the step.
-    pub fn placements(&self, fraction: f32) -> [Placement; 2] {
-        [self.sweep1.pose_at(fraction).into(), self.sweep2.pose_at(fraction).into()]
+    /// The motion as chords.
+    pub fn chords(&self) -> Chords {
+        Chords::new([&self.sweep1, &self.sweep2], self.arms, CHORD_TOLERANCE * self.size)
     }
 
     /// True if neither body moves.

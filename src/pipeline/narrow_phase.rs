@@ -1,7 +1,6 @@
 //! Narrow phase: the first impact of each body pair within the step, and its contacts at the end.
 
 use bevy::tasks::TaskPool;
-use glam::Vec3;
 
 use super::{
     Contact, Impact, Statics, StepInput, Target,
@@ -10,13 +9,12 @@ use super::{
     mid_phase::PrimitivePair,
     motion::PairMotion,
     parallel,
-    shape::{Hull, Placement, with_spheres},
+    shape::with_spheres,
     stop::Stops,
 };
 use crate::{
     constants::STOP_SLOP,
-    geometry::Sphere,
-    query::{Cuboid, Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact, time_of_overlap},
+    query::{Cuboid, TimeOfImpactStatus, rigid_impact},
 };
 
 /// The first impact of a body pair, and what it took to find.
@@ -76,85 +74,39 @@ pub(super) fn contacts(
     })
 }
 
-/// The earliest impact of the candidates, chord by chord.
-///
-/// An impact is where an overlap grows by more than a slop, which contacts never do that the solver knows about; for primitives
-/// that are apart at the start it is told at the touch. Spheres of the first side are larger by the sagitta, so it is early by as
-/// much at most, and never late.
+/// The earliest impact of the candidates: where an overlap grows by more than a slop, which contacts never do that the solver knows
+/// about; for primitives that are apart before that, where they touch.
 pub(super) fn first_impact(motion: &PairMotion, candidates: &[PrimitivePair]) -> ImpactResult {
     let mut result = ImpactResult::default();
     if candidates.is_empty() {
         return result;
     }
-    let mut start = motion.placements(0.0);
-    for chord in 0..motion.chords {
-        let end = motion.placements((chord + 1) as f32 / motion.chords as f32);
-        let mut earliest: Option<(TimeOfImpact, PrimitivePair)> = None;
-        for &pair in candidates {
-            let limit = earliest.map_or(1.0, |(toi, _)| toi.fraction);
-            let toi = chord_impact(motion, pair, &start, &end, limit);
-            result.toi_tests += 1;
-            result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
-            if toi.status != TimeOfImpactStatus::Separated
-                && earliest.is_none_or(|(first, _)| toi.fraction < first.fraction)
-            {
-                earliest = Some((toi, pair));
+    let chords = motion.chords();
+    let slop = STOP_SLOP * motion.size;
+    let mut limit = 1.0;
+    for &[primitive1, primitive2] in candidates {
+        let toi = with_spheres!(motion.shape1.hull(primitive1), |first| match motion.second {
+            Second::Cuboid(half) => rigid_impact(&first, &Cuboid { half }, &chords, limit, slop),
+            Second::Hull(hull) => with_spheres!(hull, |other| rigid_impact(&first, &other, &chords, limit, slop)),
+            Second::Shape(shape) => {
+                with_spheres!(shape.hull(primitive2), |other| rigid_impact(&first, &other, &chords, limit, slop))
             }
-        }
-        if let Some((toi, [primitive1, primitive2])) = earliest {
+        });
+        result.toi_tests += 1;
+        result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
+        if toi.status != TimeOfImpactStatus::Separated
+            && result.impact.is_none_or(|first| toi.fraction < first.fraction)
+        {
+            limit = toi.fraction;
             let point = (toi.contact.point1 + toi.contact.point2) * 0.5;
             result.impact = Some(Impact {
-                fraction: (chord as f32 + toi.fraction) / motion.chords as f32,
+                fraction: toi.fraction,
                 point: motion.frame.transform_point(point),
                 normal: motion.frame.rotation * toi.contact.normal,
                 primitive1,
                 primitive2,
             });
-            break;
         }
-        start = end;
     }
     result
-}
-
-/// The impact of two primitives along one chord.
-fn chord_impact(
-    motion: &PairMotion,
-    [primitive1, primitive2]: PrimitivePair,
-    start: &[Placement; 2],
-    end: &[Placement; 2],
-    limit: f32,
-) -> TimeOfImpact {
-    fn against<B: MovingConvex>(
-        motion: &PairMotion,
-        hull1: Hull,
-        placements: [&Placement; 2],
-        second: &B,
-        limit: f32,
-    ) -> TimeOfImpact {
-        with_spheres!(hull1, |spheres| {
-            let mut first = moving(&spheres, placements);
-            first.start.iter_mut().for_each(|sphere| sphere.radius += motion.sagitta);
-            let overlap = time_of_overlap(&first, second, limit, STOP_SLOP * motion.size);
-            if overlap.status == TimeOfImpactStatus::Separated {
-                return overlap;
-            }
-            let touch = time_of_impact(&first, second, overlap.fraction);
-            if touch.status == TimeOfImpactStatus::Hit { touch } else { overlap }
-        })
-    }
-    let hull1 = motion.shape1.hull(primitive1);
-    let first = [&start[0], &end[0]];
-    let hull2 = match motion.second {
-        Second::Cuboid(half) => return against(motion, hull1, first, &Cuboid { half }, limit),
-        Second::Hull(hull) => hull,
-        Second::Shape(shape) => shape.hull(primitive2),
-    };
-    with_spheres!(hull2, |spheres| against(motion, hull1, first, &moving(&spheres, [&start[1], &end[1]]), limit))
-}
-
-fn moving<const N: usize>(spheres: &[Sphere; N], [start, end]: [&Placement; 2]) -> Moving<N> {
-    let placed: [Sphere; N] = spheres.map(|s| Sphere::new(start.point(s.center), s.radius));
-    let motion: [Vec3; N] = std::array::from_fn(|i| end.point(spheres[i].center) - placed[i].center);
-    Moving { start: placed, motion }
 }

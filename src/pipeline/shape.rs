@@ -1,7 +1,7 @@
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 
 use crate::{
-    geometry::{Aabb, Bvh, Pose3, Primitive, Sphere},
+    geometry::{Aabb, Bvh, Placement, Primitive, Sphere},
     medial_axis::MedialAxis,
 };
 
@@ -83,28 +83,6 @@ impl Hull {
             Hull::Cone(s) => Hull::Cone(s.map(place)),
             Hull::Slab(s) => Hull::Slab(s.map(place)),
         }
-    }
-}
-
-/// A pose as a matrix, for placing many points.
-#[derive(Clone, Copy, Debug)]
-pub struct Placement {
-    /// Rotation.
-    pub rotation: Mat3,
-    /// Translation.
-    pub translation: Vec3,
-}
-
-impl Placement {
-    /// The point in the parent frame.
-    pub fn point(&self, point: Vec3) -> Vec3 {
-        self.rotation * point + self.translation
-    }
-}
-
-impl From<Pose3> for Placement {
-    fn from(pose: Pose3) -> Self {
-        Self { rotation: Mat3::from_quat(pose.rotation), translation: pose.translation }
     }
 }
 

@@ -13,10 +13,12 @@
 mod alternating;
 mod nearest;
 mod ray;
+mod rigid;
 mod separation;
 mod time_of_impact;
 
 pub use alternating::alternating;
 pub use ray::{RayHit, ray_cast};
+pub use rigid::{Chords, Rigid, rigid_impact};
 pub use separation::{Convex, Cuboid, Separation, separation};
 pub use time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact, time_of_overlap};

@@ -129,6 +129,9 @@ pub fn time_of_overlap<const N: usize, B: MovingConvex>(
     let start = separation(&first.at(0.0), &second.at(0.0), 0);
     let depth = (-start.distance).max(0.0);
     let growth = slop * (1.0 - depth / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
+    // Less than the rounding, and a small body on a large one could not even move away.
+    let extent = first.start.extent().max(second.at(0.0).extent());
+    let growth = growth.max(2.0 * CONTACT_ROUNDING * extent);
     advance(first, second, max_fraction, start, -depth - growth)
 }
 

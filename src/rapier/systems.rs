@@ -12,8 +12,8 @@ use bevy_rapier3d::{
     },
     plugin::context::{DefaultRapierContext, RapierContextColliders, RapierContextSimulation, RapierRigidBodySet},
     prelude::{
-        Collider, ColliderScale, CollisionGroups, NoUserData, PhysicsSet, RapierColliderHandle, RapierConfiguration,
-        RapierPhysicsPlugin, RigidBody,
+        Collider, ColliderDisabled, ColliderScale, CollisionGroups, NoUserData, PhysicsSet, RapierColliderHandle,
+        RapierConfiguration, RapierPhysicsPlugin, RigidBody, RigidBodyDisabled, Sensor,
     },
     rapier::{
         dynamics::RigidBody as RapierBody,
@@ -141,9 +141,9 @@ fn attach_boxes(
     }
 }
 
-/// A body without a collider has no mass and falls asleep; it does not wake up by getting one.
+/// A body without a collider has no mass and falls asleep; it does not wake up by getting one, nor by getting another.
 fn wake_attached(
-    attached: Query<&RapierColliderHandle, (Added<RapierColliderHandle>, With<MedialMesh>)>,
+    attached: Query<&RapierColliderHandle, (Or<(Added<RapierColliderHandle>, Changed<Collider>)>, With<MedialMesh>)>,
     context: Single<(&mut RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
 ) {
     let (mut bodies, colliders) = context.into_inner();
@@ -208,19 +208,41 @@ fn gather_statics(
         (),
         (
             With<StaticObb>,
-            Or<(Changed<GlobalTransform>, Changed<RapierColliderHandle>, Changed<Collider>, Changed<CollisionGroups>)>,
+            Or<(
+                Changed<GlobalTransform>,
+                Changed<RapierColliderHandle>,
+                Changed<Collider>,
+                Changed<CollisionGroups>,
+                Changed<Sensor>,
+                Changed<ColliderDisabled>,
+                Changed<RigidBodyDisabled>,
+            )>,
         ),
     >,
+    mut removed: (
+        RemovedComponents<CollisionGroups>,
+        RemovedComponents<Sensor>,
+        RemovedComponents<ColliderDisabled>,
+        RemovedComponents<RigidBodyDisabled>,
+    ),
     statics: Query<(Entity, &RapierColliderHandle), With<StaticObb>>,
+    mut known: Local<usize>,
     context: Single<(&RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
 ) {
-    if changed.is_empty() && statics.iter().len() == step.statics.bodies().len() {
+    // All of them are read, whichever has something.
+    let removals =
+        removed.0.read().count() + removed.1.read().count() + removed.2.read().count() + removed.3.read().count();
+    let count = statics.iter().len();
+    if changed.is_empty() && removals == 0 && count == *known {
         return;
     }
+    *known = count;
     let (bodies, colliders) = *context;
     let mut found: Vec<(ColliderHandle, Entity, StaticBody, bool)> = Vec::new();
     for (entity, handle) in &statics {
-        let Some(collider) = colliders.colliders.get(handle.0) else { continue };
+        let Some(collider) = colliders.colliders.get(handle.0).filter(|collider| collider.is_enabled()) else {
+            continue;
+        };
         let pose = collider_pose(collider, collider.parent().and_then(|parent| bodies.bodies.get(parent)));
         let (obb, shape) = if let Some(medial) = medial(collider) {
             let aabb = medial.shape.aabb();

@@ -27,7 +27,8 @@ fn lerp(a: &Sphere, b: &Sphere, t: f64) -> (DVec3, f64) {
     (a.center.as_dvec3().lerp(b.center.as_dvec3(), t), radius1 + (radius2 - radius1) * t)
 }
 
-/// Equation 3: least of `|v(t1, t2, t3) - c(t4)| - r(t4)` over the unit tesseract. The box's edges are orthogonal, so that for a given `t4` each of the other three has a minimum of its own.
+/// Equation 3: least of `|v(t1, t2, t3) - c(t4)| - r(t4)` over the unit tesseract.
+/// The box's edges are orthogonal, so that for a given `t4` each of the other three has a minimum of its own.
 fn cone_to_box([a, b]: &[Sphere; 2], half: Vec3) -> f64 {
     least(|t4| {
         let (center, radius) = lerp(a, b, t4);

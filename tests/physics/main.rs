@@ -6,3 +6,4 @@ mod common;
 mod entities;
 mod messages;
 mod statics;
+mod zz;

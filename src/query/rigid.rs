@@ -1,0 +1,126 @@
+//! Time of impact for true rigid motion: the step as a chain of chords (the paper's piecewise linear medial cones).
+
+use glam::Vec3;
+
+use super::{
+    separation::Cuboid,
+    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact, time_of_overlap},
+};
+use crate::{
+    constants::MAX_CHORDS,
+    geometry::{Placement, Sphere, Sweep},
+};
+
+/// The motion of a pair of bodies, cut into equal times within which every point moves on a line but for a known deviation.
+#[derive(Clone, Debug)]
+pub struct Chords {
+    /// Where both bodies are at the ends of the chords.
+    placements: Vec<[Placement; 2]>,
+    /// How far any point strays from its chord, both sides together, in metres.
+    deviation: f32,
+}
+
+impl Chords {
+    /// Chords of two bodies whose sweeps are given in one frame. No point of a body is farther than its arm from its centre of mass.
+    /// Enough of them that each side strays by `tolerance` metres at most, up to [`MAX_CHORDS`].
+    pub fn new([sweep1, sweep2]: [&Sweep; 2], [arm1, arm2]: [f32; 2], tolerance: f32) -> Self {
+        let count = sweep1.chords(arm1, tolerance).max(sweep2.chords(arm2, tolerance));
+        Self {
+            placements: instants(count).map(|t| [sweep1.pose_at(t).into(), sweep2.pose_at(t).into()]).collect(),
+            deviation: sweep1.sagitta(arm1, count) + sweep2.sagitta(arm2, count),
+        }
+    }
+
+    /// Chords of the first body seen from the second, which then is at rest at the origin: a box can turn no other way.
+    ///
+    /// Seen from a frame that turns, a point has centrifugal and Coriolis acceleration besides its own centripetal one; under the
+    /// acceleration `a` it strays from the chord of a time `t` by at most `a t^2 / 8`.
+    pub fn in_frame_of_second([sweep1, sweep2]: [&Sweep; 2], arm1: f32, tolerance: f32) -> Self {
+        let (turn1, turn2) = (sweep1.rotation.length(), sweep2.rotation.length());
+        let speed = (sweep1.translation - sweep2.translation).length();
+        let apart =
+            sweep1.start.transform_point(sweep1.local_center) - sweep2.start.transform_point(sweep2.local_center);
+        let distance = apart.length() + speed + arm1;
+        let acceleration = turn1 * turn1 * arm1 + 2.0 * turn2 * (speed + turn1 * arm1) + turn2 * turn2 * distance;
+        let mut count = 1;
+        while count < MAX_CHORDS && acceleration > 8.0 * tolerance * (count * count) as f32 {
+            count *= 2;
+        }
+        let relative = |t| sweep2.pose_at(t).inv_mul(&sweep1.pose_at(t)).into();
+        Self {
+            placements: instants(count).map(|t| [relative(t), Placement::IDENTITY]).collect(),
+            deviation: acceleration / (8.0 * (count * count) as f32),
+        }
+    }
+}
+
+fn instants(count: u32) -> impl Iterator<Item = f32> {
+    (0..=count).map(move |i| i as f32 / count as f32)
+}
+
+/// The second side of a rigid pair.
+pub trait Rigid {
+    /// Its motion along a chord.
+    type Moving: MovingConvex;
+
+    /// The shape on its way from one placement to the next.
+    fn along(&self, chord: [&Placement; 2]) -> Self::Moving;
+}
+
+impl<const N: usize> Rigid for [Sphere; N] {
+    type Moving = Moving<N>;
+
+    #[inline]
+    fn along(&self, [start, end]: [&Placement; 2]) -> Moving<N> {
+        let placed: [Sphere; N] = self.map(|s| Sphere::new(start.point(s.center), s.radius));
+        let motion: [Vec3; N] = std::array::from_fn(|i| end.point(self[i].center) - placed[i].center);
+        Moving { start: placed, motion }
+    }
+}
+
+impl Rigid for Cuboid {
+    type Moving = Cuboid;
+
+    /// At rest in its own frame.
+    #[inline]
+    fn along(&self, _: [&Placement; 2]) -> Cuboid {
+        *self
+    }
+}
+
+/// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by more than `slop` metres beyond what
+/// they do at the start of a chord; if they touch within that chord, the fraction at which they do.
+///
+/// Both in the frames of their bodies; the contact is in the frame of the chords. The first side is larger by the chords' deviation, so an
+/// impact is early by as much at most, and never late.
+pub fn rigid_impact<const N: usize, B: Rigid>(
+    first: &[Sphere; N],
+    second: &B,
+    chords: &Chords,
+    max_fraction: f32,
+    slop: f32,
+) -> TimeOfImpact {
+    let count = (chords.placements.len() - 1) as f32;
+    let max_fraction = max_fraction.min(1.0);
+    let mut rounds = 0;
+    for (i, ends) in chords.placements.windows(2).enumerate() {
+        let limit = max_fraction * count - i as f32;
+        let mut moving1 = first.along([&ends[0][0], &ends[1][0]]);
+        moving1.start.iter_mut().for_each(|sphere| sphere.radius += chords.deviation);
+        let moving2 = second.along([&ends[0][1], &ends[1][1]]);
+        let mut found = time_of_overlap(&moving1, &moving2, limit.min(1.0), slop);
+        rounds += found.rounds;
+        if found.status != TimeOfImpactStatus::Separated {
+            let touch = time_of_impact(&moving1, &moving2, found.fraction);
+            rounds += touch.rounds;
+            if touch.status == TimeOfImpactStatus::Hit {
+                found = touch;
+            }
+        }
+        // The last chord, or the last that counts.
+        if found.status != TimeOfImpactStatus::Separated || limit <= 1.0 {
+            return TimeOfImpact { fraction: (i as f32 + found.fraction) / count, rounds, ..found };
+        }
+    }
+    unreachable!("the limit falls by 1 from chord to chord, and is at most 1 in the last")
+}
