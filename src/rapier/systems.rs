@@ -219,24 +219,18 @@ fn gather_statics(
             )>,
         ),
     >,
-    mut removed: (
-        RemovedComponents<CollisionGroups>,
-        RemovedComponents<Sensor>,
-        RemovedComponents<ColliderDisabled>,
-        RemovedComponents<RigidBodyDisabled>,
-    ),
+    mut removed: (RemovedComponents<Sensor>, RemovedComponents<ColliderDisabled>, RemovedComponents<RigidBodyDisabled>),
     statics: Query<(Entity, &RapierColliderHandle), With<StaticObb>>,
-    mut known: Local<usize>,
+    mut known: Local<(usize, bool)>,
     context: Single<(&RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
 ) {
-    // All of them are read, whichever has something.
-    let removals =
-        removed.0.read().count() + removed.1.read().count() + removed.2.read().count() + removed.3.read().count();
+    let removals = removed.0.read().count() + removed.1.read().count() + removed.2.read().count();
     let count = statics.iter().len();
-    if changed.is_empty() && removals == 0 && count == *known {
+    // In a fixed schedule rapier takes over removals at the end of the frame, and they count in the next step.
+    let (known_count, removals_before) = std::mem::replace(&mut *known, (count, removals > 0));
+    if changed.is_empty() && removals == 0 && !removals_before && count == known_count {
         return;
     }
-    *known = count;
     let (bodies, colliders) = *context;
     let mut found: Vec<(ColliderHandle, Entity, StaticBody, bool)> = Vec::new();
     for (entity, handle) in &statics {

@@ -5,5 +5,5 @@
 mod common;
 mod entities;
 mod messages;
+mod settling;
 mod statics;
-mod zz;

@@ -1,0 +1,257 @@
+//! Bodies come to rest where they should: on anything, in any order, with speed zero, asleep, hardly overlapping.
+
+use std::f32::consts::FRAC_PI_2;
+
+use bevy::prelude::*;
+use bevy_medial::{geometry::Sphere, medial_axis::MedialAxis, prelude::*, scenes::Monitor};
+use bevy_rapier3d::prelude::{Collider, Damping, RigidBody, Velocity};
+
+use crate::common::*;
+
+/// What bodies fall on; the top is at height 0, at least around the origin.
+const FLOORS: [&str; 6] = ["box", "shape", "cuboid", "ball", "capsule", "half space"];
+
+fn spawn_floor(app: &mut App, kind: &str) -> Entity {
+    let at = |y: f32| Transform::from_xyz(0.0, y, 0.0);
+    let world = app.world_mut();
+    match kind {
+        "box" => world.spawn((StaticObb::new(5.0, 1.0, 5.0), at(-1.0))).id(),
+        "shape" => {
+            let floor = mesh(app, MedialAxis::rounded_box(Vec3::new(5.0, 1.0, 5.0), 0.1).unwrap());
+            app.world_mut().spawn((RigidBody::Fixed, floor, StaticObb::default(), at(-1.0))).id()
+        }
+        "cuboid" => world.spawn((RigidBody::Fixed, Collider::cuboid(5.0, 1.0, 5.0), at(-1.0))).id(),
+        "ball" => world.spawn((RigidBody::Fixed, Collider::ball(5.0), at(-5.0))).id(),
+        // Lying along x.
+        "capsule" => {
+            let turned = at(-1.0).with_rotation(Quat::from_rotation_z(FRAC_PI_2));
+            world.spawn((RigidBody::Fixed, Collider::capsule_y(4.0, 1.0), turned)).id()
+        }
+        _ => world.spawn((RigidBody::Fixed, Collider::halfspace(Vec3::Y).unwrap(), at(0.0))).id(),
+    }
+}
+
+/// Bodies with the transform they are dropped with and the height of their origin above a flat floor when they rest.
+fn solids() -> Vec<(&'static str, MedialAxis, Transform, f32)> {
+    let lying = |radius: f32| MedialAxis::capsule(Vec3::X * -0.4, Vec3::X * 0.4, radius).unwrap();
+    let (thick, thin) = (Sphere::new(Vec3::X * -0.3, 0.3), Sphere::new(Vec3::X * 0.3, 0.2));
+    // A tapered capsule rests on its side: the line of its lowest points is level.
+    let slope = (0.1f32 / 0.6).asin();
+    let at = |y: f32| Transform::from_xyz(0.0, y, 0.0);
+    vec![
+        ("capsule", lying(0.2), at(0.5), 0.2),
+        ("thin capsule", lying(0.03), at(0.3), 0.03),
+        ("small capsule", lying(0.2), at(0.3).with_scale(Vec3::splat(0.1)), 0.02),
+        (
+            "tapered capsule",
+            MedialAxis::cone(thick, thin).unwrap(),
+            at(0.6).with_rotation(Quat::from_rotation_z(-slope)),
+            0.25,
+        ),
+        ("torus", MedialAxis::torus(0.4, 0.1, 24).unwrap(), at(0.5), 0.1),
+        ("box", MedialAxis::rounded_box(Vec3::new(0.4, 0.2, 0.3), 0.05).unwrap(), at(0.5), 0.2),
+        ("sharp box", MedialAxis::rounded_box(Vec3::new(0.3, 0.2, 0.4), 0.0).unwrap(), at(0.5), 0.2),
+        ("model torus", model("torus"), at(0.3), 0.0525),
+    ]
+}
+
+/// What rolls comes to rest only if something slows it: rapier has no rolling friction.
+fn damp(app: &mut App, body: Entity) {
+    app.world_mut().entity_mut(body).insert(Damping { linear_damping: 0.1, angular_damping: 1.0 });
+}
+
+/// Deepest overlap so far, in percent of the smaller body's size, of pairs that the step knows.
+fn deepest_percent(app: &App) -> f32 {
+    app.world().resource::<Monitor>().deepest_overlap_percent
+}
+
+#[test]
+fn bodies_rest_on_flat_floors_at_the_height_of_their_shape() {
+    let mut rested = 0;
+    for kind in ["box", "shape", "cuboid", "half space"] {
+        for floor_first in [true, false] {
+            let mut app = app();
+            if floor_first {
+                spawn_floor(&mut app, kind);
+            }
+            let bodies: Vec<_> = solids()
+                .into_iter()
+                .enumerate()
+                .map(|(i, (name, axis, mut transform, height))| {
+                    transform.translation += Vec3::new((i % 3) as f32 * 1.5 - 1.5, 0.0, (i / 3) as f32 * 1.5 - 1.5);
+                    (name, spawn_body(&mut app, axis, transform), height)
+                })
+                .collect();
+            if !floor_first {
+                spawn_floor(&mut app, kind);
+            }
+            run(&mut app, 400);
+            for (name, body, height) in bodies {
+                let found = position(&mut app, body).y;
+                assert!(
+                    (found - height).abs() < 2e-3,
+                    "{name} on {kind}, floor first {floor_first}: {found} not {height}"
+                );
+                assert!(
+                    is_at_rest(&mut app, body),
+                    "{name} on {kind}, floor first {floor_first}: {:?}",
+                    rigid(&mut app, body).vels()
+                );
+                rested += 1;
+            }
+            assert!(deepest_percent(&app) < 1.0, "{kind}, floor first {floor_first}: {}", deepest_percent(&app));
+        }
+    }
+    assert_eq!(rested, 64);
+}
+
+#[test]
+fn bodies_rest_on_round_floors() {
+    for kind in ["ball", "capsule"] {
+        for floor_first in [true, false] {
+            for (name, axis, height) in [
+                // The middle of the plate touches; of the ring, a circle around the top, or on the capsule two points of it.
+                ("plate", MedialAxis::rounded_box(Vec3::new(0.6, 0.1, 0.6), 0.05).unwrap(), 0.1),
+                ("ring", MedialAxis::torus(0.4, 0.1, 48).unwrap(), f32::NAN),
+            ] {
+                let mut app = app();
+                if floor_first {
+                    spawn_floor(&mut app, kind);
+                }
+                let body = spawn_body(&mut app, axis, Transform::from_xyz(0.0, 0.3, 0.0));
+                damp(&mut app, body);
+                if !floor_first {
+                    spawn_floor(&mut app, kind);
+                }
+                run(&mut app, 600);
+                // The ring's middle line has a constant distance from the ball's centre; on the capsule its ends hang beside the
+                // ridge and it rests on the two points over the ridge.
+                let height = match (name, kind) {
+                    ("ring", "ball") => (5.1f32 * 5.1 - 0.16).sqrt() - 5.0,
+                    ("ring", _) => 0.1,
+                    _ => height,
+                };
+                let found = position(&mut app, body).y;
+                assert!(
+                    (found - height).abs() < 2e-3,
+                    "{name} on {kind}, floor first {floor_first}: {found} not {height}"
+                );
+                assert!(
+                    is_at_rest(&mut app, body),
+                    "{name} on {kind}, floor first {floor_first}: {:?}",
+                    rigid(&mut app, body).vels()
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn models_rest_on_every_floor() {
+    for kind in FLOORS {
+        for (i, model) in models().iter().enumerate() {
+            let mut app = app();
+            let floor_first = i % 2 == 0;
+            if floor_first {
+                spawn_floor(&mut app, kind);
+            }
+            let mut random = Random(i as u64);
+            let bound = model.axis.bounding_sphere();
+            let at = Transform::from_xyz(0.0, bound.radius + bound.center.length() + 0.1, 0.0);
+            let body = spawn_body(&mut app, model.axis.clone(), at.with_rotation(random.rotation()));
+            damp(&mut app, body);
+            if !floor_first {
+                spawn_floor(&mut app, kind);
+            }
+            run(&mut app, 600);
+            // Off a round floor it may roll.
+            let flat = !matches!(kind, "ball" | "capsule");
+            let pose = *rigid(&mut app, body).position();
+            let spheres = model.axis.spheres().iter();
+            let lowest = spheres.map(|s| pose.transform_point(s.center).y - s.radius).fold(f32::INFINITY, f32::min);
+            if flat {
+                assert!(lowest.abs() < 0.01 * bound.radius, "{} on {kind}: {lowest}", model.name);
+                assert!(is_at_rest(&mut app, body), "{} on {kind}: {:?}", model.name, rigid(&mut app, body).vels());
+            }
+            assert!(deepest_percent(&app) < 1.0, "{} on {kind}: {}", model.name, deepest_percent(&app));
+        }
+    }
+}
+
+#[test]
+fn a_stack_of_three_stands() {
+    let flat = MedialAxis::rounded_box(Vec3::new(0.5, 0.2, 0.5), 0.05).unwrap();
+    let ring = MedialAxis::torus(0.4, 0.1, 32).unwrap();
+    for (name, axis, half) in [("boxes", flat, 0.2), ("rings", ring, 0.1)] {
+        for top_first in [false, true] {
+            let mut app = app();
+            spawn_ground(&mut app);
+            let mut order: Vec<usize> = (0..3).collect();
+            if top_first {
+                order.reverse();
+            }
+            let mut bodies: Vec<(usize, Entity)> = order
+                .into_iter()
+                .map(|i| {
+                    let height = half + i as f32 * (2.0 * half + 0.05) + 0.05;
+                    // A little aside and turned, as nobody stacks exactly.
+                    let at = Vec3::new(0.02 * i as f32, height, -0.01 * i as f32);
+                    let turned = Transform::from_translation(at).with_rotation(Quat::from_rotation_y(0.3 * i as f32));
+                    (i, spawn_body(&mut app, axis.clone(), turned))
+                })
+                .collect();
+            bodies.sort();
+            run(&mut app, 600);
+            for (i, body) in bodies {
+                let height = half + 2.0 * half * i as f32;
+                let found = position(&mut app, body).y;
+                assert!((found - height).abs() < 4e-3 * (i + 1) as f32, "{name}, top first {top_first}, {i}: {found}");
+                assert!(
+                    is_at_rest(&mut app, body),
+                    "{name}, top first {top_first}, {i}: {:?}",
+                    rigid(&mut app, body).vels()
+                );
+            }
+            assert!(deepest_percent(&app) < 1.0, "{name}, top first {top_first}: {}", deepest_percent(&app));
+        }
+    }
+}
+
+#[test]
+fn a_body_that_starts_within_a_floor_gets_out() {
+    for kind in FLOORS {
+        for depth in [0.02, 0.1, 0.19] {
+            let mut app = app();
+            spawn_floor(&mut app, kind);
+            let plate = MedialAxis::rounded_box(Vec3::new(0.5, 0.2, 0.5), 0.05).unwrap();
+            let body = spawn_body(&mut app, plate, Transform::from_xyz(0.0, 0.2 - depth, 0.0));
+            damp(&mut app, body);
+            run(&mut app, 600);
+            let found = position(&mut app, body).y;
+            // On a round floor it may have rolled a little aside.
+            let tolerance = if matches!(kind, "ball" | "capsule") { 1e-2 } else { 2e-3 };
+            assert!((found - 0.2).abs() < tolerance, "{kind} {depth}: {found}");
+            assert!(is_at_rest(&mut app, body), "{kind} {depth}: {:?}", rigid(&mut app, body).vels());
+        }
+    }
+}
+
+#[test]
+fn a_body_on_a_large_floor_keeps_moving() {
+    // Rounding grows with the floor, the overlap that a body may gain with the body: neither may hold it.
+    for half in [10.0, 100.0, 400.0] {
+        for radius in [0.02, 0.1, 0.5] {
+            let mut app = app();
+            app.world_mut().spawn((StaticObb::new(half, half, half), Transform::from_xyz(0.0, -half, 0.0)));
+            let axis = MedialAxis::sphere(radius).unwrap();
+            let body = spawn_body(&mut app, axis, Transform::from_xyz(0.3 * half, radius, 0.3 * half));
+            app.world_mut().entity_mut(body).insert(Velocity::linear(Vec3::X));
+            run(&mut app, 120);
+            let way = position(&mut app, body) - Vec3::new(0.3 * half, radius, 0.3 * half);
+            // A ball that starts to slide rolls at 5/7 of its speed.
+            assert!(way.x > 1.3, "{half} {radius}: {way}");
+            println!("{half} {radius} {way}");
+            assert!(way.y.abs() < 3e-3, "{half} {radius}: {way}");
+        }
+    }
+}
