@@ -3,6 +3,8 @@
 //! The narrow phase and rapier's dispatcher both call it, so a contact that the step has found and one that is computed on
 //! demand are the same to the bit.
 
+use std::fmt;
+
 use glam::Vec3;
 
 use super::{
@@ -13,11 +15,11 @@ use super::{
 use crate::{
     constants::VERTEX_NORMAL_COSINE,
     geometry::{Aabb, Placement, Pose3, Sphere},
-    query::{Convex, Cuboid, Separation, separation},
+    query::{Convex, Cuboid, Separation, Support, SupportShape, separation},
 };
 
 /// The second side of a pair.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub enum Second<'a> {
     /// A medial shape.
     Shape(&'a Shape),
@@ -25,6 +27,19 @@ pub enum Second<'a> {
     Cuboid(Vec3),
     /// One primitive: a ball, a capsule, a triangle.
     Hull(Hull),
+    /// Any other convex shape.
+    Support(&'a dyn SupportShape),
+}
+
+impl fmt::Debug for Second<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Second::Shape(shape) => f.debug_tuple("Shape").field(shape).finish(),
+            Second::Cuboid(half) => f.debug_tuple("Cuboid").field(half).finish(),
+            Second::Hull(hull) => f.debug_tuple("Hull").field(hull).finish(),
+            Second::Support(shape) => f.debug_tuple("Support").field(&shape.aabb()).finish(),
+        }
+    }
 }
 
 impl Second<'_> {
@@ -32,7 +47,7 @@ impl Second<'_> {
     pub fn len(&self) -> usize {
         match self {
             Second::Shape(shape) => shape.len(),
-            Second::Cuboid(_) | Second::Hull(_) => 1,
+            Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => 1,
         }
     }
 
@@ -47,6 +62,7 @@ impl Second<'_> {
             Second::Shape(shape) => shape.aabb(),
             Second::Cuboid(half) => Aabb { min: -half, max: half },
             Second::Hull(hull) => with_spheres!(hull, |spheres| Aabb::from_spheres(spheres)),
+            Second::Support(shape) => shape.aabb(),
         }
     }
 }
@@ -93,18 +109,20 @@ impl Manifold {
 /// All manifolds of a pair within `prediction` metres. `pose12`: pose of body 2 in the frame of body 1.
 pub fn manifolds(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32) -> Vec<Manifold> {
     let mut contacts = Vec::new();
-    let candidates = near(shape1, second, pose12, prediction);
-    collect(shape1, second, pose12, prediction, &candidates, &mut contacts);
+    find(shape1, second, pose12, prediction, &mut contacts);
+    reduced(contacts)
+}
+
+/// All contacts of a pair within `prediction` metres.
+pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, contacts: &mut Vec<Contact>) {
+    collect(shape1, second, pose12, prediction, &near(shape1, second, pose12, prediction), contacts);
+}
+
+/// The manifolds that a pair's contacts are reduced to.
+pub fn reduced(mut contacts: Vec<Contact>) -> Vec<Manifold> {
     let mut manifolds = Vec::new();
     reduce(&mut contacts, &mut manifolds);
     manifolds
-}
-
-/// The nearest contact of a pair, if it is within `max_distance` metres.
-pub fn nearest(shape1: &Shape, second: Second, pose12: &Pose3, max_distance: f32) -> Option<Contact> {
-    let mut contacts = Vec::new();
-    collect(shape1, second, pose12, max_distance, &near(shape1, second, pose12, max_distance), &mut contacts);
-    contacts.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))
 }
 
 /// Primitive pairs whose boxes come within `margin`, in ascending order.
@@ -120,7 +138,7 @@ pub(super) fn near(shape1: &Shape, second: Second, pose12: &Pose3, margin: f32) 
             },
             |i, j| pairs.push([i, j]),
         ),
-        Second::Cuboid(_) | Second::Hull(_) => {
+        Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => {
             let target = second.aabb().inflated(margin);
             let reaches = |aabb: &Aabb| aabb.transformed(&pose21, shape1.scale).overlaps(&target);
             shape1.bvh().visit(reaches, |i| pairs.push([i, 0]));
@@ -156,6 +174,9 @@ pub(super) fn collect(
         with_spheres!(hull1, |first| match second {
             Second::Cuboid(half) => {
                 one_sided(&first, &Cuboid { half }, prediction, &mut push);
+            }
+            Second::Support(shape) => {
+                one_sided(&first, &Support(shape), prediction, &mut push);
             }
             Second::Hull(hull2) => with_spheres!(hull2, |other| two_sided(&first, &other, prediction, &mut push)),
             Second::Shape(shape2) => {

@@ -50,7 +50,7 @@ pub(super) fn candidates(motion: &PairMotion, prediction: f32) -> Vec<PrimitiveP
             );
         }
         // One convex target; for a box the pair's frame is its own.
-        Second::Cuboid(_) | Second::Hull(_) => {
+        Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => {
             let target = SweptBox::at_rest(&motion.second.aabb());
             motion.shape1.bvh().visit(|aabb| boxes1.place(aabb).meets(&target, margin), |i| pairs.push([i, 0]));
         }

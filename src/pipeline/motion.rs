@@ -47,7 +47,7 @@ impl<'a> PairMotion<'a> {
             arm(shape1, &sweep1),
             match second {
                 Second::Shape(shape) => arm(shape, &sweep2),
-                Second::Cuboid(_) | Second::Hull(_) => 0.0,
+                Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => 0.0,
             },
         ];
         let size = if arms[1] > 0.0 { arms[0].min(arms[1]) } else { arms[0] };

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     constants::STOP_SLOP,
-    query::{Cuboid, TimeOfImpactStatus, rigid_impact},
+    query::{Cuboid, Support, TimeOfImpactStatus, rigid_impact},
 };
 
 /// The first impact of a body pair, and what it took to find.
@@ -87,6 +87,7 @@ pub(super) fn first_impact(motion: &PairMotion, candidates: &[PrimitivePair]) ->
     for &[primitive1, primitive2] in candidates {
         let toi = with_spheres!(motion.shape1.hull(primitive1), |first| match motion.second {
             Second::Cuboid(half) => rigid_impact(&first, &Cuboid { half }, &chords, limit, slop),
+            Second::Support(shape) => rigid_impact(&first, &Support(shape), &chords, limit, slop),
             Second::Hull(hull) => with_spheres!(hull, |other| rigid_impact(&first, &other, &chords, limit, slop)),
             Second::Shape(shape) => {
                 with_spheres!(shape.hull(primitive2), |other| rigid_impact(&first, &other, &chords, limit, slop))

@@ -241,17 +241,10 @@ impl<const M: usize> Convex for [Sphere; M] {
     }
 
     fn normals<const N: usize>(&self, first: &[Sphere; N], apart: Vec3, visit: &mut impl FnMut(Vec3)) {
-        for normal in face_normals(first, apart).into_iter().flatten() {
-            visit(normal);
-        }
-        for normal in face_normals(self, apart).into_iter().flatten() {
-            visit(-normal);
-        }
+        edge_directions(first, apart, visit);
+        edge_directions(self, apart, &mut |normal: Vec3| visit(-normal));
         for i in 0..edges(N) {
             let [a0, a1] = edge(first, i);
-            if N == 3 {
-                face_normals(&[a0, a1], apart).into_iter().flatten().for_each(&mut *visit);
-            }
             for j in 0..edges(M) {
                 let [b0, b1] = edge(self, j);
                 edge_normals(
@@ -261,12 +254,15 @@ impl<const M: usize> Convex for [Sphere; M] {
                 );
             }
         }
-        if M == 3 {
-            for j in 0..edges(M) {
-                for normal in face_normals(&edge(self, j), apart).into_iter().flatten() {
-                    visit(-normal);
-                }
-            }
+    }
+}
+
+/// The normals of a primitive's faces, and of its edges' mantles towards `apart` and away from it.
+pub(super) fn edge_directions<const N: usize>(first: &[Sphere; N], apart: Vec3, visit: &mut impl FnMut(Vec3)) {
+    face_normals(first, apart).into_iter().flatten().for_each(&mut *visit);
+    if N == 3 {
+        for i in 0..edges(N) {
+            face_normals(&edge(first, i), apart).into_iter().flatten().for_each(&mut *visit);
         }
     }
 }
@@ -332,15 +328,11 @@ impl Convex for Cuboid {
             visit(axis);
             visit(-axis);
         }
-        face_normals(first, apart).into_iter().flatten().for_each(&mut *visit);
+        edge_directions(first, apart, visit);
         for i in 0..edges(N) {
             let [a0, a1] = edge(first, i);
-            let u = (a1.center - a0.center, a1.radius - a0.radius);
             for axis in Vec3::AXES {
-                edge_normals(u, (axis, 0.0), visit);
-            }
-            if N == 3 {
-                face_normals(&[a0, a1], apart).into_iter().flatten().for_each(&mut *visit);
+                edge_normals((a1.center - a0.center, a1.radius - a0.radius), (axis, 0.0), visit);
             }
         }
     }

@@ -14,13 +14,14 @@ use bevy_rapier3d::{
 use glam::Vec3;
 
 use super::{
+    parts::visit_parts,
     shape::MedialShape,
     table::{ContactTable, PairKey, SecondKey},
 };
 use crate::{
-    geometry::{Pose3, Sphere},
+    geometry::Pose3,
     pipeline::{
-        Hull, Manifold, Second,
+        Manifold, Second,
         contact::{self, Contact},
     },
 };
@@ -37,78 +38,57 @@ pub struct MedialDispatcher {
 /// A pair with the medial shape first.
 struct Pair<'a> {
     first: &'a MedialShape,
-    second: Second<'a>,
-    /// Of a second medial shape, or a box.
-    key: Option<SecondKey>,
-    /// Pose of the second side's frame in that of the first.
+    other: &'a dyn ParryShape,
+    /// Pose of the other collider in the frame of the first.
     pose12: Pose3,
-    /// Pose of the second side's frame in that of its collider.
-    local: Pose3,
     /// True if rapier has the medial shape second.
     swapped: bool,
 }
 
-/// The second side of a pair in the terms of the pipeline, with the pose of its frame in the collider's.
-fn second_of<'a>(shape: &'a dyn ParryShape, first: &MedialShape, pose12: &Pose3) -> Option<(Second<'a>, Pose3)> {
-    let hull = |hull| Some((Second::Hull(hull), Pose3::IDENTITY));
-    if let Some(medial) = shape.as_shape::<MedialShape>() {
-        Some((Second::Shape(&medial.shape), Pose3::IDENTITY))
-    } else if let Some(cuboid) = shape.as_cuboid() {
-        Some((Second::Cuboid(cuboid.half_extents), Pose3::IDENTITY))
-    } else if let Some(ball) = shape.as_ball() {
-        hull(Hull::Sphere([Sphere::new(Vec3::ZERO, ball.radius)]))
-    } else if let Some(capsule) = shape.as_capsule() {
-        let end = |center| Sphere::new(center, capsule.radius);
-        hull(Hull::Cone([end(capsule.segment.a), end(capsule.segment.b)]))
-    } else if let Some(half_space) = shape.as_halfspace() {
-        // A box below the plane, much larger than the body and centred under it.
-        let bound = first.shape.bounding_sphere();
-        let center = pose12.inverse_transform_point(bound.center);
-        let height = half_space.normal.dot(center);
-        let half = 8.0 * bound.radius + height.abs();
-        let to_plane = Pose3::from_parts(
-            center - half_space.normal * (height + half),
-            glam::Quat::from_rotation_arc(Vec3::Y, half_space.normal),
-        );
-        Some((Second::Cuboid(Vec3::splat(half)), to_plane))
-    } else {
-        None
-    }
-}
-
 impl<'a> Pair<'a> {
     fn new(pose12: &Pose, shape1: &'a dyn ParryShape, shape2: &'a dyn ParryShape) -> Result<Self, Unsupported> {
-        let (first, other, pose12, swapped) = match (shape1.as_shape::<MedialShape>(), shape2.as_shape::<MedialShape>())
-        {
-            (Some(first), _) => (first, shape2, *pose12, false),
-            (None, Some(first)) => (first, shape1, pose12.inverse(), true),
-            (None, None) => return Err(Unsupported),
-        };
-        let (second, local) = second_of(other, first, &pose12).ok_or(Unsupported)?;
-        let key = match (second, other.as_shape::<MedialShape>()) {
-            (_, Some(medial)) => Some(SecondKey::Shape(medial.key)),
-            (Second::Cuboid(half), None) => Some(SecondKey::cuboid(half)),
-            _ => None,
-        };
-        Ok(Self { first, second, key, pose12: pose12 * local, local, swapped })
+        match (shape1.as_shape::<MedialShape>(), shape2.as_shape::<MedialShape>()) {
+            (Some(first), _) => Ok(Self { first, other: shape2, pose12: *pose12, swapped: false }),
+            (None, Some(first)) => Ok(Self { first, other: shape1, pose12: pose12.inverse(), swapped: true }),
+            (None, None) => Err(Unsupported),
+        }
     }
 
-    fn manifolds(&self, prediction: f32, table: &ContactTable) -> Vec<Manifold> {
-        self.key
-            .and_then(|key| table.get(&PairKey::new(self.first.key, key, &self.pose12, prediction)))
-            .unwrap_or_else(|| contact::manifolds(&self.first.shape, self.second, &self.pose12, prediction))
+    /// The contacts within `prediction` metres, points of the other side in its collider's frame.
+    fn contacts(&self, prediction: f32) -> Result<Vec<Contact>, Unsupported> {
+        let shape1 = &self.first.shape;
+        let reach = shape1.aabb().transformed(&self.pose12.inverse(), 1.0).inflated(prediction);
+        let mut contacts = Vec::new();
+        let known = visit_parts(self.other, &reach, &mut |part, local, second| {
+            let found = contacts.len();
+            contact::find(shape1, second, &(self.pose12 * *local), prediction, &mut contacts);
+            for contact in &mut contacts[found..] {
+                contact.point2 = local.transform_point(contact.point2);
+                if !matches!(second, Second::Shape(_)) {
+                    contact.primitive2 = part;
+                }
+            }
+        });
+        if known { Ok(contacts) } else { Err(Unsupported) }
     }
 
-    fn nearest(&self, max_distance: f32) -> Option<Contact> {
-        contact::nearest(&self.first.shape, self.second, &self.pose12, max_distance)
+    fn manifolds(&self, prediction: f32, table: &ContactTable) -> Result<Vec<Manifold>, Unsupported> {
+        let key = SecondKey::of(self.other).map(|key| PairKey::new(self.first.key, key, &self.pose12, prediction));
+        match key.and_then(|key| table.get(&key)) {
+            Some(manifolds) => Ok(manifolds),
+            None => Ok(contact::reduced(self.contacts(prediction)?)),
+        }
+    }
+
+    fn nearest(&self, max_distance: f32) -> Result<Option<Contact>, Unsupported> {
+        let contacts = self.contacts(max_distance)?;
+        Ok(contacts.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance)))
     }
 
     /// Point and outward normal of both sides, each in its collider's frame, in rapier's order.
     fn sides(&self, contact: &Contact) -> [(Vec3, Vec3); 2] {
         let normal2 = self.pose12.rotation.inverse() * -contact.normal1;
-        let first = (contact.point1, contact.normal1);
-        let second = (self.local.transform_point(contact.point2), self.local.rotation * normal2);
-        self.in_order(first, second)
+        self.in_order((contact.point1, contact.normal1), (contact.point2, normal2))
     }
 
     fn in_order<T>(&self, first: T, second: T) -> [T; 2] {
@@ -118,19 +98,19 @@ impl<'a> Pair<'a> {
     /// A distance that the pair does not exceed.
     fn distance_bound(&self) -> f32 {
         let bound = self.first.shape.bounding_sphere();
-        let aabb = self.second.aabb();
-        bound.center.distance(self.pose12.transform_point(aabb.center())) + bound.radius + aabb.half_extents().length()
+        let other = self.other.compute_local_bounding_sphere();
+        bound.center.distance(self.pose12.transform_point(other.center)) + bound.radius + other.radius
     }
 }
 
 impl QueryDispatcher for MedialDispatcher {
     fn intersection_test(&self, pos12: &Pose, g1: &dyn ParryShape, g2: &dyn ParryShape) -> Result<bool, Unsupported> {
-        Ok(Pair::new(pos12, g1, g2)?.nearest(0.0).is_some())
+        Ok(Pair::new(pos12, g1, g2)?.nearest(0.0)?.is_some())
     }
 
     fn distance(&self, pos12: &Pose, g1: &dyn ParryShape, g2: &dyn ParryShape) -> Result<Real, Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
-        Ok(pair.nearest(pair.distance_bound()).map_or(0.0, |contact| contact.distance.max(0.0)))
+        Ok(pair.nearest(pair.distance_bound())?.map_or(0.0, |contact| contact.distance.max(0.0)))
     }
 
     fn contact(
@@ -141,7 +121,7 @@ impl QueryDispatcher for MedialDispatcher {
         prediction: Real,
     ) -> Result<Option<ParryContact>, Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
-        Ok(pair.nearest(prediction).map(|contact| {
+        Ok(pair.nearest(prediction)?.map(|contact| {
             let [(point1, normal1), (point2, normal2)] = pair.sides(&contact);
             ParryContact::new(point1, point2, normal1, normal2, contact.distance)
         }))
@@ -155,7 +135,7 @@ impl QueryDispatcher for MedialDispatcher {
         max_dist: Real,
     ) -> Result<ClosestPoints, Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
-        Ok(match pair.nearest(max_dist) {
+        Ok(match pair.nearest(max_dist)? {
             None => ClosestPoints::Disjoint,
             Some(contact) if contact.distance <= 0.0 => ClosestPoints::Intersecting,
             Some(contact) => {
@@ -216,11 +196,12 @@ impl PersistentQueryDispatcher<ContactManifoldData, ContactData> for MedialDispa
         workspace: &mut Option<ContactManifoldsWorkspace>,
     ) -> Result<(), Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
+        let found = pair.manifolds(prediction, &self.table)?;
         if workspace.is_none() {
             *workspace = Some(Composite.into());
         }
         let previous: Vec<_> = manifolds.drain(..).flat_map(|manifold| manifold.points).collect();
-        for found in pair.manifolds(prediction, &self.table) {
+        for found in found {
             let mut manifold = ContactManifold::with_data(0, 0, ContactManifoldData::default());
             for (i, contact) in found.contacts().iter().enumerate() {
                 let [(point1, normal1), (point2, normal2)] = pair.sides(contact);

@@ -14,6 +14,7 @@
 //! A body that is moved in between is no longer where the table knows it, and its contacts are computed on demand.
 
 mod dispatcher;
+mod parts;
 mod shape;
 mod systems;
 mod table;

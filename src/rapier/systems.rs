@@ -346,10 +346,7 @@ fn table_entries<'a>(
             Target::Body(body) => step.final_pose(body),
             Target::Static(_) => *collider2.position(),
         };
-        let second = match (medial(collider2), collider2.shape().as_cuboid()) {
-            (Some(medial), _) => SecondKey::Shape(medial.key),
-            (None, cuboid) => SecondKey::cuboid(cuboid?.half_extents),
-        };
+        let second = SecondKey::of(collider2.shape())?;
         // As the dispatcher will have it from rapier, which puts the lower handle first.
         let pose12 = if info1.collider.into_raw_parts() < info2.collider.into_raw_parts() {
             end1.inv_mul(&end2)

@@ -4,8 +4,9 @@ use std::{
 };
 
 use bevy::prelude::Resource;
-use glam::Vec3;
+use bevy_rapier3d::parry::shape::Shape;
 
+use super::shape::MedialShape;
 use crate::{geometry::Pose3, pipeline::Manifold};
 
 /// The manifolds that the last step found, for rapier to fetch by pair and relative pose.
@@ -37,8 +38,12 @@ pub(super) enum SecondKey {
 }
 
 impl SecondKey {
-    pub fn cuboid(half_extents: Vec3) -> Self {
-        Self::Cuboid(half_extents.to_array().map(f32::to_bits))
+    /// The key of a shape that the step looks at: a medial one or a box.
+    pub fn of(shape: &dyn Shape) -> Option<Self> {
+        match (shape.as_shape::<MedialShape>(), shape.as_cuboid()) {
+            (Some(medial), _) => Some(Self::Shape(medial.key)),
+            (None, cuboid) => cuboid.map(|cuboid| Self::Cuboid(cuboid.half_extents.to_array().map(f32::to_bits))),
+        }
     }
 }
 

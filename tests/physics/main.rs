@@ -5,5 +5,7 @@
 mod common;
 mod entities;
 mod messages;
+mod scenes;
 mod settling;
 mod statics;
+mod zz;

@@ -1,0 +1,85 @@
+//! Any other convex shape, by its support map: what has no closed form here.
+
+use glam::Vec3;
+
+use super::{
+    rigid::Rigid,
+    separation::{Convex, edge_directions},
+    time_of_impact::MovingConvex,
+};
+use crate::geometry::{Aabb, Placement, Sphere};
+
+/// A convex shape that tells its farthest points, and its distance from a primitive as well as an iterative method can.
+pub trait SupportShape {
+    /// The point farthest along `direction`, which need not be of unit length.
+    fn support(&self, direction: Vec3) -> Vec3;
+
+    /// Nearest points of the hull of `spheres` and of the shape, and the unit direction from the first to the second; of an overlap the
+    /// direction in which it is least deep. None if the method fails.
+    fn nearest(&self, spheres: &[Sphere]) -> Option<(Vec3, Vec3, Vec3)>;
+
+    /// Box around the shape.
+    fn aabb(&self) -> Aabb;
+}
+
+/// A [`SupportShape`] as the second side of a pair. However good or bad its method, distances are never more than the true ones.
+#[derive(Clone, Copy)]
+pub struct Support<'a>(pub &'a dyn SupportShape);
+
+impl Convex for Support<'_> {
+    fn low(&self, n: Vec3) -> f32 {
+        self.0.support(-n).dot(n)
+    }
+
+    fn extent(&self) -> f32 {
+        self.0.aabb().half_extents().length()
+    }
+
+    fn origin(&self) -> Vec3 {
+        self.0.aabb().center()
+    }
+
+    fn features<const N: usize>(&self) -> usize {
+        1
+    }
+
+    fn feature<const N: usize>(&self, first: &[Sphere; N], _: usize) -> (Sphere, Sphere) {
+        let (point1, point2, _) = self.0.nearest(first).unwrap_or((first[0].center, self.origin(), Vec3::Y));
+        (Sphere::new(point1, 0.0), Sphere::new(point2, 0.0))
+    }
+
+    fn normals<const N: usize>(&self, first: &[Sphere; N], apart: Vec3, visit: &mut impl FnMut(Vec3)) {
+        if let Some((_, _, normal)) = self.0.nearest(first) {
+            visit(normal);
+        }
+        if let Some(direction) = (self.origin() - first.origin()).try_normalize() {
+            visit(direction);
+        }
+        edge_directions(first, apart, visit);
+    }
+}
+
+impl MovingConvex for Support<'_> {
+    type Shape = Self;
+
+    fn at(&self, _: f32) -> Self {
+        *self
+    }
+
+    fn supports(&self, n: Vec3, mut visit: impl FnMut(f32, f32)) {
+        visit(self.low(n), 0.0);
+    }
+
+    fn fastest(&self, motion: Vec3) -> f32 {
+        motion.length()
+    }
+}
+
+impl Rigid for Support<'_> {
+    type Moving = Self;
+
+    /// At rest in its own frame.
+    fn along(&self, _: [&Placement; 2]) -> Self {
+        *self
+    }
+}

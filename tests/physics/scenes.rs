@@ -1,0 +1,53 @@
+//! The demo scenes do what they show: nothing sinks, escapes, tunnels or moves without a cause, and all comes to rest.
+
+use std::path::PathBuf;
+
+use bevy_medial::scenes::{Model, Monitor, Scene, Summary, load_models};
+
+use crate::common::*;
+
+/// Runs a scene to its point with seed 1.
+fn run_scene(name: &str, models: &[Model]) -> Summary {
+    let scene = Scene::by_name(name).unwrap();
+    let mut app = app();
+    scene.spawn(app.world_mut(), models, 1);
+    run(&mut app, scene.steps);
+    app.world_mut().resource_scope(|world, monitor: bevy::prelude::Mut<Monitor>| monitor.summary(name, 1, world))
+}
+
+/// `size`: greatest extent of a body, in metres.
+fn accept(name: &str, models: &[Model], bodies: usize, size: f32) {
+    let summary = run_scene(name, models);
+    println!("{summary:?}");
+    assert_eq!((summary.steps, summary.bodies), (600, bodies));
+    assert!(summary.counts.contacts_max > bodies, "nothing touches");
+    assert!(summary.lowest_y >= -0.01 * size, "sunk to {}", summary.lowest_y);
+    assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
+    assert!(summary.deepest_overlap_percent < 1.0, "{} %", summary.deepest_overlap_percent);
+    let energy = summary.kinetic_energy_per_kg;
+    assert!(summary.asleep == bodies || energy < 1e-3, "{} of {bodies} asleep, {energy} J/kg", summary.asleep);
+}
+
+#[test]
+fn rods() {
+    accept("rods", models(), 9, 1.15);
+}
+
+#[test]
+fn tori() {
+    accept("tori", models(), 51, 0.6);
+}
+
+#[test]
+fn stairs() {
+    accept("stairs", models(), 12, 1.1);
+}
+
+#[test]
+fn rods_with_shared_models() {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/models/qmat");
+    if !folder.is_dir() {
+        return println!("skipped: no shared models");
+    }
+    accept("rods", &load_models(&folder).unwrap(), 9, 1.15);
+}
