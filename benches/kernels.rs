@@ -7,7 +7,7 @@ use bevy_medial::{
     query::{Cuboid, Moving, MovingConvex, TimeOfImpactStatus, separation, time_of_impact},
 };
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 const PAIRS: u64 = 1024;
 
@@ -52,7 +52,8 @@ fn bench_pair<const N: usize, B: MovingConvex>(
     let mut group = criterion.benchmark_group(kind);
     group.throughput(Throughput::Elements(PAIRS));
     group.bench_function(BenchmarkId::from_parameter("separation"), |bencher| {
-        let placed: Vec<([Sphere; N], B::Shape)> = pairs.iter().map(|(a, b)| (a.at(0.5), b.at(0.5))).collect();
+        let placed: Vec<([Sphere; N], B::Shape)> =
+            pairs.iter().map(|(a, b)| (a.at(0.5, DVec3::ZERO), b.at(0.5, DVec3::ZERO))).collect();
         bencher.iter(|| placed.iter().map(|(a, b)| separation(black_box(a), b, 0).distance).sum::<f32>());
     });
     group.bench_function(BenchmarkId::from_parameter("time of impact"), |bencher| {

@@ -15,7 +15,7 @@ use bevy_medial::{
     query::{Cuboid, Moving, TimeOfImpact, TimeOfImpactStatus, alternating, time_of_impact},
 };
 use clap::{Parser, ValueEnum};
-use glam::{Quat, Vec3};
+use glam::{DQuat, DVec3, Quat, Vec3};
 
 #[derive(Parser)]
 #[command(about = "Times of impact of moving primitive pairs")]
@@ -187,10 +187,10 @@ fn parse(line: &str) -> Result<(String, Pair), LineError> {
             return Err(LineError::NegativeSize { side: 'B' });
         }
         // A box is at rest: work in its frame.
-        (rotation.normalize().inverse(), Vec3::new(cx, cy, cz), Second::Box { half })
+        (rotation.as_dquat().normalize().inverse(), Vec3::new(cx, cy, cz), Second::Box { half })
     } else {
-        let second = primitive('B', kind2, &second_numbers, origin, Quat::IDENTITY)?;
-        (Quat::IDENTITY, origin, Second::Primitive(second))
+        let second = primitive('B', kind2, &second_numbers, origin, DQuat::IDENTITY)?;
+        (DQuat::IDENTITY, origin, Second::Primitive(second))
     };
     let first = primitive('A', kind1, &first_numbers, pose_origin, pose_rotation)?;
     Ok((format!("{kind1}-{kind2}"), Pair { first, second }))
@@ -209,7 +209,7 @@ fn count<const K: usize>(side: char, kind: &str, numbers: &[f32]) -> Result<[f32
     numbers.try_into().map_err(|_| LineError::Count { side, kind: kind.into(), wanted: K, found: numbers.len() })
 }
 
-fn primitive(side: char, kind: &str, numbers: &[f32], origin: Vec3, rotation: Quat) -> Result<Primitive, LineError> {
+fn primitive(side: char, kind: &str, numbers: &[f32], origin: Vec3, rotation: DQuat) -> Result<Primitive, LineError> {
     let wanted = match kind {
         "sphere" => 1,
         "cone" => 2,
@@ -222,8 +222,10 @@ fn primitive(side: char, kind: &str, numbers: &[f32], origin: Vec3, rotation: Qu
     let spheres: Vec<(Sphere, Vec3)> = numbers
         .chunks_exact(7)
         .map(|n| {
-            let center = rotation * (Vec3::from_slice(n) - origin);
-            (Sphere::new(center, n[3]), rotation * Vec3::from_slice(&n[4..]))
+            // In f64, so that turning into a box's frame costs no more than one rounding.
+            let turned = |v: DVec3| (rotation * v).as_vec3();
+            let center = turned(Vec3::from_slice(n).as_dvec3() - origin.as_dvec3());
+            (Sphere::new(center, n[3]), turned(Vec3::from_slice(&n[4..]).as_dvec3()))
         })
         .collect();
     if spheres.iter().any(|(sphere, _)| sphere.radius < 0.0) {

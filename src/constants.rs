@@ -6,6 +6,10 @@
 /// that overlap by a hair at the start are missed; larger, and grazing hits come early.
 pub const CONTACT_ROUNDING: f32 = 3.0e-6;
 
+/// The same once the pair is on its way, when coordinates are relative to the place of contact. Twice the rounding that is left: a graze
+/// of depth `d` comes early by as much as it takes to sink by this, which grows as `d` shrinks.
+pub const TOUCH_ROUNDING: f32 = 7.0e-7;
+
 /// Shortest trial step of the time of impact, in extents travelled by the fastest vertex: grazing hits are early by less.
 pub const TIME_TOLERANCE: f32 = 2.0e-5;
 
@@ -13,7 +17,7 @@ pub const TIME_TOLERANCE: f32 = 2.0e-5;
 pub const MAX_ADVANCES: u32 = 12;
 
 /// Rounds after which the search gives up and says so.
-pub const MAX_ROUNDS: u32 = 256;
+pub const MAX_ROUNDS: u32 = 1024;
 
 /// Greatest number of chords for a turning body's step. At 64 a full turn strays by 0.12 % of the radius.
 pub const MAX_CHORDS: u32 = 64;

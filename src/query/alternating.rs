@@ -1,6 +1,6 @@
 //! The published scheme of medial continuous collision detection, as a baseline to compare with. Not used by the pipeline.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::{
     separation::{Convex, separation},
@@ -20,7 +20,7 @@ pub fn alternating<const N: usize, const M: usize>(first: &Moving<N>, second: &M
     let mut rounds = 0;
     loop {
         rounds += 1;
-        let (shape1, shape2) = (first.at(fraction), second.at(fraction));
+        let (shape1, shape2) = (first.at(fraction.into(), DVec3::ZERO), second.at(fraction.into(), DVec3::ZERO));
         let contact = separation(&shape1, &shape2, 0);
         let (sphere1, sphere2) = shape2.feature(&shape1, contact.feature);
         let (start1, motion1) = trace(first, &shape1, &sphere1);

@@ -95,7 +95,8 @@ pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hi
     let mut look = |normal| best.look_along(normal, first, second);
     look(apart.try_normalize().unwrap_or(Vec3::Y));
     second.normals(first, apart, &mut look);
-    if best.lower >= best.upper - 2.0 * rounding { best.witness() } else { best.crossing() }
+    // Apart, the centres do not cross, however coarse coordinates far from the origin are.
+    if best.lower > 0.0 || best.lower >= best.upper - 2.0 * rounding { best.witness() } else { best.crossing() }
 }
 
 /// The search so far: `lower <= distance <= upper`.

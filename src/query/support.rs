@@ -5,7 +5,6 @@ use glam::Vec3;
 use super::{
     rigid::Rigid,
     separation::{Convex, edge_directions},
-    time_of_impact::MovingConvex,
 };
 use crate::geometry::{Aabb, Placement, Sphere};
 
@@ -56,22 +55,6 @@ impl Convex for Support<'_> {
             visit(direction);
         }
         edge_directions(first, apart, visit);
-    }
-}
-
-impl MovingConvex for Support<'_> {
-    type Shape = Self;
-
-    fn at(&self, _: f32) -> Self {
-        *self
-    }
-
-    fn supports(&self, n: Vec3, mut visit: impl FnMut(f32, f32)) {
-        visit(self.low(n), 0.0);
-    }
-
-    fn fastest(&self, motion: Vec3) -> f32 {
-        motion.length()
     }
 }
 

@@ -1,10 +1,15 @@
 //! Time of impact of two primitives whose spheres move on lines: conservative advancement along the separating direction.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
-use super::separation::{Convex, Cuboid, Separation, separation};
+use super::{
+    separation::{Convex, Cuboid, Separation, separation},
+    support::Support,
+};
 use crate::{
-    constants::{CONTACT_ROUNDING, LEAST_GROWTH, MAX_ADVANCES, MAX_ROUNDS, OVERLAP_LIMIT, TIME_TOLERANCE},
+    constants::{
+        CONTACT_ROUNDING, LEAST_GROWTH, MAX_ADVANCES, MAX_ROUNDS, OVERLAP_LIMIT, TIME_TOLERANCE, TOUCH_ROUNDING,
+    },
     geometry::Sphere,
 };
 
@@ -48,28 +53,81 @@ pub trait MovingConvex {
     /// What it is at an instant.
     type Shape: Convex;
 
-    /// The shape at `fraction`.
-    fn at(&self, fraction: f32) -> Self::Shape;
+    /// The point at `fraction` that is the best origin for the pair's coordinates then; `first` is a point of the first side.
+    fn origin(&self, fraction: f64, first: DVec3) -> DVec3;
 
-    /// Calls `visit` with support plane and speed, `(c . n - r, c' . n)` at fraction 0, of everything that can be lowest along `n`.
-    fn supports(&self, n: Vec3, visit: impl FnMut(f32, f32));
+    /// The shape at `fraction`, relative to `origin`.
+    fn at(&self, fraction: f64, origin: DVec3) -> Self::Shape;
+
+    /// Calls `visit` with support plane and speed, `(c . n - r, c' . n)`, of everything of the shape at an instant that can be lowest along `n`.
+    /// Speeds are relative to `frame`.
+    fn supports(&self, now: &Self::Shape, n: Vec3, frame: Vec3, visit: impl FnMut(f32, f32));
+
+    /// Calls `visit` with a lower bound of the support plane, for each thing that can be lowest, while direction and shape go from the first
+    /// to the second.
+    fn lows(shapes: [&Self::Shape; 2], normals: [Vec3; 2], visit: impl FnMut(Quadratic));
 
     /// Fastest displacement relative to `motion`.
     fn fastest(&self, motion: Vec3) -> f32;
+}
+
+/// A quadratic function of a parameter from 0 to 1.
+#[derive(Clone, Copy, Debug)]
+pub struct Quadratic([f32; 3]);
+
+impl Quadratic {
+    /// The product of a point and a direction, both on their way from the first to the second.
+    fn dot([p, q]: [Vec3; 2], [m, n]: [Vec3; 2]) -> Self {
+        let (dp, dn) = (q - p, n - m);
+        Self([p.dot(m), p.dot(dn) + dp.dot(m), dp.dot(dn)])
+    }
+
+    fn plus(self, constant: f32) -> Self {
+        Self([self.0[0] + constant, self.0[1], self.0[2]])
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] - other.0[i]))
+    }
+
+    /// True if it is positive from 0 to 1.
+    fn is_positive(&self) -> bool {
+        let Self([c, b, a]) = *self;
+        let lowest = if a > 0.0 { (-b / (2.0 * a)).clamp(0.0, 1.0) } else { 0.0 };
+        c > 0.0 && a + b + c > 0.0 && (a * lowest + b) * lowest + c > 0.0
+    }
+}
+
+impl<const N: usize> Moving<N> {
+    /// Where a centre is at `fraction`.
+    fn center(&self, i: usize, fraction: f64) -> DVec3 {
+        self.start[i].center.as_dvec3() + self.motion[i].as_dvec3() * fraction
+    }
 }
 
 impl<const M: usize> MovingConvex for Moving<M> {
     type Shape = [Sphere; M];
 
     #[inline]
-    fn at(&self, fraction: f32) -> [Sphere; M] {
-        std::array::from_fn(|i| Sphere::new(self.start[i].center + self.motion[i] * fraction, self.start[i].radius))
+    fn origin(&self, _: f64, first: DVec3) -> DVec3 {
+        first
     }
 
     #[inline]
-    fn supports(&self, n: Vec3, mut visit: impl FnMut(f32, f32)) {
-        for (sphere, motion) in self.start.iter().zip(&self.motion) {
-            visit(sphere.center.dot(n) - sphere.radius, motion.dot(n));
+    fn at(&self, fraction: f64, origin: DVec3) -> [Sphere; M] {
+        std::array::from_fn(|i| Sphere::new((self.center(i, fraction) - origin).as_vec3(), self.start[i].radius))
+    }
+
+    #[inline]
+    fn supports(&self, now: &[Sphere; M], n: Vec3, frame: Vec3, mut visit: impl FnMut(f32, f32)) {
+        for (sphere, motion) in now.iter().zip(&self.motion) {
+            visit(sphere.center.dot(n) - sphere.radius, (*motion - frame).dot(n));
+        }
+    }
+
+    fn lows([a, b]: [&Self::Shape; 2], normals: [Vec3; 2], mut visit: impl FnMut(Quadratic)) {
+        for (a, b) in a.iter().zip(b) {
+            visit(Quadratic::dot([a.center, b.center], normals).plus(-a.radius));
         }
     }
 
@@ -79,22 +137,167 @@ impl<const M: usize> MovingConvex for Moving<M> {
     }
 }
 
-impl MovingConvex for Cuboid {
-    type Shape = Cuboid;
+/// Shapes at rest in their own frame.
+macro_rules! at_rest {
+    ($shape:ty) => {
+        impl MovingConvex for $shape {
+            type Shape = Self;
 
+            #[inline]
+            fn origin(&self, _: f64, _: DVec3) -> DVec3 {
+                DVec3::ZERO
+            }
+
+            #[inline]
+            fn at(&self, _: f64, _: DVec3) -> Self {
+                *self
+            }
+
+            #[inline]
+            fn supports(&self, _: &Self, n: Vec3, frame: Vec3, mut visit: impl FnMut(f32, f32)) {
+                visit(self.low(n), -frame.dot(n));
+            }
+
+            /// The least of linear functions of the direction is concave in it.
+            fn lows([shape, _]: [&Self; 2], normals: [Vec3; 2], mut visit: impl FnMut(Quadratic)) {
+                let [first, last] = normals.map(|n| shape.low(n));
+                visit(Quadratic([first, last - first, 0.0]));
+            }
+
+            #[inline]
+            fn fastest(&self, motion: Vec3) -> f32 {
+                motion.length()
+            }
+        }
+    };
+}
+at_rest!(Cuboid);
+at_rest!(Support<'_>);
+
+/// A pair at an instant, in coordinates of its own size: relative to an origin that moves with it.
+struct Instant<const N: usize, B> {
+    fraction: f32,
+    first: [Sphere; N],
+    second: B,
+    separation: Separation,
+}
+
+/// A pair on its way. The frame moves with the first sphere of the first side.
+struct Pair<'a, const N: usize, B> {
+    first: &'a Moving<N>,
+    second: &'a B,
+    /// The distance that counts as contact.
+    target: f32,
+}
+
+impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
+    /// Centres are placed in f64, in which sums and products of the f32 input are all but exact, and rounded when they are small.
     #[inline]
-    fn at(&self, _: f32) -> Cuboid {
-        *self
+    fn at(&self, fraction: f32, feature: usize) -> Instant<N, B::Shape> {
+        let time = f64::from(fraction);
+        let origin = self.second.origin(time, self.first.center(0, time));
+        let (first, second) = (MovingConvex::at(self.first, time, origin), self.second.at(time, origin));
+        let separation = separation(&first, &second, feature);
+        Instant { fraction, first, second, separation }
     }
 
+    /// For every pair of spheres how far its gap along the instant's normal exceeds the target, and how much of it closes over the step.
     #[inline]
-    fn supports(&self, n: Vec3, mut visit: impl FnMut(f32, f32)) {
-        visit(self.low(n), 0.0);
+    fn gaps(&self, now: &Instant<N, B::Shape>, mut visit: impl FnMut(f32, f32)) {
+        let n = now.separation.normal;
+        let frame = self.first.motion[0];
+        let high: [(f32, f32); N] = std::array::from_fn(|i| {
+            (now.first[i].center.dot(n) + now.first[i].radius, (self.first.motion[i] - frame).dot(n))
+        });
+        self.second.supports(&now.second, n, frame, |low, low_motion| {
+            for (high, high_motion) in high {
+                visit(low - high - self.target, high_motion - low_motion);
+            }
+        });
     }
 
+    /// Until when the gap along the instant's normal stays above the target: until then nothing touches.
     #[inline]
-    fn fastest(&self, motion: Vec3) -> f32 {
-        motion.length()
+    fn cleared_until(&self, now: &Instant<N, B::Shape>) -> f32 {
+        let mut root = f32::INFINITY;
+        self.gaps(now, |gap, closing| {
+            if closing > 0.0 {
+                root = root.min(gap.max(0.0) / closing);
+            }
+        });
+        now.fraction + root
+    }
+
+    /// True if nothing touches between two instants: their normals, interpolated, stay between the two sides.
+    ///
+    /// Along such a direction the gap of two spheres is quadratic in time. The direction is not longer than a unit vector, so it takes no
+    /// more off for the radii than these are.
+    fn clear_between(&self, here: &Instant<N, B::Shape>, there: &Instant<N, B::Shape>) -> bool {
+        let normals = [here.separation.normal, there.separation.normal];
+        let high: [Quadratic; N] = std::array::from_fn(|i| {
+            let [a, b] = [here.first[i], there.first[i]];
+            Quadratic::dot([a.center, b.center], normals).plus(a.radius + self.target)
+        });
+        let mut clear = true;
+        B::lows([&here.second, &there.second], normals, |low| {
+            clear &= high.iter().all(|high| low.minus(high).is_positive());
+        });
+        clear
+    }
+
+    /// The search of [`time_of_impact`].
+    fn advance(&self, start: Instant<N, B::Shape>, max_fraction: f32) -> TimeOfImpact {
+        let extent = start.first.extent().max(start.second.extent());
+        let mut rounds = 1;
+        let result = |status, fraction, now: &Instant<N, B::Shape>, rounds| {
+            let mut contact = now.separation;
+            let origin = self.second.origin(f64::from(now.fraction), self.first.center(0, f64::from(now.fraction)));
+            for point in [&mut contact.point1, &mut contact.point2] {
+                *point = (point.as_dvec3() + origin).as_vec3();
+            }
+            TimeOfImpact { status, fraction, contact, rounds }
+        };
+        if start.separation.distance <= self.target + CONTACT_ROUNDING * extent {
+            return result(TimeOfImpactStatus::Overlapping, 0.0, &start, rounds);
+        }
+        let touching = self.target + TOUCH_ROUNDING * extent;
+        let mut here = start;
+        let mut cleared = self.cleared_until(&here);
+        while rounds < MAX_ADVANCES {
+            if cleared > max_fraction {
+                return result(TimeOfImpactStatus::Separated, cleared, &here, rounds);
+            }
+            let next = self.at(cleared, here.separation.feature);
+            rounds += 1;
+            if next.separation.distance <= touching {
+                return result(TimeOfImpactStatus::Hit, cleared, &next, rounds);
+            }
+            here = next;
+            cleared = self.cleared_until(&here);
+        }
+
+        let fastest = self.first.motion.iter().map(|&m| self.second.fastest(m)).fold(0.0, f32::max);
+        let shortest = (TIME_TOLERANCE * extent / fastest).max(f32::EPSILON);
+        let mut step = 4.0 * shortest.max(cleared - here.fraction);
+        while cleared <= max_fraction {
+            let there = self.at((here.fraction + step).min(max_fraction), here.separation.feature);
+            rounds += 1;
+            if there.separation.distance > touching && self.clear_between(&here, &there) {
+                if there.fraction >= max_fraction {
+                    break;
+                }
+                here = there;
+                cleared = self.cleared_until(&here);
+                step *= 2.0;
+            } else if step <= shortest {
+                return result(TimeOfImpactStatus::Hit, cleared.min(there.fraction), &here, rounds);
+            } else if rounds >= MAX_ROUNDS {
+                return result(TimeOfImpactStatus::IterationLimit, here.fraction, &here, rounds);
+            } else {
+                step *= 0.5;
+            }
+        }
+        result(TimeOfImpactStatus::Separated, max_fraction, &here, rounds)
     }
 }
 
@@ -105,16 +308,16 @@ impl MovingConvex for Cuboid {
 /// can touch. That root is the next instant, and where the pair closes in for good a few rounds end at the touch.
 ///
 /// A pair that only grazes, or that tilts while its faces slide along each other, gets there by ever smaller steps. After
-/// [`MAX_ADVANCES`] of them the search takes trial steps of its own: the gap along a fixed direction is concave
-/// in time, so the direction found at the *end* of a trial step clears the time back to its last root before that.
-/// Where the two cleared ranges meet the step is taken and the next one is longer, else it is halved.
+/// [`MAX_ADVANCES`] of them the search takes trial steps of its own: the direction of least distance at the start of a step, turned
+/// steadily into that at its end, proves that nothing touches in between if it keeps a gap. Then the next step is longer, else it is
+/// halved.
 pub fn time_of_impact<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
     max_fraction: f32,
 ) -> TimeOfImpact {
-    let start = separation(&first.at(0.0), &second.at(0.0), 0);
-    advance(first, second, max_fraction, start, 0.0)
+    let pair = Pair { first, second, target: 0.0 };
+    pair.advance(pair.at(0.0, 0), max_fraction)
 }
 
 /// First fraction at which they overlap by more than `slop` metres beyond what they do at the start, if they do there.
@@ -126,108 +329,10 @@ pub fn time_of_overlap<const N: usize, B: MovingConvex>(
     max_fraction: f32,
     slop: f32,
 ) -> TimeOfImpact {
-    let start = separation(&first.at(0.0), &second.at(0.0), 0);
-    let depth = (-start.distance).max(0.0);
+    let mut pair = Pair { first, second, target: 0.0 };
+    let start = pair.at(0.0, 0);
+    let depth = (-start.separation.distance).max(0.0);
     let growth = slop * (1.0 - depth / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
-    // Less than the rounding, and a small body on a large one could not even move away.
-    let extent = first.start.extent().max(second.at(0.0).extent());
-    let growth = growth.max(2.0 * CONTACT_ROUNDING * extent);
-    advance(first, second, max_fraction, start, -depth - growth)
-}
-
-/// The search of [`time_of_impact`] for the distance `target`, from the separation at the start.
-fn advance<const N: usize, B: MovingConvex>(
-    first: &Moving<N>,
-    second: &B,
-    max_fraction: f32,
-    start: Separation,
-    target: f32,
-) -> TimeOfImpact {
-    let extent = first.start.extent().max(second.at(0.0).extent());
-    let touching = target + CONTACT_ROUNDING * extent;
-    let mut here = start;
-    let mut rounds = 1;
-    let result = |status, fraction, contact, rounds| TimeOfImpact { status, fraction, contact, rounds };
-    if here.distance <= touching {
-        return result(TimeOfImpactStatus::Overlapping, 0.0, here, rounds);
-    }
-    let mut fraction = 0.0;
-    let mut cleared = cleared_until(first, second, here.normal, target);
-    while rounds < MAX_ADVANCES {
-        if cleared > max_fraction {
-            return result(TimeOfImpactStatus::Separated, fraction, here, rounds);
-        }
-        let next = separation(&first.at(cleared), &second.at(cleared), here.feature);
-        rounds += 1;
-        if next.distance <= touching {
-            return result(TimeOfImpactStatus::Hit, cleared, next, rounds);
-        }
-        (fraction, here) = (cleared, next);
-        cleared = fraction.max(cleared_until(first, second, here.normal, target));
-    }
-
-    let fastest = first.motion.iter().map(|&m| second.fastest(m)).fold(0.0, f32::max);
-    let shortest = (TIME_TOLERANCE * extent / fastest).max(f32::EPSILON);
-    let mut step = 4.0 * shortest.max(cleared - fraction);
-    while cleared <= max_fraction {
-        let trial = (fraction + step).min(max_fraction);
-        let there = separation(&first.at(trial), &second.at(trial), here.feature);
-        rounds += 1;
-        if there.distance > touching && cleared_since(first, second, there.normal, target) <= cleared {
-            if trial >= max_fraction {
-                break;
-            }
-            (fraction, here) = (trial, there);
-            cleared = fraction.max(cleared_until(first, second, here.normal, target));
-            step *= 2.0;
-        } else if step <= shortest {
-            return result(TimeOfImpactStatus::Hit, cleared.min(trial), here, rounds);
-        } else if rounds >= MAX_ROUNDS {
-            return result(TimeOfImpactStatus::IterationLimit, fraction, here, rounds);
-        } else {
-            step *= 0.5;
-        }
-    }
-    result(TimeOfImpactStatus::Separated, fraction, here, rounds)
-}
-
-/// First time that the gap along `n` falls to `target`: from an instant at which it is more until then nothing touches.
-#[inline]
-fn cleared_until<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B, n: Vec3, target: f32) -> f32 {
-    let mut root = f32::INFINITY;
-    gaps(first, second, n, target, |gap, closing| {
-        if closing > 0.0 {
-            root = root.min(gap / closing);
-        }
-    });
-    root
-}
-
-/// Last time that the gap along `n` rises above `target`: from then until an instant at which it is more nothing touches.
-fn cleared_since<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B, n: Vec3, target: f32) -> f32 {
-    let mut root = f32::NEG_INFINITY;
-    gaps(first, second, n, target, |gap, closing| {
-        if closing < 0.0 {
-            root = root.max(gap / closing);
-        }
-    });
-    root
-}
-
-/// For every pair of spheres how far its gap along `n` exceeds `target` at fraction 0, and how much of it closes over the step.
-#[inline]
-fn gaps<const N: usize, B: MovingConvex>(
-    first: &Moving<N>,
-    second: &B,
-    n: Vec3,
-    target: f32,
-    mut visit: impl FnMut(f32, f32),
-) {
-    let high: [(f32, f32); N] =
-        std::array::from_fn(|i| (first.start[i].center.dot(n) + first.start[i].radius, first.motion[i].dot(n)));
-    second.supports(n, |low, low_motion| {
-        for (high, high_motion) in high {
-            visit(low - high - target, high_motion - low_motion);
-        }
-    });
+    pair.target = -depth - growth;
+    pair.advance(start, max_fraction)
 }

@@ -59,13 +59,16 @@ impl<'a> Pair<'a> {
         let shape1 = &self.first.shape;
         let reach = shape1.aabb().transformed(&self.pose12.inverse(), 1.0).inflated(prediction);
         let mut contacts = Vec::new();
-        let known = visit_parts(self.other, &reach, &mut |part, local, second| {
+        let known = visit_parts(self.other, &reach, &mut |part| {
             let found = contacts.len();
-            contact::find(shape1, second, &(self.pose12 * *local), prediction, &mut contacts);
+            let pose12 = self.pose12 * part.pose;
+            contact::find(shape1, part.second, &pose12, prediction + part.rounding, &mut contacts);
             for contact in &mut contacts[found..] {
-                contact.point2 = local.transform_point(contact.point2);
-                if !matches!(second, Second::Shape(_)) {
-                    contact.primitive2 = part;
+                let normal2 = pose12.rotation.inverse() * -contact.normal1;
+                contact.point2 = part.pose.transform_point(contact.point2 + normal2 * part.rounding);
+                contact.distance -= part.rounding;
+                if !matches!(part.second, Second::Shape(_)) {
+                    contact.primitive2 = part.id;
                 }
             }
         });

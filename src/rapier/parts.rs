@@ -15,63 +15,94 @@ use crate::{
     query::SupportShape,
 };
 
-/// Calls `visit` with the parts of a collider's shape that come within `reach`, a box in the collider's frame: an id, the pose of the
-/// part's frame in the collider's, and the part. False for a shape that nothing is known about.
-pub(super) fn visit_parts(shape: &dyn ParryShape, reach: &Aabb, visit: &mut dyn FnMut(u32, &Pose3, Second)) -> bool {
+/// A convex part of a collider's shape.
+pub(super) struct Part<'a> {
+    /// Which.
+    pub id: u32,
+    /// Pose of its frame in the collider's.
+    pub pose: Pose3,
+    /// The part without its rounding.
+    pub second: Second<'a>,
+    /// How far its surface is outside of that, in metres.
+    pub rounding: f32,
+}
+
+impl<'a> Part<'a> {
+    /// The only part of a shape, in the shape's own frame.
+    fn whole(second: Second<'a>, rounding: f32) -> Self {
+        Self { id: 0, pose: Pose3::IDENTITY, second, rounding }
+    }
+}
+
+/// Calls `visit` with the parts of a collider's shape that come within `reach`, a box in the collider's frame. False for a shape that nothing
+/// is known about.
+pub(super) fn visit_parts(shape: &dyn ParryShape, reach: &Aabb, visit: &mut dyn FnMut(Part)) -> bool {
     let parry_reach = ParryAabb::new(reach.min, reach.max);
     if let Some(composite) = shape.as_composite_shape() {
         let mut known = true;
-        for part in composite.bvh().intersect_aabb(&parry_reach) {
-            composite.map_part_at(part, &mut |pose, shape, _| {
-                known &= visit_convex(shape, reach, &mut |local, second| {
-                    visit(part, &pose.map_or(*local, |pose| pose * *local), second);
+        for id in composite.bvh().intersect_aabb(&parry_reach) {
+            composite.map_part_at(id, &mut |pose, shape, _| {
+                known &= visit_convex(shape, reach, &mut |part| {
+                    visit(Part { id, pose: pose.map_or(part.pose, |pose| pose * part.pose), ..part });
                 });
             });
         }
         return known;
     }
-    // The medial shape first: rapier knows its own shapes only.
+    // The medial shape first: parry knows its own shapes only.
     if shape.as_shape::<MedialShape>().is_none() {
         match shape.as_typed_shape() {
             TypedShape::HeightField(field) => {
-                field.map_elements_in_local_aabb(&parry_reach, &mut |part, triangle| {
-                    visit(part, &Pose3::IDENTITY, Second::Hull(slab([triangle.a, triangle.b, triangle.c], 0.0)));
+                field.map_elements_in_local_aabb(&parry_reach, &mut |id, triangle| {
+                    let second = Second::Hull(slab([triangle.a, triangle.b, triangle.c], 0.0));
+                    visit(Part { id, pose: Pose3::IDENTITY, second, rounding: 0.0 });
                 });
                 return true;
             }
             TypedShape::Voxels(voxels) => {
-                let half = voxels.voxel_size() * 0.5;
+                let second = Second::Cuboid(voxels.voxel_size() * 0.5);
                 for voxel in voxels.voxels_intersecting_local_aabb(&parry_reach).filter(|voxel| !voxel.state.is_empty())
                 {
                     let pose = Pose3::from_translation(voxel.center);
-                    visit(voxel.linear_id.flat_id() as u32, &pose, Second::Cuboid(half));
+                    visit(Part { id: voxel.linear_id.flat_id() as u32, pose, second, rounding: 0.0 });
                 }
                 return true;
             }
             _ => {}
         }
     }
-    visit_convex(shape, reach, &mut |local, second| visit(0, local, second))
+    visit_convex(shape, reach, visit)
 }
 
 /// The same for a shape of one part.
-fn visit_convex(shape: &dyn ParryShape, reach: &Aabb, visit: &mut dyn FnMut(&Pose3, Second)) -> bool {
-    let here = Pose3::IDENTITY;
+fn visit_convex(shape: &dyn ParryShape, reach: &Aabb, visit: &mut dyn FnMut(Part)) -> bool {
     if let Some(medial) = shape.as_shape::<MedialShape>() {
-        visit(&here, Second::Shape(&medial.shape));
+        visit(Part::whole(Second::Shape(&medial.shape), 0.0));
         return true;
     }
     match shape.as_typed_shape() {
-        TypedShape::Cuboid(cuboid) => visit(&here, Second::Cuboid(cuboid.half_extents)),
-        TypedShape::Ball(ball) => visit(&here, Second::Hull(Hull::Sphere([Sphere::new(Vec3::ZERO, ball.radius)]))),
-        TypedShape::Capsule(capsule) => {
-            visit(&here, Second::Hull(cone([capsule.segment.a, capsule.segment.b], capsule.radius)))
+        TypedShape::Cuboid(cuboid) => visit(Part::whole(Second::Cuboid(cuboid.half_extents), 0.0)),
+        TypedShape::RoundCuboid(round) => {
+            visit(Part::whole(Second::Cuboid(round.inner_shape.half_extents), round.border_radius))
         }
-        TypedShape::Segment(segment) => visit(&here, Second::Hull(cone([segment.a, segment.b], 0.0))),
-        TypedShape::Triangle(triangle) => visit(&here, Second::Hull(slab([triangle.a, triangle.b, triangle.c], 0.0))),
+        TypedShape::Ball(ball) => {
+            visit(Part::whole(Second::Hull(Hull::Sphere([Sphere::new(Vec3::ZERO, ball.radius)])), 0.0))
+        }
+        TypedShape::Capsule(capsule) => {
+            visit(Part::whole(Second::Hull(cone([capsule.segment.a, capsule.segment.b], capsule.radius)), 0.0));
+        }
+        TypedShape::Segment(segment) => visit(Part::whole(Second::Hull(cone([segment.a, segment.b], 0.0)), 0.0)),
+        TypedShape::Triangle(triangle) => {
+            visit(Part::whole(Second::Hull(slab([triangle.a, triangle.b, triangle.c], 0.0)), 0.0))
+        }
         TypedShape::RoundTriangle(round) => {
             let triangle = round.inner_shape;
-            visit(&here, Second::Hull(slab([triangle.a, triangle.b, triangle.c], round.border_radius)));
+            visit(Part::whole(Second::Hull(slab([triangle.a, triangle.b, triangle.c], round.border_radius)), 0.0));
+        }
+        TypedShape::RoundCylinder(round) => return visit_mapped(&round.inner_shape, round.border_radius, visit),
+        TypedShape::RoundCone(round) => return visit_mapped(&round.inner_shape, round.border_radius, visit),
+        TypedShape::RoundConvexPolyhedron(round) => {
+            return visit_mapped(&round.inner_shape, round.border_radius, visit);
         }
         TypedShape::HalfSpace(half_space) => {
             // A box below the plane, larger than what can reach it and centred under that.
@@ -80,13 +111,17 @@ fn visit_convex(shape: &dyn ParryShape, reach: &Aabb, visit: &mut dyn FnMut(&Pos
             let half = 4.0 * reach.half_extents().length() + height.abs();
             let turn = Quat::from_rotation_arc(Vec3::Y, half_space.normal);
             let pose = Pose3::from_parts(center - half_space.normal * (height + half), turn);
-            visit(&pose, Second::Cuboid(Vec3::splat(half)));
+            visit(Part { id: 0, pose, second: Second::Cuboid(Vec3::splat(half)), rounding: 0.0 });
         }
-        _ => match shape.as_support_map() {
-            Some(map) => visit(&here, Second::Support(&Mapped { shape, map })),
-            None => return false,
-        },
+        _ => return visit_mapped(shape, 0.0, visit),
     }
+    true
+}
+
+/// The same for a shape that has a support map, and a rounding outside of that.
+fn visit_mapped(shape: &dyn ParryShape, rounding: f32, visit: &mut dyn FnMut(Part)) -> bool {
+    let Some(map) = shape.as_support_map() else { return false };
+    visit(Part::whole(Second::Support(&Mapped { shape, map }), rounding));
     true
 }
 

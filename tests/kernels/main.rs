@@ -256,10 +256,10 @@ fn separation_agrees_with_reference() {
             let fraction = if touch { impact.fraction } else { random.range(0.0, 1.0) as f32 };
             let (first, second) = pair.relative();
             for_kinds!(first, second, |a, b|
-            hulls: result.check(&a.at(fraction), &b.at(fraction), &balls(&b.at(fraction)), &mut random),
+            hulls: result.check(&a.at(f64::from(fraction), DVec3::ZERO), &b.at(f64::from(fraction), DVec3::ZERO), &balls(&b.at(f64::from(fraction), DVec3::ZERO)), &mut random),
             cuboid: {
                 let points = corners(b.half.as_dvec3(), DVec3::ZERO, DQuat::IDENTITY);
-                result.check(&a.at(fraction), &b, &points, &mut random);
+                result.check(&a.at(f64::from(fraction), DVec3::ZERO), &b, &points, &mut random);
             });
         }
         result

@@ -198,8 +198,11 @@ pub fn corners(half: DVec3, center: DVec3, rotation: DQuat) -> Vec<Ball> {
 }
 
 fn hull(spheres: &[(Sphere, Vec3)], origin: Vec3, rotation: Quat) -> Hull {
-    let place = |i: usize| Sphere::new(rotation * (spheres[i].0.center - origin), spheres[i].0.radius);
-    let turn = |i: usize| rotation * spheres[i].1;
+    // In f64, so that turning into a box's frame costs no more than one rounding.
+    let rotation = rotation.as_dquat().normalize();
+    let turned = |v: DVec3| (rotation * v).as_vec3();
+    let place = |i: usize| Sphere::new(turned(spheres[i].0.center.as_dvec3() - origin.as_dvec3()), spheres[i].0.radius);
+    let turn = |i: usize| turned(spheres[i].1.as_dvec3());
     fn moving<const N: usize>(place: impl Fn(usize) -> Sphere, turn: impl Fn(usize) -> Vec3) -> Moving<N> {
         Moving { start: std::array::from_fn(place), motion: std::array::from_fn(turn) }
     }
@@ -259,7 +262,12 @@ pub enum Verdict {
     Invalid,
 }
 
-/// Judges an answer by the tolerances that files of pairs are judged by.
+/// How far from touching, in sizes, an f32 answer may be taken for a touch. A pair that grazes by less stays this near for longer than the
+/// tolerances of time allow for.
+const ROUNDING: f64 = 2e-6;
+
+/// Judges an answer by the tolerances that files of pairs are judged by, and by the true distance where the pair is within rounding of
+/// touching when it is said to.
 ///
 /// Where centres cross, the reference's depth ends at minus the radii, which is nothing for sharp edges. So a miss also counts where
 /// moving the bodies apart takes a translation as long as the tolerance.
@@ -291,9 +299,11 @@ pub fn judge(pair: &Pair, answer: &TimeOfImpact) -> (Truth, Verdict) {
             let deep = difference.first_within(-1e-5 * size, size).is_some()
                 || (1..=16).any(|i| deep_at(toi + (1.0 - toi) * f64::from(i) / 16.0, 1e-5));
             if deep { Verdict::Missed } else { Verdict::Good }
-        } else if fraction - toi > 1e-4 * slack + 5e-7 {
+        } else if fraction - toi > 1e-4 * slack + 5e-7
+            && difference.first_within(-ROUNDING * size, size).is_some_and(|t| t < fraction)
+        {
             Verdict::Late
-        } else if toi - fraction > 1e-3 * slack + 5e-7 {
+        } else if toi - fraction > 1e-3 * slack + 5e-7 && difference.at(fraction).distance().upper > ROUNDING * size {
             Verdict::Early
         } else {
             Verdict::Good

@@ -2,10 +2,12 @@
 //!
 //! One binary, so that Bevy is linked once. Everything is seeded, nothing depends on the clock.
 
+mod colliders;
 mod common;
+mod culling;
 mod entities;
 mod messages;
+mod random_steps;
 mod scenes;
 mod settling;
 mod statics;
-mod zz;

@@ -1,0 +1,99 @@
+//! Hybrid culling loses nothing and adds nothing.
+
+use bevy::tasks::{ComputeTaskPool, TaskPool};
+use bevy_medial::pipeline::{Body, Culling, Statics, StepInput, StepOutput, Target, step};
+use glam::Vec3;
+
+use crate::{
+    common::Random,
+    random_steps::{random_step, tally},
+};
+
+fn pool() -> &'static TaskPool {
+    ComputeTaskPool::get_or_init(Default::default)
+}
+
+fn run(input: &StepInput, statics: &Statics) -> StepOutput {
+    step(input, statics, pool())
+}
+
+/// Compares both ways on many random steps; what was reached.
+fn compare(seed: u64, steps: usize, bodies: usize, statics: usize, room: f32) -> [usize; 4] {
+    let mut random = Random(seed);
+    let mut total = [0; 4];
+    let (mut kept, mut all, mut unresolved, mut tests) = (0, 0, 0, 0);
+    for number in 0..steps {
+        let (mut input, statics) = random_step(&mut random, bodies, statics, room, Vec3::ZERO);
+        let hybrid = run(&input, &statics);
+        input.culling = Culling::None;
+        let none = run(&input, &statics);
+        assert_eq!(hybrid.pairs, none.pairs, "step {number}");
+        assert_eq!(hybrid.manifolds, none.manifolds, "step {number}");
+        assert_eq!(hybrid.stops, none.stops, "step {number}");
+        unresolved += hybrid.counts.unresolved;
+        tests += hybrid.counts.toi_tests;
+        kept += hybrid.counts.candidates;
+        all += none.counts.candidates;
+        total.iter_mut().zip(tally(&hybrid)).for_each(|(sum, count)| *sum += count);
+    }
+    println!(
+        "{steps} steps: impacts, contacts, stops, pairs {total:?}; {kept} of {all} candidates kept, {unresolved} of {tests} searches unresolved"
+    );
+    assert!(2 * kept < all, "it culls nothing");
+    total
+}
+
+#[test]
+fn culling_changes_nothing_among_few() {
+    let [impacts, contacts, stops, _] = compare(1, 10_000, 6, 5, 2.0);
+    assert!(impacts > 15_000 && contacts > 100_000 && stops > 10_000);
+}
+
+#[test]
+fn culling_changes_nothing_among_many() {
+    let [impacts, contacts, stops, _] = compare(2, 200, 50, 20, 5.0);
+    assert!(impacts > 3000 && contacts > 15_000 && stops > 1500);
+}
+
+#[test]
+fn far_from_the_origin_impacts_are_the_same() {
+    // Starts are the same to the bit there, ends to 0.06 mm.
+    let far = Vec3::new(1024.0, -1024.0, 1024.0);
+    let (mut impacts, mut exact, mut alone) = (0, 0, 0);
+    for seed in 0..2000 {
+        let [(near, input), (remote, _)] = [Vec3::ZERO, far].map(|origin| {
+            let (mut input, statics) = random_step(&mut Random(seed), 10, 6, 2.0, origin);
+            // One stop more or less would change all that follows.
+            input.stop_at_impact = false;
+            (run(&input, &statics), input)
+        });
+        let impacts_of = |output: &StepOutput| {
+            let impacts = output.pairs.iter().filter_map(|pair| Some(((pair.body1, pair.target), pair.impact?)));
+            impacts.collect::<Vec<_>>()
+        };
+        let (near, mut remote) = (impacts_of(&near), impacts_of(&remote));
+        for (pair, a) in &near {
+            let Some(index) = remote.iter().position(|(other, _)| other == pair) else {
+                println!("seed {seed}: {pair:?} {a:?} only near");
+                alone += 1;
+                continue;
+            };
+            let (_, b) = remote.swap_remove(index);
+            let [reach1, reach2] =
+                [Some(pair.0), if let Target::Body(body) = pair.1 { Some(body) } else { None }].map(|body| {
+                    body.map_or(0.0, |body| {
+                        let Body { sweep, shape, .. } = &input.bodies[body as usize];
+                        sweep.reach(shape.bounding_sphere().radius)
+                    })
+                });
+            // Those that graze, and those that spin, where one chord more or less makes a difference.
+            let late = (a.fraction - b.fraction).abs() * (reach1 + reach2);
+            assert!(late < 0.05, "seed {seed}: {a:?} {b:?}");
+            exact += usize::from(late < 1e-3 && (a.point + far).distance(b.point) < 2e-3);
+            impacts += 1;
+        }
+        alone += remote.len();
+    }
+    println!("{impacts} impacts, {exact} of them the same within 2 mm, {alone} in one place only");
+    assert!(impacts > 10_000 && 1000 * exact > 995 * impacts && 1000 * alone < impacts);
+}
