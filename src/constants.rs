@@ -55,3 +55,9 @@ pub const LEAST_GROWTH: f32 = 0.1;
 
 /// Distance in metres up to which contacts are reported without rapier, whose own setting counts otherwise.
 pub const DEFAULT_PREDICTION: f32 = 0.02;
+
+/// Least overlap that a body may gain, in roundings of a coordinate at the end of a box: the box's own pose is no more exact.
+pub const STOP_ROUNDINGS: f32 = 4.0;
+
+/// Least overlap that a body may gain, in overlaps that the solver leaves on purpose: a small body sinks in by that much within a few steps.
+pub const STOP_ALLOWED: f32 = 0.05;

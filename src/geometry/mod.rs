@@ -23,6 +23,7 @@ pub use aabb::Aabb;
 pub use bvh::Bvh;
 pub use glamx::Pose3;
 pub use obb::Obb;
+pub(crate) use obb::part_within;
 pub use placement::Placement;
 pub use primitive::{Parts, Primitive, Sphere};
 pub use sweep::Sweep;

@@ -19,3 +19,45 @@ impl Obb {
         Aabb { min: self.pose.translation - half, max: self.pose.translation + half }
     }
 }
+
+/// The part of a box `[-half, half]` that matters to what stays within `reach`: its middle and half extents.
+///
+/// It ends where the box ends, or as far beyond `reach` as that is wide. Coordinates relative to the part are of the size of what is near,
+/// however large the box: a pebble on a plain keeps the accuracy of a pebble.
+pub(crate) fn part_within(half: Vec3, reach: &Aabb) -> (Vec3, Vec3) {
+    let width = (reach.max - reach.min).max_element();
+    let thickness = (half * 2.0).min(Vec3::splat(width));
+    let min = (reach.min - width).clamp(-half, half - thickness);
+    let max = (reach.max + width).clamp(thickness - half, half);
+    ((min + max) * 0.5, (max - min) * 0.5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_ends_with_the_box_or_out_of_reach() {
+        let half = Vec3::new(100.0, 1.0, 0.1);
+        for (reach, expected) in [
+            // Above the middle of the top: the top stays, the far sides go.
+            (
+                Aabb { min: Vec3::new(-0.5, 1.1, -0.5), max: Vec3::new(0.5, 2.1, 0.5) },
+                [[-1.5, 0.0, -0.1], [1.5, 1.0, 0.1]],
+            ),
+            // Beyond a side: that side stays.
+            (
+                Aabb { min: Vec3::new(101.0, 0.0, 0.0), max: Vec3::new(102.0, 1.0, 1.0) },
+                [[99.0, -1.0, -0.1], [100.0, 1.0, 0.1]],
+            ),
+            // Larger than the box: all of it.
+            (Aabb { min: Vec3::splat(-200.0), max: Vec3::splat(200.0) }, [[-100.0, -1.0, -0.1], [100.0, 1.0, 0.1]]),
+        ] {
+            let (center, part) = part_within(half, &reach);
+            let found = [center - part, center + part];
+            for (found, expected) in found.iter().zip(expected) {
+                assert!(found.distance(Vec3::from(expected)) < 1e-5, "{found} instead of {expected:?}");
+            }
+        }
+    }
+}

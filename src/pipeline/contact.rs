@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     constants::VERTEX_NORMAL_COSINE,
-    geometry::{Aabb, Placement, Pose3, Sphere},
+    geometry::{Aabb, Placement, Pose3, Sphere, part_within},
     query::{Convex, Cuboid, Separation, Support, SupportShape, separation},
 };
 
@@ -157,14 +157,23 @@ pub(super) fn collect(
     candidates: &[[u32; 2]],
     contacts: &mut Vec<Contact>,
 ) {
-    let to_second = Placement::from(pose12.inverse());
-    let to_first = Placement::from(*pose12);
+    // Of a box only the part in reach, in whose frame the kernel works.
+    let pose21 = pose12.inverse();
+    let (second, center) = match second {
+        Second::Cuboid(half) => {
+            let (center, part) = part_within(half, &shape1.aabb().transformed(&pose21, 1.0).inflated(prediction));
+            (Second::Cuboid(part), center)
+        }
+        other => (other, Vec3::ZERO),
+    };
+    let to_second = Placement::from(Pose3::from_translation(-center) * pose21);
+    let to_first = Placement::from(*pose12 * Pose3::from_translation(center));
     for &[primitive1, primitive2] in candidates {
         let hull1 = shape1.hull(primitive1).placed(&to_second);
         let mut push = |s: &Separation| {
             contacts.push(Contact {
                 point1: to_first.point(s.point1),
-                point2: s.point2,
+                point2: s.point2 + center,
                 normal1: to_first.rotation * s.normal,
                 distance: s.distance,
                 primitive1,

@@ -122,6 +122,8 @@ pub struct StepInput {
     pub bodies: Vec<Body>,
     /// Contacts are reported up to this distance, in metres.
     pub prediction: f32,
+    /// Overlap that the solver leaves at a contact on purpose, in metres: no reason to stop.
+    pub allowed_overlap: f32,
     /// Bodies stop at their first impact.
     pub stop_at_impact: bool,
     /// Which pairs reach the narrow phase.

@@ -4,15 +4,15 @@ use glam::{Mat3, Vec3};
 
 use super::{Statics, StepInput, Target, broad_phase::BodyPair, contact::Second, shape::Shape};
 use crate::{
-    constants::CHORD_TOLERANCE,
-    geometry::{Aabb, Placement, Pose3, Sweep},
+    constants::{CHORD_TOLERANCE, STOP_ALLOWED, STOP_ROUNDINGS, STOP_SLOP},
+    geometry::{Aabb, Placement, Pose3, Sphere, Sweep, part_within},
     query::Chords,
 };
 
 /// A body pair in relative coordinates.
 ///
 /// The axes are the world's and the origin is body 1's position at the start, so nothing is lost far from the world's
-/// origin; against a box, which never moves, the frame is the box's own.
+/// origin; against a box, which never moves, the frame is that of the part of the box that is in reach.
 pub(super) struct PairMotion<'a> {
     pub shape1: &'a Shape,
     pub second: Second<'a>,
@@ -24,6 +24,8 @@ pub(super) struct PairMotion<'a> {
     pub arms: [f32; 2],
     /// Distance from the centre of mass to the farthest point of the smaller body, in metres.
     pub size: f32,
+    /// Overlap that the pair may gain, in metres.
+    pub slop: f32,
 }
 
 impl<'a> PairMotion<'a> {
@@ -32,13 +34,20 @@ impl<'a> PairMotion<'a> {
         let shape1 = &input.bodies[pair.body1 as usize].shape;
         let sweep1 = sweep_of(pair.body1);
         let origin = Pose3::from_translation(sweep1.start.translation);
+        let mut rounding = 0.0;
         let (second, sweep2, frame) = match pair.target {
             Target::Body(i) => (Second::Shape(&input.bodies[i as usize].shape), sweep_of(i), origin),
             Target::Static(i) => {
                 let body = &statics.bodies[i as usize];
                 match &body.shape {
                     Some((shape, pose)) => (Second::Shape(shape), Sweep::at_rest(*pose), origin),
-                    None => (Second::Cuboid(body.obb.half_extents), Sweep::at_rest(body.obb.pose), body.obb.pose),
+                    None => {
+                        let half = body.obb.half_extents;
+                        let (center, part) = part_within(half, &reach(shape1, &sweep1.seen_from(&body.obb.pose)));
+                        rounding = f32::EPSILON * half.max_element();
+                        let frame = body.obb.pose * Pose3::from_translation(center);
+                        (Second::Cuboid(part), Sweep::at_rest(frame), frame)
+                    }
                 }
             }
         };
@@ -51,7 +60,8 @@ impl<'a> PairMotion<'a> {
             },
         ];
         let size = if arms[1] > 0.0 { arms[0].min(arms[1]) } else { arms[0] };
-        Self { shape1, second, sweep1, sweep2, frame, arms, size }
+        let slop = (STOP_SLOP * size).max(STOP_ALLOWED * input.allowed_overlap).max(STOP_ROUNDINGS * rounding);
+        Self { shape1, second, sweep1, sweep2, frame, arms, size, slop }
     }
 
     /// The motion as chords.
@@ -68,6 +78,13 @@ impl<'a> PairMotion<'a> {
     pub fn whole_sagitta(&self) -> f32 {
         self.sweep1.sagitta(self.arms[0], 1) + self.sweep2.sagitta(self.arms[1], 1)
     }
+}
+
+/// Box around the shape over its sweep, by its bounding sphere.
+fn reach(shape: &Shape, sweep: &Sweep) -> Aabb {
+    let radius = arm(shape, sweep);
+    let start = sweep.start.transform_point(sweep.local_center);
+    Aabb::from_spheres([start, start + sweep.translation].map(|center| Sphere::new(center, radius)))
 }
 
 /// Distance from the centre of mass to the farthest point of the shape.

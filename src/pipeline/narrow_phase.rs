@@ -12,10 +12,7 @@ use super::{
     shape::with_spheres,
     stop::Stops,
 };
-use crate::{
-    constants::STOP_SLOP,
-    query::{Cuboid, Support, TimeOfImpactStatus, rigid_impact},
-};
+use crate::query::{Cuboid, Support, TimeOfImpactStatus, rigid_impact};
 
 /// The first impact of a body pair, and what it took to find.
 #[derive(Clone, Copy, Debug, Default)]
@@ -82,7 +79,7 @@ pub(super) fn first_impact(motion: &PairMotion, candidates: &[PrimitivePair]) ->
         return result;
     }
     let chords = motion.chords();
-    let slop = STOP_SLOP * motion.size;
+    let slop = motion.slop;
     let mut limit = 1.0;
     for &[primitive1, primitive2] in candidates {
         let toi = with_spheres!(motion.shape1.hull(primitive1), |first| match motion.second {

@@ -71,6 +71,7 @@ fn detect(
     step.settings = MedialSettings { stop_at_impact: false, ..*settings };
     step.dt = time.delta_secs();
     step.input.prediction = DEFAULT_PREDICTION;
+    step.input.allowed_overlap = 0.0;
     step.input.bodies.clear();
     step.infos.clear();
     let before = std::mem::take(&mut *poses);

@@ -281,6 +281,7 @@ fn detect(
     step.settings = *settings;
     step.dt = dt;
     step.input.prediction = simulation.integration_parameters.prediction_distance();
+    step.input.allowed_overlap = simulation.integration_parameters.allowed_linear_error();
     step.input.bodies.clear();
     step.infos.clear();
     // In the order of their handles, as rapier orders pairs.

@@ -5,9 +5,11 @@
 mod colliders;
 mod common;
 mod culling;
+mod determinism;
 mod entities;
 mod messages;
 mod random_steps;
+mod routes;
 mod scenes;
 mod settling;
 mod statics;

@@ -1,0 +1,170 @@
+//! Contacts come to rapier by two routes, from the table of the last step or computed when asked for, and both say the same.
+
+use bevy::prelude::*;
+use bevy_medial::{
+    geometry::Pose3,
+    medial_axis::MedialAxis,
+    pipeline::{Second, Shape, Target, contact},
+    plugin::MedialStep,
+    rapier::{ContactTable, MedialDispatcher, MedialShape},
+    scenes::Scene,
+};
+use bevy_rapier3d::{
+    parry::{
+        query::{ContactManifold, PersistentQueryDispatcher},
+        shape::Shape as ParryShape,
+    },
+    plugin::context::{RapierContextColliders, RapierContextSimulation, RapierRigidBodySet},
+    rapier::geometry::{Collider, ColliderHandle, ContactData, ContactManifoldData},
+};
+
+use crate::common::*;
+
+type Manifold = ContactManifold<ContactManifoldData, ContactData>;
+
+/// What is read back from an app.
+struct Physics<'w> {
+    bodies: &'w RapierRigidBodySet,
+    colliders: &'w RapierContextColliders,
+    simulation: &'w RapierContextSimulation,
+    step: &'w MedialStep,
+    table: &'w ContactTable,
+}
+
+impl Physics<'_> {
+    fn with<R>(app: &mut App, function: impl FnOnce(Physics) -> R) -> R {
+        let mut context =
+            app.world_mut().query::<(&RapierRigidBodySet, &RapierContextColliders, &RapierContextSimulation)>();
+        let world = app.world();
+        let (bodies, colliders, simulation) = context.single(world).unwrap();
+        let (step, table) = (world.resource::<MedialStep>(), world.resource::<ContactTable>());
+        function(Physics { bodies, colliders, simulation, step, table })
+    }
+
+    fn collider(&self, handle: ColliderHandle) -> &Collider {
+        &self.colliders.colliders[handle]
+    }
+
+    /// Where a collider is after the step: a body that was stopped has taken its collider along only in rapier's next step.
+    fn pose(&self, handle: ColliderHandle) -> Pose3 {
+        let collider = self.collider(handle);
+        match (collider.parent(), collider.position_wrt_parent()) {
+            (Some(parent), Some(local)) => self.bodies.bodies[parent].position() * local,
+            _ => *collider.position(),
+        }
+    }
+}
+
+#[test]
+fn the_step_finds_what_a_computation_at_its_end_finds() {
+    let (mut bodies, mut statics, mut contacts) = (0, 0, 0);
+    for (name, steps) in [("rods", 150), ("dinosaur", 40), ("tori", 100)] {
+        let mut app = app();
+        Scene::by_name(name).unwrap().spawn(app.world_mut(), models(), 3);
+        for _ in 0..steps {
+            app.update();
+            let step = app.world().resource::<MedialStep>();
+            for pair in &step.output.pairs {
+                let shape1 = &step.input.bodies[pair.body1 as usize].shape;
+                let end1 = step.final_pose(pair.body1);
+                let (second, end2) = match pair.target {
+                    Target::Body(body) => {
+                        bodies += 1;
+                        (Second::Shape(&step.input.bodies[body as usize].shape), step.final_pose(body))
+                    }
+                    Target::Static(body) => {
+                        statics += 1;
+                        let body = &step.statics.bodies()[body as usize];
+                        match &body.shape {
+                            Some((shape, pose)) => (Second::Shape(shape), *pose),
+                            None => (Second::Cuboid(body.obb.half_extents), body.obb.pose),
+                        }
+                    }
+                };
+                let computed = contact::manifolds(shape1, second, &end1.inv_mul(&end2), step.input.prediction);
+                let found = &step.output.manifolds[pair.manifolds.clone()];
+                assert_eq!(found, computed, "{name}: {pair:?}");
+                contacts += found.iter().map(|manifold| manifold.contacts().len()).sum::<usize>();
+            }
+        }
+    }
+    println!("{bodies} pairs of bodies, {statics} with statics, {contacts} contacts");
+    assert!(bodies > 1000 && statics > 1000 && contacts > 10_000);
+}
+
+fn points(manifolds: &[Manifold]) -> Vec<(Vec3, Vec3, Vec3, Vec3, f32)> {
+    let points = manifolds.iter().flat_map(|m| m.points.iter().map(move |p| (m.local_n1, m.local_n2, p)));
+    points.map(|(n1, n2, p)| (n1, n2, p.local_p1, p.local_p2, p.dist)).collect()
+}
+
+fn ask(dispatcher: &MedialDispatcher, pose12: &Pose3, shapes: [&dyn ParryShape; 2], prediction: f32) -> Vec<Manifold> {
+    let mut manifolds = Vec::new();
+    dispatcher.contact_manifolds(pose12, shapes[0], shapes[1], prediction, &mut manifolds, &mut None).unwrap();
+    manifolds
+}
+
+/// A collider's shape with another shape under its key, of which a computation finds no contact and the table knows nothing.
+fn disguised(shape: &dyn ParryShape, other: &Shape) -> Option<MedialShape> {
+    shape.as_shape::<MedialShape>().map(|medial| MedialShape { shape: other.clone(), key: medial.key })
+}
+
+#[test]
+fn rapier_gets_from_the_table_what_it_would_get_computed() {
+    let far_away = Shape::new(MedialAxis::capsule(Vec3::splat(500.0), Vec3::splat(501.0), 0.1).unwrap());
+    let (mut with_bodies, mut with_statics, mut misses) = (0, 0, 0);
+    for (name, steps) in [("rods", 150), ("dinosaur", 40), ("tori", 100)] {
+        let mut app = app();
+        Scene::by_name(name).unwrap().spawn(app.world_mut(), models(), 3);
+        for _ in 0..steps {
+            app.update();
+            Physics::with(&mut app, |physics| {
+                let prediction = physics.simulation.integration_parameters.prediction_distance();
+                let known = MedialDispatcher { table: physics.table.clone() };
+                let unknown = MedialDispatcher { table: ContactTable::default() };
+                let near = physics.step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty());
+                assert!(physics.table.len() >= near.clone().count());
+                for pair in near {
+                    // As rapier asks: the lower handle first.
+                    let body = physics.step.infos[pair.body1 as usize].collider;
+                    let mut handles = [body, physics.step.info(pair.target).collider];
+                    handles.sort_by_key(|handle| handle.into_raw_parts());
+                    let pose12 = physics.pose(handles[0]).inv_mul(&physics.pose(handles[1]));
+                    let shapes = handles.map(|handle| physics.collider(handle).shape());
+                    let computed = points(&ask(&unknown, &pose12, shapes, prediction));
+                    assert_eq!(points(&ask(&known, &pose12, shapes, prediction)), computed, "{name}");
+
+                    // Does it come from the table? Then it comes for a disguise as well.
+                    let disguises = shapes.map(|shape| disguised(shape, &far_away));
+                    let disguises: [&dyn ParryShape; 2] =
+                        [0, 1].map(|i| disguises[i].as_ref().map_or(shapes[i], |shape| shape as &dyn ParryShape));
+                    assert!(points(&ask(&unknown, &pose12, disguises, prediction)).is_empty());
+                    let found = points(&ask(&known, &pose12, disguises, prediction));
+                    match pair.target {
+                        _ if found.is_empty() => misses += 1,
+                        Target::Body(_) => with_bodies += 1,
+                        Target::Static(_) => with_statics += 1,
+                    }
+                    assert!(found.is_empty() || found == computed, "{name}");
+                }
+            });
+        }
+    }
+    println!("{with_bodies} pairs of bodies and {with_statics} with statics from the table, {misses} not");
+    assert!(with_bodies > 1000 && with_statics > 1000 && misses == 0, "{misses} not from the table");
+}
+
+#[test]
+fn a_body_moved_by_the_user_gets_contacts_where_it_is_now() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.06, 0.0));
+    run(&mut app, 200);
+    assert!(is_at_rest(&mut app, body));
+    // Asleep pairs are not in the table; awake, and moved by a hair within the ground, it must come out.
+    for height in [0.0525 - 0.02, 0.0525 - 0.03] {
+        app.world_mut().get_mut::<Transform>(body).unwrap().translation.y = height;
+        run(&mut app, 300);
+        let found = position(&mut app, body).y;
+        assert!((found - 0.0525).abs() < 2e-3, "{height}: {found}");
+    }
+}
