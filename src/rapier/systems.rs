@@ -75,7 +75,6 @@ struct Attached {
 }
 
 /// Gives every entity with a loaded [`MedialMesh`] its collider, and a new one when shape or scale change.
-#[allow(clippy::too_many_arguments)]
 fn attach_shapes(
     mut commands: Commands,
     meshes: Query<(NameOrEntity, &MedialMesh, &Transform, Has<ChildOf>, Option<&Attached>)>,
@@ -201,7 +200,6 @@ fn groups(collider: &RapierCollider) -> Groups {
 }
 
 /// Rebuilds the statics when one of them has come, gone or changed.
-#[allow(clippy::type_complexity)]
 fn gather_statics(
     mut step: ResMut<MedialStep>,
     changed: Query<

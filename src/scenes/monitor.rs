@@ -285,7 +285,9 @@ impl Monitor {
         for set in context.iter(world) {
             for (_, body) in set.bodies.iter().filter(|(_, body)| body.is_dynamic()) {
                 asleep += usize::from(body.is_sleeping());
-                escaped += usize::from(!(body.translation().length() <= WORLD_RADIUS));
+                // A position that is not a number has escaped as well.
+                let inside = body.translation().length() <= WORLD_RADIUS;
+                escaped += usize::from(!inside);
             }
         }
         let step = world.resource::<MedialStep>();

@@ -7,9 +7,14 @@ mod common;
 mod culling;
 mod determinism;
 mod entities;
+mod impacts;
 mod messages;
 mod random_steps;
+#[path = "../kernels/reference.rs"]
+#[allow(dead_code)]
+mod reference;
 mod routes;
 mod scenes;
 mod settling;
 mod statics;
+mod true_motion;
