@@ -4,7 +4,9 @@ use glam::Vec3;
 
 use super::{
     separation::Cuboid,
-    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact, time_of_overlap},
+    time_of_impact::{
+        Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_depth, time_of_impact,
+    },
 };
 use crate::{
     constants::MAX_CHORDS,
@@ -89,10 +91,10 @@ impl Rigid for Cuboid {
 }
 
 /// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by more than `slop` metres beyond what
-/// they do at the start of a chord; if they touch within that chord, the fraction at which they do.
+/// they do at its start; if they are apart before that, the fraction at which they touch.
 ///
 /// Both in the frames of their bodies; the contact is in the frame of the chords. The first side is larger by the chords' deviation, so an
-/// impact is early by as much at most, and never late.
+/// impact is early by twice as much at most, and never late.
 pub fn rigid_impact<const N: usize, B: Rigid>(
     first: &[Sphere; N],
     second: &B,
@@ -102,25 +104,42 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
 ) -> TimeOfImpact {
     let count = (chords.placements.len() - 1) as f32;
     let max_fraction = max_fraction.min(1.0);
-    let mut rounds = 0;
-    for (i, ends) in chords.placements.windows(2).enumerate() {
-        let limit = max_fraction * count - i as f32;
-        let mut moving1 = first.along([&ends[0][0], &ends[1][0]]);
+    let along = |i: usize| {
+        let [start, end] = [&chords.placements[i], &chords.placements[i + 1]];
+        let mut moving1 = first.along([&start[0], &end[0]]);
         moving1.start.iter_mut().for_each(|sphere| sphere.radius += chords.deviation);
-        let moving2 = second.along([&ends[0][1], &ends[1][1]]);
-        let mut found = time_of_overlap(&moving1, &moving2, limit.min(1.0), slop);
+        (moving1, second.along([&start[1], &end[1]]))
+    };
+    let mut chord = 0;
+    let mut rounds = 0;
+    let mut depth = None;
+    let mut found = loop {
+        let (moving1, moving2) = along(chord);
+        let limit = max_fraction * count - chord as f32;
+        // The first chord sets the depth for all: what is gained chord by chord is gained within the step.
+        let found = time_of_depth(&moving1, &moving2, limit.min(1.0), slop, &mut depth);
         rounds += found.rounds;
-        if found.status != TimeOfImpactStatus::Separated {
-            let touch = time_of_impact(&moving1, &moving2, found.fraction);
-            rounds += touch.rounds;
-            if touch.status == TimeOfImpactStatus::Hit {
-                found = touch;
-            }
-        }
         // The last chord, or the last that counts.
         if found.status != TimeOfImpactStatus::Separated || limit <= 1.0 {
-            return TimeOfImpact { fraction: (i as f32 + found.fraction) / count, rounds, ..found };
+            break found;
+        }
+        chord += 1;
+    };
+    if found.status != TimeOfImpactStatus::Separated {
+        // Back to where they touch, if they have not touched from the start on.
+        let (mut touching, mut limit) = (chord, found.fraction);
+        loop {
+            let (moving1, moving2) = along(touching);
+            let touch = time_of_impact(&moving1, &moving2, limit);
+            rounds += touch.rounds;
+            if touch.status == TimeOfImpactStatus::Hit {
+                (found, chord) = (touch, touching);
+            }
+            if touch.status != TimeOfImpactStatus::Overlapping || touching == 0 {
+                break;
+            }
+            (touching, limit) = (touching - 1, 1.0);
         }
     }
-    unreachable!("the limit falls by 1 from chord to chord, and is at most 1 in the last")
+    TimeOfImpact { fraction: (chord as f32 + found.fraction) / count, rounds, ..found }
 }

@@ -329,10 +329,23 @@ pub fn time_of_overlap<const N: usize, B: MovingConvex>(
     max_fraction: f32,
     slop: f32,
 ) -> TimeOfImpact {
+    time_of_depth(first, second, max_fraction, slop, &mut None)
+}
+
+/// First fraction at which they overlap by more than `depth` metres; if that is not known yet, by more than [`time_of_overlap`] allows.
+pub(super) fn time_of_depth<const N: usize, B: MovingConvex>(
+    first: &Moving<N>,
+    second: &B,
+    max_fraction: f32,
+    slop: f32,
+    depth: &mut Option<f32>,
+) -> TimeOfImpact {
     let mut pair = Pair { first, second, target: 0.0 };
     let start = pair.at(0.0, 0);
-    let depth = (-start.separation.distance).max(0.0);
-    let growth = slop * (1.0 - depth / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
-    pair.target = -depth - growth;
+    let depth = depth.get_or_insert_with(|| {
+        let depth = (-start.separation.distance).max(0.0);
+        depth + slop * (1.0 - depth / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH)
+    });
+    pair.target = -*depth;
     pair.advance(start, max_fraction)
 }

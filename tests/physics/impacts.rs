@@ -140,9 +140,6 @@ fn compare(seed: u64, count: usize, turn: f32) -> Tally {
                 tally.gentle += 1;
                 let depth = |i: i32| -case.pair.distance(touch + (1.0 - touch) * f64::from(i) / 1000.0) / size;
                 let deepest = (0..=1000).map(depth).fold(0.0, f64::max);
-                if deepest > 1.1 * slop / size {
-                    println!("untold: {deepest} {:?}", case.input.bodies.iter().map(|b| b.sweep).collect::<Vec<_>>());
-                }
                 tally.deepest_untold = tally.deepest_untold.max(deepest);
             }
             (None, None) => tally.apart += 1,

@@ -9,6 +9,7 @@ mod determinism;
 mod entities;
 mod impacts;
 mod messages;
+mod projectile;
 mod random_steps;
 #[path = "../kernels/reference.rs"]
 #[allow(dead_code)]

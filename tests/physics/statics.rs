@@ -104,7 +104,7 @@ fn is_shot_stopped(app: &mut App) -> bool {
     run(app, 10);
     let x = position(app, body).x;
     app.world_mut().despawn(body);
-    assert!(x < -1.19 || x > 40.0, "neither stopped nor let through: {x}");
+    assert!(!(-1.19..=40.0).contains(&x), "neither stopped nor let through: {x}");
     x < 0.0
 }
 

@@ -63,10 +63,21 @@ impl Motion {
         corners.iter().map(place).collect()
     }
 
-    /// Longest way that a corner's centre goes.
-    fn reach(&self, corners: &Corners) -> f64 {
+    /// Where a point of the body is.
+    pub fn point(&self, point: DVec3, fraction: f64) -> DVec3 {
+        let rotation = DQuat::from_scaled_axis(self.spin * fraction) * self.rotation;
+        self.center + self.translation * fraction + rotation * (point - self.local_center)
+    }
+
+    /// Longest way that a corner's centre goes about the centre of mass.
+    fn swing(&self, corners: &Corners) -> f64 {
         let arm = corners.iter().map(|(corner, _)| corner.distance(self.local_center)).fold(0.0, f64::max);
-        self.translation.length() + self.spin.length() * arm
+        self.spin.length() * arm
+    }
+
+    /// Longest way that a corner's centre goes.
+    pub fn reach(&self, corners: &Corners) -> f64 {
+        self.translation.length() + self.swing(corners)
     }
 }
 
@@ -83,12 +94,9 @@ impl MovingPair {
     }
 
     /// A bound of the distance's change over the step.
-    pub fn reach(&self) -> f64 {
-        let still = |side: usize| self.sides[side].1.reach(&self.sides[side].0);
-        (self.sides[0].1.translation - self.sides[1].1.translation).length() + still(0)
-            - self.sides[0].1.translation.length()
-            + still(1)
-            - self.sides[1].1.translation.length()
+    fn reach(&self) -> f64 {
+        let [(corners1, motion1), (corners2, motion2)] = &self.sides;
+        (motion1.translation - motion2.translation).length() + motion1.swing(corners1) + motion2.swing(corners2)
     }
 
     /// First fraction at which the distance is down to `level`, by steps that cannot pass it, or that pass less than `accuracy` of it.
