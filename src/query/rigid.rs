@@ -4,9 +4,7 @@ use glam::Vec3;
 
 use super::{
     separation::Cuboid,
-    time_of_impact::{
-        Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_depth, time_of_impact,
-    },
+    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_depth, time_of_impact},
 };
 use crate::{
     constants::MAX_CHORDS,

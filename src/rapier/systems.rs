@@ -324,7 +324,9 @@ fn stop_bodies(step: &MedialStep, bodies: &mut RapierRigidBodySet, colliders: &R
         let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
         if let Some(body) = collider.parent().and_then(|parent| bodies.bodies.get_mut(parent)) {
             body.set_position(stop.pose * local.inverse(), true);
-            let early = gravity * body.gravity_scale() * (1.0 - stop.fraction) * step.dt;
+            // Nor has it acted along locked axes at all.
+            let free = Vec3::select(body.mass_properties().effective_inv_mass.cmpgt(Vec3::ZERO), Vec3::ONE, Vec3::ZERO);
+            let early = free * gravity * body.gravity_scale() * (1.0 - stop.fraction) * step.dt;
             body.set_linvel(body.linvel() - early, true);
         }
     }

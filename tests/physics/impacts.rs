@@ -165,7 +165,11 @@ fn impacts_of_turning_bodies_are_early_by_the_tolerance_and_never_late() {
         // Each side strays from its chords by the tolerance, and is enlarged by as much.
         assert!(tally.earliest < 4.0 * f64::from(CHORD_TOLERANCE), "early by {} sizes", tally.earliest);
         assert!(tally.latest < 1e-5, "late by {} sizes", tally.latest);
-        assert!(tally.deepest_untold < f64::from(STOP_SLOP) + 1e-5, "an overlap of {} sizes untold", tally.deepest_untold);
+        assert!(
+            tally.deepest_untold < f64::from(STOP_SLOP) + 1e-5,
+            "an overlap of {} sizes untold",
+            tally.deepest_untold
+        );
     }
 }
 

@@ -8,6 +8,7 @@ mod culling;
 mod determinism;
 mod entities;
 mod impacts;
+mod interplay;
 mod messages;
 mod projectile;
 mod random_steps;

@@ -1,0 +1,226 @@
+//! What else rapier offers keeps working around medial bodies.
+
+use bevy::prelude::*;
+use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_rapier3d::prelude::*;
+
+use crate::common::*;
+
+fn ball() -> MedialAxis {
+    MedialAxis::sphere(0.2).unwrap()
+}
+
+fn spawn_wall(app: &mut App, x: f32) -> Entity {
+    app.world_mut().spawn((StaticObb::new(0.1, 3.0, 3.0), Transform::from_xyz(x, 0.0, 0.0))).id()
+}
+
+#[test]
+fn a_stop_moves_nothing_along_a_locked_axis() {
+    let mut app = app();
+    spawn_wall(&mut app, -2.0);
+    spawn_wall(&mut app, 2.0);
+    let body = spawn_body(&mut app, ball(), Transform::default());
+    app.world_mut().entity_mut(body).insert((
+        LockedAxes::TRANSLATION_LOCKED_Y | LockedAxes::TRANSLATION_LOCKED_Z | LockedAxes::ROTATION_LOCKED,
+        Velocity::linear(Vec3::X * 100.0),
+        Restitution { coefficient: 1.0, combine_rule: CoefficientCombineRule::Max },
+    ));
+    let mut stops = 0;
+    for _ in 0..120 {
+        app.update();
+        stops += app.world().resource::<MedialStep>().output.stops.len();
+    }
+    assert!(stops > 20, "{stops}");
+    let place = position(&mut app, body);
+    assert!(place.y.abs() < 1e-5 && place.z.abs() < 1e-5, "{place}");
+}
+
+#[test]
+fn a_stop_costs_the_rest_of_its_step_of_free_fall_and_no_more() {
+    for scale in [0.0, 1.0, -1.0, 3.0] {
+        let mut app = app();
+        spawn_wall(&mut app, 4.0);
+        let body = spawn_body(&mut app, ball(), Transform::default());
+        let frictionless = Friction { coefficient: 0.0, combine_rule: CoefficientCombineRule::Min };
+        let shot = (GravityScale(scale), Velocity::linear(Vec3::X * 200.0), frictionless);
+        app.world_mut().entity_mut(body).insert(shot);
+        // It falls freely along the wall, but while it is stopped: then it neither moves nor gains speed.
+        let (mut fallen, mut speed, mut stops) = (0.0, 0.0, 0);
+        for _ in 0..20 {
+            app.update();
+            let stop = app.world().resource::<MedialStep>().output.stop_of(0).map(|stop| stop.fraction);
+            let fraction = stop.unwrap_or(1.0);
+            // The solver takes the step in four parts, gravity acting before each.
+            fallen += (speed + 0.625 * 9.81 * scale * DT) * DT * fraction;
+            speed += 9.81 * scale * DT * fraction;
+            stops += usize::from(stop.is_some());
+        }
+        let place = position(&mut app, body);
+        assert!(stops > 0 && place.x < 3.71, "{scale}: {place}");
+        assert!((place.y + fallen).abs() < 0.003 * scale.abs() + 1e-4, "{scale}: {place}, {fallen}, {stops} stops");
+    }
+}
+
+/// A body with two medial meshes as children, at either end of a rod.
+fn spawn_dumbbell(app: &mut App, transform: Transform, velocity: Velocity) -> (Entity, [Entity; 2]) {
+    let ends = [-0.5, 0.5].map(|z| {
+        let mesh = mesh(app, ball());
+        app.world_mut().spawn((mesh, Transform::from_xyz(0.0, 0.0, z))).id()
+    });
+    let body = app.world_mut().spawn((RigidBody::Dynamic, transform, velocity)).add_children(&ends).id();
+    (body, ends)
+}
+
+#[test]
+#[ignore = "the pipeline does not know yet which shapes belong to one body"]
+fn a_body_of_two_shapes_rests_and_its_shapes_do_not_touch_each_other() {
+    let mut app = app();
+    let ground = spawn_ground(&mut app);
+    let (body, ends) = spawn_dumbbell(&mut app, Transform::from_xyz(0.0, 1.0, 0.0), Velocity::zero());
+    let overlapping = mesh(&mut app, ball());
+    let middle = app.world_mut().spawn((overlapping, Transform::from_xyz(0.0, 0.0, 0.3), ChildOf(body))).id();
+    app.world_mut().entity_mut(body).insert(Damping { linear_damping: 0.1, angular_damping: 1.0 });
+    let mut record = Record::default();
+    record.run(&mut app, 400);
+    assert!((position(&mut app, body).y - 0.2).abs() < 2e-3 && is_at_rest(&mut app, body));
+    assert_eq!(record.counts(ends[0], ground), [1, 0]);
+    assert_eq!(record.counts(ends[1], middle), [0, 0], "shapes of one body are told to touch");
+}
+
+#[test]
+#[ignore = "the pipeline does not know yet which shapes belong to one body"]
+fn a_fast_body_of_two_shapes_is_stopped_by_either() {
+    for z in [0.5, -0.5] {
+        let mut app = app();
+        // In the way of one end only, and of the other end a little later.
+        for (side, x) in [(z, 4.0), (-z, 4.4)] {
+            app.world_mut().spawn((StaticObb::new(0.05, 1.0, 0.3), Transform::from_xyz(x, 0.0, side)));
+        }
+        let (body, _) = spawn_dumbbell(&mut app, Transform::default(), Velocity::linear(Vec3::X * 200.0));
+        app.world_mut().entity_mut(body).insert(GravityScale(0.0));
+        for _ in 0..60 {
+            app.update();
+            let place = position(&mut app, body);
+            assert!(place.x < 4.4, "{z}: {place}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "solver groups do not reach the pipeline yet"]
+fn bodies_that_are_not_solved_against_each_other_are_not_stopped_either() {
+    // Solver groups: contacts are found and told, nothing is pushed.
+    let mut app = app();
+    let wall = spawn_wall(&mut app, 4.0);
+    app.world_mut().entity_mut(wall).insert(SolverGroups::new(Group::GROUP_1, Group::GROUP_1));
+    let velocity = Velocity::linear(Vec3::X * 200.0);
+    let body = spawn_flying(&mut app, ball(), Transform::default(), velocity);
+    app.world_mut().entity_mut(body).insert(SolverGroups::new(Group::GROUP_2, Group::GROUP_2));
+    run(&mut app, 10);
+    let x = position(&mut app, body).x;
+    assert!((x - 10.0 * 200.0 * DT).abs() < 0.01, "{x}");
+}
+
+#[test]
+fn joined_bodies_without_contacts_do_not_stop_each_other() {
+    let mut app = app();
+    let rod = MedialAxis::capsule(Vec3::ZERO, Vec3::Y * -1.0, 0.1).unwrap();
+    let anchor = mesh(&mut app, ball());
+    let anchor = app.world_mut().spawn((RigidBody::Fixed, anchor, Transform::from_xyz(0.0, 3.0, 0.0))).id();
+    let joint = SphericalJointBuilder::new().local_anchor1(Vec3::ZERO).local_anchor2(Vec3::ZERO);
+    let mut joint = ImpulseJoint::new(anchor, joint);
+    joint.data.as_mut().set_contacts_enabled(false);
+    let pendulum =
+        spawn_body(&mut app, rod, Transform::from_xyz(0.0, 3.0, 0.0).with_rotation(Quat::from_rotation_z(1.5)));
+    app.world_mut().entity_mut(pendulum).insert(joint);
+    let (mut least, mut greatest) = (f32::MAX, f32::MIN);
+    for _ in 0..240 {
+        app.update();
+        let tip = rigid(&mut app, pendulum).position().transform_point(Vec3::Y * -1.0);
+        (least, greatest) = (least.min(tip.x), greatest.max(tip.x));
+        assert!((tip.distance(Vec3::Y * 3.0) - 1.0).abs() < 0.02, "{tip}");
+    }
+    assert!(least < -0.9 && greatest > 0.9, "it swings from {least} to {greatest}");
+}
+
+#[test]
+fn a_kinematic_body_goes_its_way_and_pushes_others() {
+    for kind in [RigidBody::KinematicVelocityBased, RigidBody::KinematicPositionBased] {
+        let mut app = app();
+        let pusher = mesh(&mut app, MedialAxis::rounded_box(Vec3::splat(0.5), 0.1).unwrap());
+        let pusher = app.world_mut().spawn((kind, pusher, Transform::from_xyz(-3.0, 0.0, 0.0))).id();
+        if kind == RigidBody::KinematicVelocityBased {
+            app.world_mut().entity_mut(pusher).insert(Velocity::linear(Vec3::X * 6.0));
+        }
+        let pushed = spawn_flying(&mut app, ball(), Transform::default(), Velocity::zero());
+        for step in 1..=60 {
+            if kind == RigidBody::KinematicPositionBased {
+                app.world_mut().get_mut::<Transform>(pusher).unwrap().translation.x = -3.0 + 0.1 * step as f32;
+            }
+            app.update();
+            let [x, other] = [pusher, pushed].map(|body| position(&mut app, body).x);
+            assert!((x - (-3.0 + 0.1 * step as f32)).abs() < 0.01, "{kind:?}: {x} in step {step}");
+            // It goes on where it meets the other: for a step they overlap by what it goes in a step.
+            assert!(other - x > 0.7 - 0.1 - 0.01, "{kind:?}: {x} {other}");
+        }
+        assert!(position(&mut app, pushed).x > 3.6, "{kind:?}");
+    }
+}
+
+#[test]
+fn bodies_bounce_by_their_restitution() {
+    for (restitution, expected) in [(0.0, 0.0), (0.5, 0.25), (0.9, 0.81)] {
+        let mut app = app();
+        spawn_ground(&mut app);
+        let body = spawn_body(&mut app, ball(), Transform::from_xyz(0.0, 1.2, 0.0));
+        let bouncy = Restitution { coefficient: restitution, combine_rule: CoefficientCombineRule::Max };
+        app.world_mut().entity_mut(body).insert(bouncy);
+        let (mut down, mut apex) = (false, 0.0f32);
+        for _ in 0..75 {
+            app.update();
+            let rigid = rigid(&mut app, body);
+            down |= rigid.translation().y < 0.35;
+            if down && rigid.linvel().y >= 0.0 {
+                apex = apex.max(rigid.translation().y - 0.2);
+            }
+        }
+        assert!(down && (apex - expected).abs() < 0.06, "{restitution}: {apex}");
+    }
+}
+
+#[test]
+fn a_paused_world_stands_still_and_goes_on() {
+    let mut app = app();
+    let ground = spawn_ground(&mut app);
+    let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.5, 0.0));
+    let mut record = Record::default();
+    record.run(&mut app, 10);
+    let place = position(&mut app, body);
+    let pause = |app: &mut App, active: bool| {
+        let mut configuration = app.world_mut().query::<&mut RapierConfiguration>();
+        configuration.single_mut(app.world_mut()).unwrap().physics_pipeline_active = active;
+    };
+    pause(&mut app, false);
+    record.run(&mut app, 50);
+    assert_eq!(position(&mut app, body), place);
+    pause(&mut app, true);
+    record.run(&mut app, 300);
+    assert!((position(&mut app, body).y - 0.0525).abs() < 2e-3 && is_at_rest(&mut app, body));
+    assert_eq!(record.counts(body, ground), [1, 0]);
+}
+
+#[test]
+fn substeps_let_nothing_through() {
+    for substeps in [1, 2, 4] {
+        let mut app = app();
+        app.insert_resource(TimestepMode::Fixed { dt: DT, substeps });
+        spawn_wall(&mut app, 4.0);
+        let velocity = Velocity { linear: Vec3::X * 200.0, angular: Vec3::new(40.0, 200.0, 20.0) };
+        let axis = MedialAxis::capsule(Vec3::X * -0.4, Vec3::X * 0.4, 0.05).unwrap();
+        let body = spawn_flying(&mut app, axis, Transform::default(), velocity);
+        for _ in 0..30 {
+            app.update();
+            assert!(position(&mut app, body).x < 3.95, "{substeps} substeps: {}", position(&mut app, body));
+        }
+    }
+}
