@@ -92,16 +92,20 @@ fn a_body_of_two_shapes_rests_and_its_shapes_do_not_touch_each_other() {
 fn a_fast_body_of_two_shapes_is_stopped_by_either() {
     for z in [0.5, -0.5] {
         let mut app = app();
-        // In the way of one end only, and of the other end a little later.
+        // In the way of one end, and, a little later, of the other: without a gap between them.
         for (side, x) in [(z, 4.0), (-z, 4.4)] {
-            app.world_mut().spawn((StaticObb::new(0.05, 1.0, 0.3), Transform::from_xyz(x, 0.0, side)));
+            app.world_mut().spawn((StaticObb::new(0.05, 5.0, 5.0), Transform::from_xyz(x, 0.0, 10.0 * side)));
         }
         let (body, _) = spawn_dumbbell(&mut app, Transform::default(), Velocity::linear(Vec3::X * 200.0));
         app.world_mut().entity_mut(body).insert(GravityScale(0.0));
-        for _ in 0..60 {
+        for step in 0..60 {
             app.update();
-            let place = position(&mut app, body);
-            assert!(place.x < 4.4, "{z}: {place}");
+            let pose = *rigid(&mut app, body).position();
+            for end in [-0.5, 0.5] {
+                let center = pose.transform_point(Vec3::Z * end);
+                let wall = if center.z * z > 0.0 { 4.0 } else { 4.4 };
+                assert!(center.x < wall - 0.2, "{z}, step {step}: {center}");
+            }
         }
     }
 }
@@ -141,6 +145,25 @@ fn joined_bodies_without_contacts_do_not_stop_each_other() {
         assert!((tip.distance(Vec3::Y * 3.0) - 1.0).abs() < 0.02, "{tip}");
     }
     assert!(least < -0.9 && greatest > 0.9, "it swings from {least} to {greatest}");
+}
+
+#[test]
+#[ignore = "joints do not reach the pipeline yet"]
+fn joined_bodies_without_contacts_fly_through_each_other() {
+    let mut app = app();
+    let [one, other] = [-1.0, 1.0].map(|side| {
+        spawn_flying(
+            &mut app,
+            ball(),
+            Transform::from_xyz(3.0 * side, 0.0, 0.0),
+            Velocity::linear(Vec3::X * -100.0 * side),
+        )
+    });
+    let mut joint = ImpulseJoint::new(one, RopeJointBuilder::new(50.0));
+    joint.data.as_mut().set_contacts_enabled(false);
+    app.world_mut().entity_mut(other).insert(joint);
+    run(&mut app, 6);
+    assert!(position(&mut app, one).x > 5.0 && position(&mut app, other).x < -5.0);
 }
 
 #[test]
