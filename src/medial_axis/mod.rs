@@ -55,6 +55,7 @@ struct Data {
     bvh: Bvh,
     aabb: Aabb,
     bounding_sphere: Sphere,
+    center_reach: f32,
     mass: MassProperties,
     min_radius: f32,
 }
@@ -142,10 +143,12 @@ impl MedialAxis {
     fn derive(spheres: Vec<Sphere>, primitives: Vec<Primitive>) -> Self {
         let boxes: Vec<Aabb> =
             primitives.iter().map(|p| Aabb::from_spheres(p.indices().iter().map(|&i| spheres[i as usize]))).collect();
+        let bound = bounding_sphere(&spheres);
         Self(Arc::new(Data {
             bvh: Bvh::new(&boxes),
             aabb: Aabb::from_spheres(spheres.iter().copied()),
-            bounding_sphere: bounding_sphere(&spheres),
+            bounding_sphere: bound,
+            center_reach: spheres.iter().map(|s| s.center.distance(bound.center)).fold(0.0, f32::max),
             mass: MassProperties::of_union(&spheres, &primitives),
             min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
             spheres: spheres.into(),
@@ -176,6 +179,11 @@ impl MedialAxis {
     /// A sphere around the shape, at most about 1 % larger than the least one.
     pub fn bounding_sphere(&self) -> Sphere {
         self.0.bounding_sphere
+    }
+
+    /// Distance from the middle of the [bounding sphere](Self::bounding_sphere) to the farthest centre of a sphere, in metres.
+    pub fn center_reach(&self) -> f32 {
+        self.0.center_reach
     }
 
     /// Volume, centre of mass and inertia of the shape at unit density.

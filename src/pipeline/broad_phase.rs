@@ -69,7 +69,7 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<
             |aabb| aabb.overlaps(&boxes[i]),
             |other| {
                 if other as usize > i
-                    && may_collide(body, &input.bodies[other as usize])
+                    && may_collide(input, body, &input.bodies[other as usize])
                     && sphere.meets(&spheres[other as usize])
                 {
                     pairs.push(BodyPair { body1: i as u32, target: Target::Body(other) });
@@ -101,15 +101,19 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<
     found.into_iter().flatten().collect()
 }
 
-fn may_collide(body1: &Body, body2: &Body) -> bool {
-    (body1.active || body2.active) && body1.groups.test(&body2.groups)
+fn may_collide(input: &StepInput, body1: &Body, body2: &Body) -> bool {
+    let kept_apart = match (body1.owner, body2.owner) {
+        (Some(a), Some(b)) => a == b || input.apart.contains(&[a.min(b), a.max(b)]),
+        _ => false,
+    };
+    (body1.active || body2.active) && body1.groups.test(&body2.groups) && !kept_apart
 }
 
 /// Every pair that may collide.
 fn all_pairs<'a>(input: &'a StepInput, statics: &'a Statics) -> impl Iterator<Item = BodyPair> + 'a {
     input.bodies.iter().enumerate().flat_map(move |(i, body)| {
         let bodies = (i + 1..input.bodies.len())
-            .filter(move |&j| may_collide(body, &input.bodies[j]))
+            .filter(move |&j| may_collide(input, body, &input.bodies[j]))
             .map(|j| Target::Body(j as u32));
         let statics = (0..statics.bodies.len())
             .filter(move |&j| body.active && body.groups.test(&statics.bodies[j].groups))

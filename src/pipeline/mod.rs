@@ -23,6 +23,7 @@ mod shape;
 mod stop;
 
 use std::{
+    collections::HashSet,
     ops::Range,
     time::{Duration, Instant},
 };
@@ -64,12 +65,24 @@ pub struct Body {
     pub sweep: Sweep,
     /// Whom it collides with.
     pub groups: Groups,
+    /// Whom it stops at, among those.
+    pub stop_groups: Groups,
+    /// The rigid body that it is one of several shapes of: shapes of one owner do not collide, and stop together.
+    pub owner: Option<u32>,
     /// False for bodies that sleep or never move: two of these are not looked at.
     pub active: bool,
     /// True if it stops where it is at an impact: a dynamic body does, a kinematic one goes on.
     pub stops: bool,
     /// True if nothing stops at it, nor it at anything: a sensor.
     pub passes: bool,
+}
+
+impl Body {
+    /// A moving body that collides with all and stops at impacts.
+    pub fn new(shape: Shape, sweep: Sweep) -> Self {
+        let (groups, stop_groups) = (Groups::ALL, Groups::ALL);
+        Self { shape, sweep, groups, stop_groups, owner: None, active: true, stops: true, passes: false }
+    }
 }
 
 /// A body that never moves by itself: a box, or a shape with its box.
@@ -81,8 +94,17 @@ pub struct StaticBody {
     pub shape: Option<(Shape, Pose3)>,
     /// Whom it collides with.
     pub groups: Groups,
+    /// Whom it stops, among those.
+    pub stop_groups: Groups,
     /// True if nothing stops at it: a sensor.
     pub passes: bool,
+}
+
+impl StaticBody {
+    /// A box that collides with all.
+    pub fn solid_box(obb: Obb) -> Self {
+        Self { obb, shape: None, groups: Groups::ALL, stop_groups: Groups::ALL, passes: false }
+    }
 }
 
 /// The static bodies and the hierarchy over their boxes, rebuilt only when one of them changes.
@@ -120,6 +142,8 @@ pub enum Culling {
 pub struct StepInput {
     /// The bodies.
     pub bodies: Vec<Body>,
+    /// Owners that do not collide, the lesser first: bodies that a joint keeps from it.
+    pub apart: HashSet<[u32; 2]>,
     /// Contacts are reported up to this distance, in metres.
     pub prediction: f32,
     /// Overlap that the solver leaves at a contact on purpose, in metres: no reason to stop.

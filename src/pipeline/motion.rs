@@ -20,9 +20,9 @@ pub(super) struct PairMotion<'a> {
     pub sweep2: Sweep,
     /// Takes the frame's vectors to the world.
     pub frame: Pose3,
-    /// Distance from each body's centre of mass to its farthest point; 0 for a box.
+    /// Distance from each body's centre of mass to the farthest centre of a sphere; 0 for a box. Radii do not turn.
     pub arms: [f32; 2],
-    /// Distance from the centre of mass to the farthest point of the smaller body, in metres.
+    /// Bounding radius of the smaller body, in metres.
     pub size: f32,
     /// Overlap that the pair may gain, in metres.
     pub slop: f32,
@@ -59,7 +59,10 @@ impl<'a> PairMotion<'a> {
                 Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => 0.0,
             },
         ];
-        let size = if arms[1] > 0.0 { arms[0].min(arms[1]) } else { arms[0] };
+        let size = match second {
+            Second::Shape(shape2) => shape1.bounding_sphere().radius.min(shape2.bounding_sphere().radius),
+            Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => shape1.bounding_sphere().radius,
+        };
         let slop = (STOP_SLOP * size).max(STOP_ALLOWED * input.allowed_overlap).max(STOP_ROUNDINGS * rounding);
         Self { shape1, second, sweep1, sweep2, frame, arms, size, slop }
     }
@@ -82,15 +85,15 @@ impl<'a> PairMotion<'a> {
 
 /// Box around the shape over its sweep, by its bounding sphere.
 fn reach(shape: &Shape, sweep: &Sweep) -> Aabb {
-    let radius = arm(shape, sweep);
+    let bound = shape.bounding_sphere();
+    let radius = bound.center.distance(sweep.local_center) + bound.radius;
     let start = sweep.start.transform_point(sweep.local_center);
     Aabb::from_spheres([start, start + sweep.translation].map(|center| Sphere::new(center, radius)))
 }
 
-/// Distance from the centre of mass to the farthest point of the shape.
+/// Distance from the centre of mass to the farthest centre of a sphere.
 fn arm(shape: &Shape, sweep: &Sweep) -> f32 {
-    let bound = shape.bounding_sphere();
-    bound.center.distance(sweep.local_center) + bound.radius
+    shape.bounding_sphere().center.distance(sweep.local_center) + shape.axis.center_reach() * shape.scale
 }
 
 /// Bounds the motion of the boxes of one body's hierarchy over the step, seen from a fixed frame.

@@ -4,7 +4,10 @@
 //! are found anew, from that instant on, with the one at rest: an impact that its stop prevents is none, and one that it causes is
 //! found. Each body stops at most once, so this ends.
 
-use std::{cmp::Ordering, collections::BinaryHeap};
+use std::{
+    cmp::Ordering,
+    collections::{BinaryHeap, HashMap},
+};
 
 use super::{
     Statics, StepInput, Target,
@@ -60,10 +63,14 @@ impl Ord for Event {
 pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], results: &mut [ImpactResult]) -> Stops {
     let mut stops = Stops(vec![1.0; input.bodies.len()]);
     let stopping = |body: u32| input.stop_at_impact && input.bodies[body as usize].stops;
-    // A pair stops only if both sides consent; statics do.
-    let stops_both = |pair: &BodyPair| match pair.target {
-        Target::Body(body) => !input.bodies[pair.body1 as usize].passes && !input.bodies[body as usize].passes,
-        Target::Static(body) => !input.bodies[pair.body1 as usize].passes && !statics.bodies[body as usize].passes,
+    // A pair stops only if both sides consent.
+    let stops_both = |pair: &BodyPair| {
+        let body1 = &input.bodies[pair.body1 as usize];
+        let (passes, groups) = match pair.target {
+            Target::Body(body) => (input.bodies[body as usize].passes, input.bodies[body as usize].stop_groups),
+            Target::Static(body) => (statics.bodies[body as usize].passes, statics.bodies[body as usize].stop_groups),
+        };
+        !body1.passes && !passes && body1.stop_groups.test(&groups)
     };
     let mut queue: BinaryHeap<Event> = BinaryHeap::new();
     for (pair, result) in results.iter().enumerate() {
@@ -79,6 +86,16 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], resu
             pairs_of[body as usize].push(i);
         }
     }
+    let mut shapes_of: HashMap<u32, Vec<u32>> = HashMap::new();
+    for (index, body) in (0..).zip(&input.bodies) {
+        if let Some(owner) = body.owner {
+            shapes_of.entry(owner).or_default().push(index);
+        }
+    }
+    let shapes_beside = |body: u32| match input.bodies[body as usize].owner {
+        Some(owner) => shapes_of[&owner].clone(),
+        None => vec![body],
+    };
     while let Some(Event { fraction, pair }) = queue.pop() {
         if results[pair].impact.is_none_or(|impact| impact.fraction != fraction) {
             continue;
@@ -88,12 +105,14 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], resu
             Target::Body(body) => Some(body),
             Target::Static(_) => None,
         };
-        for body in [Some(body1), second].into_iter().flatten() {
-            if !stopping(body) || stops.is_stopped(body) {
-                continue;
-            }
+        let touching = [Some(body1), second].into_iter().flatten();
+        let stopped: Vec<u32> =
+            touching.filter(|&body| stopping(body) && !stops.is_stopped(body)).flat_map(shapes_beside).collect();
+        for &body in &stopped {
             // Never 1, which stands for a body that goes on.
             stops.0[body as usize] = fraction.min(1.0f32.next_down());
+        }
+        for body in stopped {
             for &other in &pairs_of[body as usize] {
                 if other == pair || results[other].impact.is_some_and(|impact| impact.fraction <= fraction) {
                     continue;

@@ -12,7 +12,7 @@ use crate::{
     constants::DEFAULT_PREDICTION,
     geometry::{Obb, Pose3, Sweep},
     medial_axis::MedialAxis,
-    pipeline::{Body, Groups, Shape, StaticBody, Statics},
+    pipeline::{Body, Shape, StaticBody, Statics},
 };
 
 pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
@@ -53,7 +53,7 @@ fn gather_statics(
             }
         };
         infos.push(BodyInfo::at_rest(entity));
-        bodies.push(StaticBody { obb, shape, groups: Groups::ALL, passes: false });
+        bodies.push(StaticBody { shape, ..StaticBody::solid_box(obb) });
     }
     step.static_infos = infos;
     step.statics = Statics::new(bodies);
@@ -90,7 +90,7 @@ fn detect(
             ..BodyInfo::at_rest(entity)
         });
         let passes = ccd.is_some_and(|ccd| !ccd.enabled);
-        step.input.bodies.push(Body { shape, sweep, groups: Groups::ALL, active: true, stops: false, passes });
+        step.input.bodies.push(Body { stops: false, passes, ..Body::new(shape, sweep) });
     }
     step.run();
 }

@@ -10,13 +10,15 @@ use bevy_rapier3d::{
         query::{DefaultQueryDispatcher, QueryDispatcher},
         shape::SharedShape,
     },
-    plugin::context::{DefaultRapierContext, RapierContextColliders, RapierContextSimulation, RapierRigidBodySet},
+    plugin::context::{
+        DefaultRapierContext, RapierContextColliders, RapierContextJoints, RapierContextSimulation, RapierRigidBodySet,
+    },
     prelude::{
         Collider, ColliderDisabled, ColliderScale, CollisionGroups, NoUserData, PhysicsSet, RapierColliderHandle,
-        RapierConfiguration, RapierPhysicsPlugin, RigidBody, RigidBodyDisabled, Sensor,
+        RapierConfiguration, RapierPhysicsPlugin, RigidBody, RigidBodyDisabled, Sensor, SolverGroups,
     },
     rapier::{
-        dynamics::RigidBody as RapierBody,
+        dynamics::{RigidBody as RapierBody, RigidBodyHandle},
         geometry::{Collider as RapierCollider, ColliderHandle, NarrowPhase},
     },
 };
@@ -53,7 +55,7 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
         )
         // Later than this, the pairs that rapier's broad phase knows already would be lost.
         .add_systems(Startup, install_dispatcher)
-        .add_systems(schedule, (attach_shapes, attach_boxes).in_set(MedialSystems::Attach))
+        .add_systems(schedule, (detach, attach_shapes, attach_boxes).chain().in_set(MedialSystems::Attach))
         .add_systems(schedule, (wake_attached, snapshot).chain().in_set(MedialSystems::Snapshot))
         .add_systems(schedule, (gather_statics, detect).chain().in_set(MedialSystems::Detect));
 }
@@ -122,6 +124,28 @@ fn attach_shapes(
         *next_key += 1;
         let shape = MedialShape { shape: Shape { axis: axis.clone(), scale: scale.x }, key: *next_key };
         entity.insert((Collider::from(SharedShape::new(shape)), ColliderScale::Absolute(Vec3::ONE)));
+    }
+}
+
+/// Takes the collider from entities that have lost what it was made from.
+fn detach(
+    mut commands: Commands,
+    mut removed: (RemovedComponents<MedialMesh>, RemovedComponents<StaticObb>),
+    left: Query<(Has<MedialMesh>, Has<StaticObb>, Has<Attached>)>,
+) {
+    for entity in removed.0.read().chain(removed.1.read()) {
+        let Ok((has_mesh, has_box, attached)) = left.get(entity) else { continue };
+        let mut commands = commands.entity(entity);
+        if attached && !has_mesh {
+            commands.remove::<(Attached, ColliderScale)>();
+        }
+        if !has_mesh {
+            commands.remove::<Collider>();
+        }
+        // What is left makes its own again.
+        if has_box && !has_mesh {
+            commands.entry::<StaticObb>().and_modify(|mut obb| obb.set_changed());
+        }
     }
 }
 
@@ -194,9 +218,15 @@ fn snapshot(
     }
 }
 
-fn groups(collider: &RapierCollider) -> Groups {
-    let groups = collider.collision_groups();
-    Groups { memberships: groups.memberships.bits(), filter: groups.filter.bits() }
+/// Collision groups and solver groups.
+fn groups(collider: &RapierCollider) -> [Groups; 2] {
+    [collider.collision_groups(), collider.solver_groups()]
+        .map(|groups| Groups { memberships: groups.memberships.bits(), filter: groups.filter.bits() })
+}
+
+/// A number for a rigid body: none that exist at a time share theirs.
+fn owner(body: RigidBodyHandle) -> u32 {
+    body.into_raw_parts().0
 }
 
 /// Rebuilds the statics when one of them has come, gone or changed.
@@ -211,6 +241,7 @@ fn gather_statics(
                 Changed<RapierColliderHandle>,
                 Changed<Collider>,
                 Changed<CollisionGroups>,
+                Changed<SolverGroups>,
                 Changed<Sensor>,
                 Changed<ColliderDisabled>,
                 Changed<RigidBodyDisabled>,
@@ -246,7 +277,8 @@ fn gather_statics(
         } else {
             continue;
         };
-        let body = StaticBody { obb, shape, groups: groups(collider), passes: collider.is_sensor() };
+        let [groups, stop_groups] = groups(collider);
+        let body = StaticBody { obb, shape, groups, stop_groups, passes: collider.is_sensor() };
         found.push((handle.0, entity, body, collider.is_sensor()));
     }
     found.sort_by_key(|(handle, ..)| handle.into_raw_parts());
@@ -266,11 +298,17 @@ fn detect(
     ccd: Query<&MedialCcd>,
     settings: Res<MedialSettings>,
     context: Single<
-        (&mut RapierRigidBodySet, &RapierContextColliders, &RapierContextSimulation, &RapierConfiguration),
+        (
+            &mut RapierRigidBodySet,
+            &RapierContextColliders,
+            &RapierContextJoints,
+            &RapierContextSimulation,
+            &RapierConfiguration,
+        ),
         With<DefaultRapierContext>,
     >,
 ) {
-    let (mut bodies, colliders, simulation, configuration) = context.into_inner();
+    let (mut bodies, colliders, joints, simulation, configuration) = context.into_inner();
     if !configuration.physics_pipeline_active {
         return;
     }
@@ -280,6 +318,11 @@ fn detect(
     step.dt = dt;
     step.input.prediction = simulation.integration_parameters.prediction_distance();
     step.input.allowed_overlap = simulation.integration_parameters.allowed_linear_error();
+    step.input.apart.clear();
+    for (_, joint) in joints.impulse_joints.iter().filter(|(_, joint)| !joint.data.contacts_enabled) {
+        let [a, b] = [joint.body1(), joint.body2()].map(owner);
+        step.input.apart.insert([a.min(b), a.max(b)]);
+    }
     step.input.bodies.clear();
     step.infos.clear();
     // In the order of their handles, as rapier orders pairs.
@@ -294,10 +337,13 @@ fn detect(
             starts.0.get(&handle).copied().unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
         let center = body.map_or(Vec3::ZERO, |body| end.inverse_transform_point(body.center_of_mass()));
         let active = body.is_some_and(|body| body.is_enabled() && !body.is_fixed() && !body.is_sleeping());
+        let [groups, stop_groups] = groups(collider);
         step.input.bodies.push(Body {
             shape: medial.shape.clone(),
             sweep: Sweep::between(start.pose, end, center, body.map_or(Vec3::ZERO, |body| body.angvel() * dt)),
-            groups: groups(collider),
+            groups,
+            stop_groups,
+            owner: collider.parent().map(owner),
             active,
             stops: active && body.is_some_and(RapierBody::is_dynamic),
             passes: collider.is_sensor() || ccd.get(entity).is_ok_and(|ccd| !ccd.enabled),
@@ -319,7 +365,15 @@ fn detect(
 /// Moves bodies back to where they stop, with the velocities that they have there: the next step then resolves a true contact at a
 /// true pose. Gravity has not acted on them for the rest of the step; left in, it would feed bodies that rock to and fro.
 fn stop_bodies(step: &MedialStep, bodies: &mut RapierRigidBodySet, colliders: &RapierContextColliders, gravity: Vec3) {
-    for stop in &step.output.stops {
+    // The shapes of one body stop together, and it is moved once.
+    let mut last = None;
+    let mut stops: Vec<_> = step.output.stops.iter().collect();
+    stops.sort_by_key(|stop| step.input.bodies[stop.body as usize].owner);
+    for stop in stops {
+        let owner = step.input.bodies[stop.body as usize].owner;
+        if owner.is_some() && std::mem::replace(&mut last, owner) == owner {
+            continue;
+        }
         let Some(collider) = colliders.colliders.get(step.infos[stop.body as usize].collider) else { continue };
         let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
         if let Some(body) = collider.parent().and_then(|parent| bodies.bodies.get_mut(parent)) {

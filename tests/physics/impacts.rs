@@ -8,7 +8,7 @@ use bevy_medial::{
     constants::{CHORD_TOLERANCE, STOP_SLOP},
     geometry::{Obb, Pose3, Primitive, Sphere, Sweep},
     medial_axis::MedialAxis,
-    pipeline::{Body, Groups, Impact, Shape, StaticBody, Statics, StepInput, step},
+    pipeline::{Body, Impact, Shape, StaticBody, Statics, StepInput, step},
 };
 
 use crate::{
@@ -60,7 +60,7 @@ fn random_case(random: &mut Random, shapes: &[MedialAxis], turn: f32) -> Case {
         let turned = (Quat::from_scaled_axis(rotation) * start.rotation).normalize();
         let end = Pose3::from_parts(start.transform_point(center) + translation - turned * center, turned);
         let sweep = Sweep::between(start, end, center, rotation);
-        Body { shape, sweep, groups: Groups::ALL, active: true, stops: true, passes: false }
+        Body::new(shape, sweep)
     };
     let speed = [0.01, 0.1, 1.0, 5.0][random.below(4)];
     let toward = random.vector().normalize_or(Vec3::X);
@@ -87,7 +87,7 @@ fn random_case(random: &mut Random, shapes: &[MedialAxis], turn: f32) -> Case {
         let obb = Obb { pose: Pose3::from_parts(offset, random.rotation()), half_extents };
         let motion2 = Motion::new(&Sweep::at_rest(obb.pose), origin);
         let sides = [(corners1, motion1), (corners_of_box(&obb), motion2)];
-        let statics = Statics::new(vec![StaticBody { obb, shape: None, groups: Groups::ALL, passes: false }]);
+        let statics = Statics::new(vec![StaticBody::solid_box(obb)]);
         Case { input: StepInput { bodies: vec![first], ..default() }, statics, pair: MovingPair { sides }, size: size1 }
     }
 }
@@ -179,7 +179,7 @@ fn a_spinning_body_that_comes_slowly_is_stopped_as_soon() {
     let (half, radius) = (0.4, 0.2);
     let axis = MedialAxis::capsule(Vec3::X * -half, Vec3::X * half, radius).unwrap();
     let obb = Obb { pose: Pose3::from_translation(Vec3::Y * -1.0), half_extents: Vec3::splat(1.0) };
-    let statics = Statics::new(vec![StaticBody { obb, shape: None, groups: Groups::ALL, passes: false }]);
+    let statics = Statics::new(vec![StaticBody::solid_box(obb)]);
     let mut impacts = 0;
     for turn in [0.0, 0.5, 3.0, 30.0] {
         for descent in [0.003, 0.01, 0.03, 0.1] {
@@ -188,7 +188,7 @@ fn a_spinning_body_that_comes_slowly_is_stopped_as_soon() {
             let end = Pose3::from_parts(start.translation - Vec3::Y * descent, Quat::from_rotation_x(turn));
             let sweep = Sweep::between(start, end, Vec3::ZERO, Vec3::X * turn);
             let shape = Shape::new(axis.clone());
-            let body = Body { shape, sweep, groups: Groups::ALL, active: true, stops: true, passes: false };
+            let body = Body::new(shape, sweep);
             let output = step(&StepInput { bodies: vec![body], ..default() }, &statics, pool());
             let impact = output.pairs.first().and_then(|pair| pair.impact);
             let overlap = descent * impact.map_or(1.0, |impact| impact.fraction) - gap;

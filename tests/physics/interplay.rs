@@ -72,7 +72,6 @@ fn spawn_dumbbell(app: &mut App, transform: Transform, velocity: Velocity) -> (E
 }
 
 #[test]
-#[ignore = "the pipeline does not know yet which shapes belong to one body"]
 fn a_body_of_two_shapes_rests_and_its_shapes_do_not_touch_each_other() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
@@ -88,7 +87,6 @@ fn a_body_of_two_shapes_rests_and_its_shapes_do_not_touch_each_other() {
 }
 
 #[test]
-#[ignore = "the pipeline does not know yet which shapes belong to one body"]
 fn a_fast_body_of_two_shapes_is_stopped_by_either() {
     for z in [0.5, -0.5] {
         let mut app = app();
@@ -111,7 +109,6 @@ fn a_fast_body_of_two_shapes_is_stopped_by_either() {
 }
 
 #[test]
-#[ignore = "solver groups do not reach the pipeline yet"]
 fn bodies_that_are_not_solved_against_each_other_are_not_stopped_either() {
     // Solver groups: contacts are found and told, nothing is pushed.
     let mut app = app();
@@ -148,7 +145,6 @@ fn joined_bodies_without_contacts_do_not_stop_each_other() {
 }
 
 #[test]
-#[ignore = "joints do not reach the pipeline yet"]
 fn joined_bodies_without_contacts_fly_through_each_other() {
     let mut app = app();
     let [one, other] = [-1.0, 1.0].map(|side| {

@@ -87,7 +87,7 @@ pub fn random_step(
                 Sweep::at_rest(start)
             };
             let stops = active && random.below(8) > 0;
-            Body { shape, sweep, groups: groups(random), active, stops, passes: random.below(12) == 0 }
+            Body { groups: groups(random), active, stops, passes: random.below(12) == 0, ..Body::new(shape, sweep) }
         })
         .collect();
     let statics = (0..statics)
@@ -100,12 +100,12 @@ pub fn random_step(
                 let aabb = shape.aabb();
                 let obb =
                     Obb { pose: pose * Pose3::from_translation(aabb.center()), half_extents: aabb.half_extents() };
-                StaticBody { obb, shape: Some((shape, pose)), groups, passes }
+                StaticBody { shape: Some((shape, pose)), groups, passes, ..StaticBody::solid_box(obb) }
             } else {
                 // Plates, rods and blocks, from 1 cm to the room's size.
                 let size = |random: &mut Random| [0.01, 0.1, 0.5, 0.5 * room][random.below(4)] * (0.5 + random.unit());
                 let half_extents = Vec3::new(size(random), size(random), size(random));
-                StaticBody { obb: Obb { pose, half_extents }, shape: None, groups, passes }
+                StaticBody { groups, passes, ..StaticBody::solid_box(Obb { pose, half_extents }) }
             }
         })
         .collect();

@@ -136,3 +136,19 @@ fn a_despawned_or_disabled_static_stops_nothing() {
         assert!(!is_shot_stopped(&mut app), "{kind}: despawned");
     }
 }
+
+#[test]
+fn what_loses_its_shape_loses_its_collider() {
+    let mut app = app();
+    let wall = app.world_mut().spawn((StaticObb::new(1.0, 1.0, 1.0), Transform::from_xyz(0.0, -1.0, 0.0))).id();
+    let body = spawn_body(&mut app, MedialAxis::sphere(0.2).unwrap(), Transform::from_xyz(0.0, 0.4, 0.0));
+    run(&mut app, 60);
+    assert!((position(&mut app, body).y - 0.2).abs() < 5e-3);
+    app.world_mut().entity_mut(wall).remove::<StaticObb>();
+    run(&mut app, 60);
+    assert!(app.world().get::<Collider>(wall).is_none(), "the box is still there");
+    assert!(position(&mut app, body).y < -1.0, "it still stands on nothing");
+    app.world_mut().entity_mut(body).remove::<MedialMesh>();
+    run(&mut app, 2);
+    assert!(app.world().get::<Collider>(body).is_none(), "the shape is still there");
+}
