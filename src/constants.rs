@@ -48,7 +48,7 @@ pub const STOP_SLOP: f32 = 1.0e-3;
 pub const CARRYING_DEPTH: f32 = 5.0e-3;
 
 /// An overlap of this many slops gains no more than [`LEAST_GROWTH`] of a slop within a step: what a loaded contact gains step by step ends there.
-pub const OVERLAP_LIMIT: f32 = 18.0;
+pub const OVERLAP_LIMIT: f32 = 12.0;
 
 /// Least part of a slop that any overlap may gain, so that bodies in deep contact are slowed and not frozen.
 pub const LEAST_GROWTH: f32 = 0.1;

@@ -72,6 +72,12 @@ impl<'a> PairMotion<'a> {
         Chords::new([&self.sweep1, &self.sweep2], self.arms, CHORD_TOLERANCE * self.size)
     }
 
+    /// The longest way of any point of one body relative to the other, or more, in metres.
+    pub fn way(&self) -> f32 {
+        let turn = self.sweep1.rotation.length() * self.arms[0] + self.sweep2.rotation.length() * self.arms[1];
+        (self.sweep1.translation - self.sweep2.translation).length() + turn
+    }
+
     /// True if neither body moves.
     pub fn is_at_rest(&self) -> bool {
         [&self.sweep1, &self.sweep2].iter().all(|sweep| sweep.translation == Vec3::ZERO && sweep.rotation == Vec3::ZERO)

@@ -72,7 +72,8 @@ pub(super) fn contacts(
 }
 
 /// The earliest impact of the candidates: where an overlap grows by more than a slop, which contacts never do that the solver knows
-/// about; for primitives that are apart before that, where they touch.
+/// about; for primitives that are apart before that, where they touch. None where what is left of the motion is less than a slop itself: a
+/// pile that settles must come to rest.
 pub(super) fn first_impact(motion: &PairMotion, candidates: &[PrimitivePair]) -> ImpactResult {
     let mut result = ImpactResult::default();
     if candidates.is_empty() {
@@ -106,5 +107,7 @@ pub(super) fn first_impact(motion: &PairMotion, candidates: &[PrimitivePair]) ->
             });
         }
     }
+    let way = motion.way();
+    result.impact = result.impact.filter(|impact| (1.0 - impact.fraction) * way > slop);
     result
 }
