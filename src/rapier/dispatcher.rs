@@ -14,6 +14,7 @@ use bevy_rapier3d::{
 use glam::Vec3;
 
 use super::{
+    cast,
     parts::visit_parts,
     shape::MedialShape,
     table::{ContactTable, PairKey, SecondKey},
@@ -159,18 +160,22 @@ impl QueryDispatcher for MedialDispatcher {
         Pair::new(pos12, g1, g2).and(Err(Unsupported))
     }
 
-    /// No hit: the step finds the impacts of medial bodies itself.
+    /// No hit for two medial shapes: the step finds their impacts itself, with both motions.
     fn cast_shapes_nonlinear(
         &self,
-        _: &NonlinearRigidMotion,
+        motion1: &NonlinearRigidMotion,
         g1: &dyn ParryShape,
-        _: &NonlinearRigidMotion,
+        motion2: &NonlinearRigidMotion,
         g2: &dyn ParryShape,
-        _: Real,
-        _: Real,
-        _: bool,
+        start_time: Real,
+        end_time: Real,
+        stop_at_penetration: bool,
     ) -> Result<Option<ShapeCastHit>, Unsupported> {
-        Pair::new(&Pose::IDENTITY, g1, g2).map(|_| None)
+        let pair = Pair::new(&Pose::IDENTITY, g1, g2)?;
+        let [first, second] = pair.in_order(motion1, motion2);
+        let times = [start_time, end_time];
+        let hit = cast::first_impact((pair.first, first), (pair.other, second), times, stop_at_penetration);
+        Ok(hit.map(|hit| if pair.swapped { hit.swapped() } else { hit }))
     }
 }
 

@@ -13,6 +13,7 @@
 //! One pass of the pipeline serves both ends: the impacts of this step, and the contacts of the next, whose start is this end.
 //! A body that is moved in between is no longer where the table knows it, and its contacts are computed on demand.
 
+mod cast;
 mod dispatcher;
 mod parts;
 mod shape;

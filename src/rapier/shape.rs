@@ -85,7 +85,8 @@ impl ParryShape for MedialShape {
         TypedShape::Custom(self)
     }
 
-    /// Rapier takes no body with such a thickness for fast: impacts of medial bodies are found by the step, not by rapier's own sweep.
+    /// Rapier takes no body with such a thickness for fast: impacts of medial bodies are found by the step, not by rapier's own sweep, which
+    /// stops bodies in contact as well and leaves piles restless.
     fn ccd_thickness(&self) -> Real {
         Real::MAX
     }

@@ -94,3 +94,26 @@ fn rests_on_every_flat_collider() {
         }
     }
 }
+
+#[test]
+fn fast_bodies_of_rapier_stop_at_a_medial_wall() {
+    let plate = || MedialAxis::rounded_box(Vec3::new(0.05, 2.0, 2.0), 0.05).expect("a plate");
+    for (name, collider) in [
+        ("ball", Collider::ball(0.1)),
+        ("cuboid", Collider::cuboid(0.1, 0.05, 0.2)),
+        ("capsule", Collider::capsule_y(0.2, 0.05)),
+        ("convex hull", Collider::round_cylinder(0.1, 0.05, 0.02)),
+    ] {
+        for (speed, spin) in [(30.0, 0.0), (200.0, 0.0), (200.0, 40.0)] {
+            let mut app = headless_app(1.0 / 60.0);
+            let mesh = MedialMesh(app.world_mut().resource_mut::<Assets<MedialAxis>>().add(plate()));
+            app.world_mut().spawn((mesh, StaticObb::default(), RigidBody::Fixed, Transform::from_xyz(4.0, 0.0, 0.0)));
+            let velocity = Velocity { linear: Vec3::X * speed, angular: Vec3::new(0.3, 0.5, 0.8) * spin };
+            let body = (RigidBody::Dynamic, collider.clone(), velocity, GravityScale(0.0), Transform::default());
+            let body = app.world_mut().spawn(body).id();
+            (0..60).for_each(|_| app.update());
+            let x = app.world().get::<Transform>(body).expect("the body is there").translation.x;
+            assert!(x < 4.0, "{name} at {speed} m/s, {spin} rad/s ends at {x}, behind the wall");
+        }
+    }
+}
