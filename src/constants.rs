@@ -13,7 +13,7 @@ pub const TOUCH_ROUNDING: f32 = 7.0e-7;
 /// Shortest trial step of the time of impact, in extents travelled by the fastest vertex: grazing hits are early by less.
 pub const TIME_TOLERANCE: f32 = 2.0e-5;
 
-/// Rounds of conservative advancement before the search takes trial steps. Hits need 6 on average.
+/// Rounds of conservative advancement before the search takes trial steps. All but grazing and sliding pairs are done by then.
 pub const MAX_ADVANCES: u32 = 12;
 
 /// Rounds after which the search gives up and says so.

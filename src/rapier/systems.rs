@@ -70,10 +70,20 @@ fn install_dispatcher(table: Res<ContactTable>, mut contexts: Query<&mut RapierC
 }
 
 /// Which shape an entity's collider was made from, or could not be.
-#[derive(Component, Clone, PartialEq)]
+#[derive(Component, Clone)]
 struct Attached {
     asset: AssetId<MedialAxis>,
     scale: Vec3,
+}
+
+/// Scales that went through a rotation are the same but for this, relatively.
+const SCALE_ROUNDING: f32 = 1e-4;
+
+impl Attached {
+    fn is(&self, wanted: &Self) -> bool {
+        let difference = (self.scale - wanted.scale).abs().max_element();
+        self.asset == wanted.asset && difference <= SCALE_ROUNDING * wanted.scale.abs().max_element()
+    }
 }
 
 /// Gives every entity with a loaded [`MedialMesh`] its collider, and a new one when shape or scale change.
@@ -100,30 +110,29 @@ fn attach_shapes(
             transform.scale
         };
         let wanted = Attached { asset: mesh.0.id(), scale };
-        if attached == Some(&wanted) && !changed.contains(&wanted.asset) {
+        if attached.is_some_and(|attached| attached.is(&wanted)) && !changed.contains(&wanted.asset) {
             continue;
         }
         let mut entity = commands.entity(name.entity);
         let Some(axis) = assets.get(&mesh.0) else {
             if let Some(LoadState::Failed(error)) = server.as_ref().and_then(|server| server.get_load_state(&mesh.0)) {
                 error!("{name}: its medial mesh did not load, so it collides with nothing: {error}");
-                entity.insert(wanted).remove::<Collider>();
+                entity.try_insert(wanted).try_remove::<Collider>();
             }
             continue;
         };
-        entity.insert(wanted);
-        // A scale that went through a rotation is uniform but for rounding.
-        if !(scale.min_element() > 0.0 && scale.max_element() <= scale.min_element() * (1.0 + 1e-4)) {
+        entity.try_insert(wanted);
+        if !(scale.min_element() > 0.0 && scale.max_element() <= scale.min_element() * (1.0 + SCALE_ROUNDING)) {
             error!(
                 "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \
                  give it a uniform, positive Transform::scale, or build a mesh of the wanted proportions"
             );
-            entity.remove::<Collider>();
+            entity.try_remove::<Collider>();
             continue;
         }
         *next_key += 1;
         let shape = MedialShape { shape: Shape { axis: axis.clone(), scale: scale.x }, key: *next_key };
-        entity.insert((Collider::from(SharedShape::new(shape)), ColliderScale::Absolute(Vec3::ONE)));
+        entity.try_insert((Collider::from(SharedShape::new(shape)), ColliderScale::Absolute(Vec3::ONE)));
     }
 }
 
@@ -137,10 +146,10 @@ fn detach(
         let Ok((has_mesh, has_box, attached)) = left.get(entity) else { continue };
         let mut commands = commands.entity(entity);
         if attached && !has_mesh {
-            commands.remove::<(Attached, ColliderScale)>();
+            commands.try_remove::<(Attached, ColliderScale)>();
         }
         if !has_mesh {
-            commands.remove::<Collider>();
+            commands.try_remove::<Collider>();
         }
         // What is left makes its own again.
         if has_box && !has_mesh {
@@ -157,9 +166,9 @@ fn attach_boxes(
     for (entity, obb, has_body) in &boxes {
         let half = obb.half_extents;
         let mut entity = commands.entity(entity);
-        entity.insert(Collider::cuboid(half.x, half.y, half.z));
+        entity.try_insert(Collider::cuboid(half.x, half.y, half.z));
         if !has_body {
-            entity.insert(RigidBody::Fixed);
+            entity.try_insert(RigidBody::Fixed);
         }
     }
 }

@@ -243,3 +243,19 @@ fn substeps_let_nothing_through() {
         }
     }
 }
+
+#[test]
+fn a_child_of_a_turning_body_keeps_its_collider() {
+    let mut app = app();
+    let velocity = Velocity { linear: Vec3::ZERO, angular: Vec3::new(3.0, 5.0, 7.0) };
+    let (body, ends) = spawn_dumbbell(&mut app, Transform::from_scale(Vec3::splat(1.7)), velocity);
+    app.world_mut().entity_mut(body).insert(GravityScale(0.0));
+    run(&mut app, 5);
+    let shape_of =
+        |app: &App| std::sync::Arc::as_ptr(&app.world().get::<Collider>(ends[0]).unwrap().raw.0).cast::<()>();
+    let before = shape_of(&app);
+    for step in 0..120 {
+        app.update();
+        assert_eq!(before, shape_of(&app), "step {step}: another collider for the same shape");
+    }
+}
