@@ -105,6 +105,21 @@ impl StaticBody {
     pub fn solid_box(obb: Obb) -> Self {
         Self { obb, shape: None, groups: Groups::ALL, stop_groups: Groups::ALL, passes: false }
     }
+
+    /// A shape that collides with all.
+    pub fn solid_shape(shape: Shape, pose: Pose3) -> Self {
+        let aabb = shape.aabb();
+        let obb = Obb { pose: pose * Pose3::from_translation(aabb.center()), half_extents: aabb.half_extents() };
+        Self { shape: Some((shape, pose)), ..Self::solid_box(obb) }
+    }
+
+    /// What others collide with, and its pose.
+    fn side(&self) -> (Second<'_>, Pose3) {
+        match &self.shape {
+            Some((shape, pose)) => (Second::Shape(shape), *pose),
+            None => (Second::Cuboid(self.obb.half_extents), self.obb.pose),
+        }
+    }
 }
 
 /// The static bodies and the hierarchy over their boxes, rebuilt only when one of them changes.

@@ -37,32 +37,23 @@ impl<'a> PairMotion<'a> {
         let mut rounding = 0.0;
         let (second, sweep2, frame) = match pair.target {
             Target::Body(i) => (Second::Shape(&input.bodies[i as usize].shape), sweep_of(i), origin),
-            Target::Static(i) => {
-                let body = &statics.bodies[i as usize];
-                match &body.shape {
-                    Some((shape, pose)) => (Second::Shape(shape), Sweep::at_rest(*pose), origin),
-                    None => {
-                        let half = body.obb.half_extents;
-                        let (center, part) = part_within(half, &reach(shape1, &sweep1.seen_from(&body.obb.pose)));
-                        rounding = f32::EPSILON * half.max_element();
-                        let frame = body.obb.pose * Pose3::from_translation(center);
-                        (Second::Cuboid(part), Sweep::at_rest(frame), frame)
-                    }
+            Target::Static(i) => match statics.bodies[i as usize].side() {
+                (Second::Cuboid(half), pose) => {
+                    let (center, part) = part_within(half, &reach(shape1, &sweep1.seen_from(&pose)));
+                    rounding = f32::EPSILON * half.max_element();
+                    let frame = pose * Pose3::from_translation(center);
+                    (Second::Cuboid(part), Sweep::at_rest(frame), frame)
                 }
-            }
+                (second, pose) => (second, Sweep::at_rest(pose), origin),
+            },
         };
         let (sweep1, sweep2) = (sweep1.seen_from(&frame), sweep2.seen_from(&frame));
-        let arms = [
-            arm(shape1, &sweep1),
-            match second {
-                Second::Shape(shape) => arm(shape, &sweep2),
-                Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => 0.0,
-            },
-        ];
-        let size = match second {
-            Second::Shape(shape2) => shape1.bounding_sphere().radius.min(shape2.bounding_sphere().radius),
-            Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => shape1.bounding_sphere().radius,
+        let (arm1, radius1) = (shape1.arm(sweep1.local_center), shape1.bounding_sphere().radius);
+        let (arm2, size) = match second {
+            Second::Shape(shape2) => (shape2.arm(sweep2.local_center), radius1.min(shape2.bounding_sphere().radius)),
+            Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => (0.0, radius1),
         };
+        let arms = [arm1, arm2];
         let slop = (STOP_SLOP * size).max(STOP_ALLOWED * input.allowed_overlap).max(STOP_ROUNDINGS * rounding);
         Self { shape1, second, sweep1, sweep2, frame, arms, size, slop }
     }
@@ -91,15 +82,9 @@ impl<'a> PairMotion<'a> {
 
 /// Box around the shape over its sweep, by its bounding sphere.
 fn reach(shape: &Shape, sweep: &Sweep) -> Aabb {
-    let bound = shape.bounding_sphere();
-    let radius = bound.center.distance(sweep.local_center) + bound.radius;
+    let radius = shape.radius_about(sweep.local_center);
     let start = sweep.start.transform_point(sweep.local_center);
     Aabb::from_spheres([start, start + sweep.translation].map(|center| Sphere::new(center, radius)))
-}
-
-/// Distance from the centre of mass to the farthest centre of a sphere.
-fn arm(shape: &Shape, sweep: &Sweep) -> f32 {
-    shape.bounding_sphere().center.distance(sweep.local_center) + shape.axis.center_reach() * shape.scale
 }
 
 /// Bounds the motion of the boxes of one body's hierarchy over the step, seen from a fixed frame.

@@ -50,13 +50,7 @@ pub(super) fn contacts(
         let pose1 = stops.final_pose(input, pair.body1);
         let (second, pose2) = match pair.target {
             Target::Body(body) => (Second::Shape(&input.bodies[body as usize].shape), stops.final_pose(input, body)),
-            Target::Static(body) => {
-                let body = &statics.bodies()[body as usize];
-                match &body.shape {
-                    Some((shape, pose)) => (Second::Shape(shape), *pose),
-                    None => (Second::Cuboid(body.obb.half_extents), body.obb.pose),
-                }
-            }
+            Target::Static(body) => statics.bodies[body as usize].side(),
         };
         let pose12 = pose1.inv_mul(&pose2);
         let mut contacts = Vec::new();

@@ -51,6 +51,17 @@ impl Shape {
         self.axis.mass().center_of_mass * self.scale
     }
 
+    /// Distance from `point` to the farthest centre of a sphere, or a little more.
+    pub(crate) fn arm(&self, point: Vec3) -> f32 {
+        self.bounding_sphere().center.distance(point) + self.axis.center_reach() * self.scale
+    }
+
+    /// Distance from `point` to the farthest point of the shape, or a little more.
+    pub(crate) fn radius_about(&self, point: Vec3) -> f32 {
+        let bound = self.bounding_sphere();
+        bound.center.distance(point) + bound.radius
+    }
+
     /// Spheres of a primitive.
     pub fn hull(&self, primitive: u32) -> Hull {
         let spheres = self.axis.spheres();

@@ -42,18 +42,15 @@ fn gather_statics(
     let mut bodies = Vec::new();
     for (entity, obb, mesh, transform) in statics.iter().sort::<Entity>() {
         let (pose, scale) = pose_of(transform);
-        let (obb, shape) = match mesh {
-            None => (Obb { pose, half_extents: obb.half_extents * scale.abs() }, None),
+        let body = match mesh {
+            None => StaticBody::solid_box(Obb { pose, half_extents: obb.half_extents * scale.abs() }),
             Some(mesh) => {
                 let Some(axis) = axes.get(&mesh.0) else { continue };
-                let shape = Shape { axis: axis.clone(), scale: scale.x };
-                let aabb = shape.aabb();
-                let pose_of_box = pose * Pose3::from_translation(aabb.center());
-                (Obb { pose: pose_of_box, half_extents: aabb.half_extents() }, Some((shape, pose)))
+                StaticBody::solid_shape(Shape { axis: axis.clone(), scale: scale.x }, pose)
             }
         };
         infos.push(BodyInfo::at_rest(entity));
-        bodies.push(StaticBody { shape, ..StaticBody::solid_box(obb) });
+        bodies.push(body);
     }
     step.static_infos = infos;
     step.statics = Statics::new(bodies);

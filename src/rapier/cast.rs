@@ -26,13 +26,12 @@ pub(super) fn first_impact(
 ) -> Option<ShapeCastHit> {
     let [sweep1, sweep2] = [motion1, motion2].map(|motion| sweep(motion, begin, end));
     let bound = first.shape.bounding_sphere();
-    let center_arm = bound.center.distance(sweep1.local_center);
-    let arm = center_arm + first.shape.axis.center_reach() * first.shape.scale;
+    let arm = first.shape.arm(sweep1.local_center);
     // Everything that the other collider meets, in its frame at the start.
     let other_arm = other.compute_local_bounding_sphere();
     let other_arm = other_arm.center.distance(sweep2.local_center) + other_arm.radius;
     let way = (sweep1.translation - sweep2.translation).length()
-        + sweep1.rotation.length().min(2.0) * (center_arm + bound.radius)
+        + sweep1.rotation.length().min(2.0) * first.shape.radius_about(sweep1.local_center)
         + sweep2.rotation.length().min(2.0) * (other_arm + bound.radius);
     let seen = sweep1.seen_from(&sweep2.start);
     let start = seen.start.transform_point(bound.center);

@@ -276,18 +276,15 @@ fn gather_statics(
             continue;
         };
         let pose = collider_pose(collider, collider.parent().and_then(|parent| bodies.bodies.get(parent)));
-        let (obb, shape) = if let Some(medial) = medial(collider) {
-            let aabb = medial.shape.aabb();
-            let pose_of_box = pose * Pose3::from_translation(aabb.center());
-            let obb = Obb { pose: pose_of_box, half_extents: aabb.half_extents() };
-            (obb, Some((medial.shape.clone(), pose)))
+        let solid = if let Some(medial) = medial(collider) {
+            StaticBody::solid_shape(medial.shape.clone(), pose)
         } else if let Some(cuboid) = collider.shape().as_cuboid() {
-            (Obb { pose, half_extents: cuboid.half_extents }, None)
+            StaticBody::solid_box(Obb { pose, half_extents: cuboid.half_extents })
         } else {
             continue;
         };
         let [groups, stop_groups] = groups(collider);
-        let body = StaticBody { obb, shape, groups, stop_groups, passes: collider.is_sensor() };
+        let body = StaticBody { groups, stop_groups, passes: collider.is_sensor(), ..solid };
         found.push((handle.0, entity, body, collider.is_sensor()));
     }
     found.sort_by_key(|(handle, ..)| handle.into_raw_parts());

@@ -87,16 +87,7 @@ fn bodies_rest_on_flat_floors_at_the_height_of_their_shape() {
             }
             run(&mut app, 400);
             for (name, body, height) in bodies {
-                let found = position(&mut app, body).y;
-                assert!(
-                    (found - height).abs() < 2e-3,
-                    "{name} on {kind}, floor first {floor_first}: {found} not {height}"
-                );
-                assert!(
-                    is_at_rest(&mut app, body),
-                    "{name} on {kind}, floor first {floor_first}: {:?}",
-                    rigid(&mut app, body).vels()
-                );
+                assert_rests_at(&mut app, body, height, &format!("{name} on {kind}, floor first {floor_first}"));
                 rested += 1;
             }
             assert!(deepest_percent(&app) < 1.0, "{kind}, floor first {floor_first}: {}", deepest_percent(&app));
@@ -131,16 +122,7 @@ fn bodies_rest_on_round_floors() {
                     ("ring", _) => 0.1,
                     _ => height,
                 };
-                let found = position(&mut app, body).y;
-                assert!(
-                    (found - height).abs() < 2e-3,
-                    "{name} on {kind}, floor first {floor_first}: {found} not {height}"
-                );
-                assert!(
-                    is_at_rest(&mut app, body),
-                    "{name} on {kind}, floor first {floor_first}: {:?}",
-                    rigid(&mut app, body).vels()
-                );
+                assert_rests_at(&mut app, body, height, &format!("{name} on {kind}, floor first {floor_first}"));
             }
         }
     }
@@ -262,4 +244,10 @@ fn a_ball_on_a_large_floor_rolls_as_rapiers_own_does() {
             );
         }
     }
+}
+
+fn assert_rests_at(app: &mut App, body: Entity, height: f32, what: &str) {
+    let found = position(app, body).y;
+    assert!((found - height).abs() < 2e-3, "{what}: {found} not {height}");
+    assert!(is_at_rest(app, body), "{what}: {:?}", rigid(app, body).vels());
 }
