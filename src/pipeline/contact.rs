@@ -7,11 +7,7 @@ use std::fmt;
 
 use glam::Vec3;
 
-use super::{
-    Shape,
-    reduce::reduce,
-    shape::{Hull, with_spheres},
-};
+use super::{Hull, Shape, reduce::reduce, with_spheres};
 use crate::{
     constants::VERTEX_NORMAL_COSINE,
     geometry::{Aabb, Placement, Pose3, Sphere, part_within},

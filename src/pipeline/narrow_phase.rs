@@ -9,8 +9,8 @@ use super::{
     mid_phase::PrimitivePair,
     motion::PairMotion,
     parallel,
-    shape::with_spheres,
     stop::Stops,
+    with_spheres,
 };
 use crate::query::{Cuboid, Support, TimeOfImpactStatus, rigid_impact};
 
