@@ -1,0 +1,134 @@
+//! Colliders of medial meshes and static boxes: made when the shape is there, made anew when it changes, taken when it goes.
+
+use bevy::{asset::LoadState, prelude::*};
+use bevy_rapier3d::{
+    parry::shape::SharedShape,
+    plugin::context::{DefaultRapierContext, RapierContextColliders, RapierRigidBodySet},
+    prelude::{Collider, ColliderScale, RapierColliderHandle, RigidBody},
+    rapier::geometry::Collider as RapierCollider,
+};
+
+use super::shape::MedialShape;
+use crate::{
+    medial_axis::MedialAxis,
+    pipeline::Shape,
+    plugin::{MedialMesh, StaticObb},
+};
+
+/// Which shape an entity's collider was made from, or could not be.
+#[derive(Component, Clone)]
+struct Attached {
+    asset: AssetId<MedialAxis>,
+    scale: Vec3,
+}
+
+/// Scales that went through a rotation are the same but for this, relatively.
+const SCALE_ROUNDING: f32 = 1e-4;
+
+impl Attached {
+    fn is(&self, wanted: &Self) -> bool {
+        let difference = (self.scale - wanted.scale).abs().max_element();
+        self.asset == wanted.asset && difference <= SCALE_ROUNDING * wanted.scale.abs().max_element()
+    }
+}
+
+/// Gives every entity with a loaded [`MedialMesh`] its collider, and a new one when shape or scale change.
+pub(super) fn attach_shapes(
+    mut commands: Commands,
+    meshes: Query<(NameOrEntity, &MedialMesh, &Transform, Has<ChildOf>, Option<&Attached>)>,
+    assets: Res<Assets<MedialAxis>>,
+    server: Option<Res<AssetServer>>,
+    mut events: MessageReader<AssetEvent<MedialAxis>>,
+    hierarchy: TransformHelper,
+    mut next_key: Local<u64>,
+) {
+    let changed: Vec<AssetId<MedialAxis>> = events
+        .read()
+        .filter_map(|event| match event {
+            AssetEvent::Modified { id } => Some(*id),
+            _ => None,
+        })
+        .collect();
+    for (name, mesh, transform, is_child, attached) in &meshes {
+        let scale = if is_child {
+            hierarchy.compute_global_transform(name.entity).map_or(transform.scale, |global| global.scale())
+        } else {
+            transform.scale
+        };
+        let wanted = Attached { asset: mesh.0.id(), scale };
+        if attached.is_some_and(|attached| attached.is(&wanted)) && !changed.contains(&wanted.asset) {
+            continue;
+        }
+        let mut entity = commands.entity(name.entity);
+        let Some(axis) = assets.get(&mesh.0) else {
+            if let Some(LoadState::Failed(error)) = server.as_ref().and_then(|server| server.get_load_state(&mesh.0)) {
+                error!("{name}: its medial mesh did not load, so it collides with nothing: {error}");
+                entity.try_insert(wanted).try_remove::<Collider>();
+            }
+            continue;
+        };
+        entity.try_insert(wanted);
+        if !(scale.min_element() > 0.0 && scale.max_element() <= scale.min_element() * (1.0 + SCALE_ROUNDING)) {
+            error!(
+                "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \
+                 give it a uniform, positive Transform::scale, or build a mesh of the wanted proportions"
+            );
+            entity.try_remove::<Collider>();
+            continue;
+        }
+        *next_key += 1;
+        let shape = MedialShape { shape: Shape { axis: axis.clone(), scale: scale.x }, key: *next_key };
+        entity.try_insert((Collider::from(SharedShape::new(shape)), ColliderScale::Absolute(Vec3::ONE)));
+    }
+}
+
+/// Takes the collider from entities that have lost what it was made from.
+pub(super) fn detach(
+    mut commands: Commands,
+    mut removed: (RemovedComponents<MedialMesh>, RemovedComponents<StaticObb>),
+    left: Query<(Has<MedialMesh>, Has<StaticObb>, Has<Attached>)>,
+) {
+    for entity in removed.0.read().chain(removed.1.read()) {
+        let Ok((has_mesh, has_box, attached)) = left.get(entity) else { continue };
+        let mut commands = commands.entity(entity);
+        if attached && !has_mesh {
+            commands.try_remove::<(Attached, ColliderScale)>();
+        }
+        if !has_mesh {
+            commands.try_remove::<Collider>();
+        }
+        // What is left makes its own again.
+        if has_box && !has_mesh {
+            commands.entry::<StaticObb>().and_modify(|mut obb| obb.set_changed());
+        }
+    }
+}
+
+/// Gives every entity with a [`StaticObb`] and no shape of its own a fixed box collider.
+pub(super) fn attach_boxes(
+    mut commands: Commands,
+    boxes: Query<(Entity, &StaticObb, Has<RigidBody>), (Changed<StaticObb>, Without<MedialMesh>)>,
+) {
+    for (entity, obb, has_body) in &boxes {
+        let half = obb.half_extents;
+        let mut entity = commands.entity(entity);
+        entity.try_insert(Collider::cuboid(half.x, half.y, half.z));
+        if !has_body {
+            entity.try_insert(RigidBody::Fixed);
+        }
+    }
+}
+
+/// A body without a collider has no mass and falls asleep; it does not wake up by getting one, nor by getting another.
+pub(super) fn wake_attached(
+    attached: Query<&RapierColliderHandle, (Or<(Added<RapierColliderHandle>, Changed<Collider>)>, With<MedialMesh>)>,
+    context: Single<(&mut RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
+) {
+    let (mut bodies, colliders) = context.into_inner();
+    for handle in &attached {
+        let parent = colliders.colliders.get(handle.0).and_then(RapierCollider::parent);
+        if let Some(body) = parent.and_then(|parent| bodies.bodies.get_mut(parent)) {
+            body.wake_up(true);
+        }
+    }
+}
