@@ -17,7 +17,7 @@ use crate::{
 
 /// Which shape an entity's collider was made from, or could not be.
 #[derive(Component, Clone)]
-struct Attached {
+pub(super) struct Attached {
     asset: AssetId<MedialAxis>,
     scale: Vec3,
 }
