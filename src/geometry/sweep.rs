@@ -71,6 +71,21 @@ impl Sweep {
         }
     }
 
+    /// True if nothing moves.
+    pub fn is_at_rest(&self) -> bool {
+        self.translation == Vec3::ZERO && self.rotation == Vec3::ZERO
+    }
+
+    /// The motion of a part that has the pose `local` in the body's frame.
+    pub fn of_part(&self, local: &Pose3) -> Self {
+        Self {
+            start: self.start * *local,
+            end: self.end * *local,
+            local_center: local.inverse_transform_point(self.local_center),
+            ..*self
+        }
+    }
+
     /// The same motion in a frame that has the pose `frame`.
     pub fn seen_from(&self, frame: &Pose3) -> Self {
         let turn = frame.rotation.inverse();

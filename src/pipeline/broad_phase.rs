@@ -7,17 +7,24 @@
 use bevy::tasks::TaskPool;
 use glam::Vec3;
 
-use super::{Body, Culling, Statics, StepInput, Target, parallel};
+use super::{Body, Culling, Shape, Side, Solid, Statics, StepInput, parallel};
 use crate::{
     geometry::{Aabb, Bvh, Sphere},
     query::{Cuboid, separation},
 };
 
-/// A body pair.
+/// A body pair, its first side medial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct BodyPair {
-    pub body1: u32,
-    pub target: Target,
+    pub first: Side,
+    pub second: Side,
+}
+
+impl BodyPair {
+    /// The bodies among its sides.
+    pub fn bodies(&self) -> impl Iterator<Item = u32> + use<> {
+        [self.first.body(), self.second.body()].into_iter().flatten()
+    }
 }
 
 /// The sphere around a body at the start of the step, and where it goes.
@@ -31,7 +38,7 @@ impl SweptSphere {
     /// The sphere around all that the body can reach by turning about its centre of mass, which moves on a line.
     /// For a body that hardly turns, the tighter bounding sphere with its centre's chord, and the sagitta as margin.
     fn new(body: &Body, prediction: f32) -> Self {
-        let bound = body.shape.bounding_sphere();
+        let bound = body.solid.bounding_sphere();
         let arm = bound.center.distance(body.sweep.local_center);
         let start = body.sweep.start.transform_point(bound.center);
         let end = body.sweep.pose_at(1.0).transform_point(bound.center);
@@ -57,7 +64,7 @@ impl SweptSphere {
 
 pub(super) fn run(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<BodyPair> {
     if input.culling == Culling::None {
-        return all_pairs(input, statics).collect();
+        return all_pairs(input, statics);
     }
     let spheres = parallel::map(pool, &input.bodies, 256, |_, body| SweptSphere::new(body, input.prediction));
     let boxes: Vec<Aabb> = spheres.iter().map(SweptSphere::aabb).collect();
@@ -65,40 +72,38 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<
     let found = parallel::map(pool, &input.bodies, 64, |i, body| {
         let mut pairs = Vec::new();
         let sphere = &spheres[i];
-        bvh.visit(
-            |aabb| aabb.overlaps(&boxes[i]),
-            |other| {
-                if other as usize > i
-                    && may_collide(input, body, &input.bodies[other as usize])
-                    && sphere.meets(&spheres[other as usize])
-                {
-                    pairs.push(BodyPair { body1: i as u32, target: Target::Body(other) });
-                }
-            },
-        );
-        if body.active {
-            // The sphere has half of the prediction distance already.
-            let reach = boxes[i].inflated(0.5 * input.prediction);
-            statics.bvh.visit(
-                |aabb| aabb.overlaps(&reach),
-                |item| {
-                    let target = &statics.bodies[item as usize];
-                    if body.groups.test(&target.groups) {
-                        let to_box = |point| target.obb.pose.inverse_transform_point(point);
-                        let cone = [Vec3::ZERO, sphere.motion]
-                            .map(|motion| Sphere::new(to_box(sphere.sphere.center + motion), sphere.sphere.radius));
-                        let cuboid = Cuboid { half: target.obb.half_extents };
-                        if separation(&cone, &cuboid, 0).distance <= 0.5 * input.prediction {
-                            pairs.push(BodyPair { body1: i as u32, target: Target::Static(item) });
-                        }
+        if body.solid.medial().is_some() {
+            bvh.visit(
+                |aabb| aabb.overlaps(&boxes[i]),
+                |other| {
+                    let second = &input.bodies[other as usize];
+                    let once = other as usize > i || second.solid.medial().is_none();
+                    if once && may_collide(input, body, second) && sphere.meets(&spheres[other as usize]) {
+                        pairs.push(BodyPair { first: Side::Body(i as u32), second: Side::Body(other) });
                     }
                 },
             );
         }
-        pairs.sort_unstable();
+        // The sphere has half of the prediction distance already.
+        let reach = boxes[i].inflated(0.5 * input.prediction);
+        statics.bvh.visit(
+            |aabb| aabb.overlaps(&reach),
+            |item| {
+                let Some(pair) = with_static(statics, body, i as u32, item) else { return };
+                let obb = &statics.boxes[item as usize];
+                let to_box = |point| obb.pose.inverse_transform_point(point);
+                let cone = [Vec3::ZERO, sphere.motion]
+                    .map(|motion| Sphere::new(to_box(sphere.sphere.center + motion), sphere.sphere.radius));
+                if separation(&cone, &Cuboid { half: obb.half_extents }, 0).distance <= 0.5 * input.prediction {
+                    pairs.push(pair);
+                }
+            },
+        );
         pairs
     });
-    found.into_iter().flatten().collect()
+    let mut pairs: Vec<BodyPair> = found.into_iter().flatten().collect();
+    pairs.sort_unstable();
+    pairs
 }
 
 fn may_collide(input: &StepInput, body1: &Body, body2: &Body) -> bool {
@@ -106,28 +111,51 @@ fn may_collide(input: &StepInput, body1: &Body, body2: &Body) -> bool {
         (Some(a), Some(b)) => a == b || input.apart.contains(&[a.min(b), a.max(b)]),
         _ => false,
     };
-    (body1.active || body2.active) && body1.groups.test(&body2.groups) && !kept_apart
+    (body1.active || body2.active)
+        && body1.world == body2.world
+        && (body1.solid.medial().is_some() || body2.solid.medial().is_some())
+        && body1.groups.test(&body2.groups)
+        && !kept_apart
+}
+
+/// The pair of a body and a static, if they may collide.
+fn with_static(statics: &Statics, body: &Body, index: u32, item: u32) -> Option<BodyPair> {
+    let target = &statics.bodies[item as usize];
+    let sides = if body.solid.medial().is_some() {
+        Some((Side::Body(index), Side::Static(item)))
+    } else {
+        target.solid.medial().map(|_| (Side::Static(item), Side::Body(index)))
+    };
+    let collide = body.active && body.world == target.world && body.groups.test(&target.groups);
+    sides.filter(|_| collide).map(|(first, second)| BodyPair { first, second })
 }
 
 /// Every pair that may collide.
-fn all_pairs<'a>(input: &'a StepInput, statics: &'a Statics) -> impl Iterator<Item = BodyPair> + 'a {
-    input.bodies.iter().enumerate().flat_map(move |(i, body)| {
-        let bodies = (i + 1..input.bodies.len())
-            .filter(move |&j| may_collide(input, body, &input.bodies[j]))
-            .map(|j| Target::Body(j as u32));
-        let statics = (0..statics.bodies.len())
-            .filter(move |&j| body.active && body.groups.test(&statics.bodies[j].groups))
-            .map(|j| Target::Static(j as u32));
-        bodies.chain(statics).map(move |target| BodyPair { body1: i as u32, target })
-    })
+fn all_pairs(input: &StepInput, statics: &Statics) -> Vec<BodyPair> {
+    let mut pairs = Vec::new();
+    for (i, body) in (0..).zip(&input.bodies) {
+        for (j, other) in (i + 1..).zip(&input.bodies[i as usize + 1..]) {
+            if may_collide(input, body, other) {
+                let (first, second) = if body.solid.medial().is_some() { (i, j) } else { (j, i) };
+                pairs.push(BodyPair { first: Side::Body(first), second: Side::Body(second) });
+            }
+        }
+        pairs.extend((0..statics.bodies.len() as u32).filter_map(|item| with_static(statics, body, i, item)));
+    }
+    pairs.sort_unstable();
+    pairs
 }
 
-/// Number of primitive pairs in all body pairs, groups and sleep aside.
+/// Number of primitives and parts, and how many of them are medial.
+pub(super) fn count<'a>(solids: impl Iterator<Item = &'a Solid>) -> [usize; 2] {
+    solids.fold([0, 0], |[all, medial], solid| [all + solid.len(), medial + solid.medial().map_or(0, Shape::len)])
+}
+
+/// Number of primitive pairs in all pairs with a medial side, groups and sleep aside.
 pub(super) fn primitive_pairs(input: &StepInput, statics: &Statics) -> usize {
-    let primitives = |body: &Body| body.shape.len();
-    let sum: usize = input.bodies.iter().map(primitives).sum();
-    let squares: usize = input.bodies.iter().map(|body| primitives(body).pow(2)).sum();
-    let of_statics: usize =
-        statics.bodies.iter().map(|body| body.shape.as_ref().map_or(1, |(shape, _)| shape.len())).sum();
-    (sum * sum - squares) / 2 + sum * of_statics
+    let [all, medial] = count(input.bodies.iter().map(|body| &body.solid));
+    let [still, still_medial] = statics.primitives;
+    let squares: usize = input.bodies.iter().map(|body| body.solid.medial().map_or(0, Shape::len).pow(2)).sum();
+    let others = all - medial;
+    (medial * medial - squares) / 2 + medial * (others + still) + others * still_medial
 }

@@ -3,15 +3,13 @@
 //! The narrow phase and rapier's dispatcher both call it, so a contact that the step has found and one that is computed on
 //! demand are the same to the bit.
 
-use std::fmt;
-
 use glam::Vec3;
 
-use super::{Hull, Shape, reduce::reduce, with_spheres};
+use super::{ConvexParts, Core, Part, Shape, reduce::reduce, with_spheres};
 use crate::{
     constants::VERTEX_NORMAL_COSINE,
-    geometry::{Aabb, Placement, Pose3, Sphere, part_within},
-    query::{Convex, Cuboid, Separation, Support, SupportShape, separation},
+    geometry::{Aabb, Placement, Pose3, Sphere},
+    query::{Convex, Cuboid, Separation, Support, separation},
 };
 
 /// The second side of a pair.
@@ -19,48 +17,8 @@ use crate::{
 pub enum Second<'a> {
     /// A medial shape.
     Shape(&'a Shape),
-    /// A box `[-half, half]`.
-    Cuboid(Vec3),
-    /// One primitive: a ball, a capsule, a triangle.
-    Hull(Hull),
-    /// Any other convex shape.
-    Support(&'a dyn SupportShape),
-}
-
-impl fmt::Debug for Second<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Second::Shape(shape) => f.debug_tuple("Shape").field(shape).finish(),
-            Second::Cuboid(half) => f.debug_tuple("Cuboid").field(half).finish(),
-            Second::Hull(hull) => f.debug_tuple("Hull").field(hull).finish(),
-            Second::Support(shape) => f.debug_tuple("Support").field(&shape.aabb()).finish(),
-        }
-    }
-}
-
-impl Second<'_> {
-    /// Number of primitives.
-    pub fn len(&self) -> usize {
-        match self {
-            Second::Shape(shape) => shape.len(),
-            Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => 1,
-        }
-    }
-
-    /// False: there is at least one primitive.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Box around it.
-    pub fn aabb(&self) -> Aabb {
-        match *self {
-            Second::Shape(shape) => shape.aabb(),
-            Second::Cuboid(half) => Aabb { min: -half, max: half },
-            Second::Hull(hull) => with_spheres!(hull, |spheres| Aabb::from_spheres(spheres)),
-            Second::Support(shape) => shape.aabb(),
-        }
-    }
+    /// Any other collider.
+    Parts(&'a dyn ConvexParts),
 }
 
 /// A contact point of two primitives.
@@ -76,7 +34,7 @@ pub struct Contact {
     pub distance: f32,
     /// Primitive of the first body.
     pub primitive1: u32,
-    /// Primitive of the second; 0 for anything but a shape.
+    /// Primitive of the second, or its part.
     pub primitive2: u32,
 }
 
@@ -111,7 +69,18 @@ pub fn manifolds(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32
 
 /// All contacts of a pair within `prediction` metres.
 pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, contacts: &mut Vec<Contact>) {
-    collect(shape1, second, pose12, prediction, &near(shape1, second, pose12, prediction), contacts);
+    match second {
+        Second::Shape(shape2) => {
+            let near = near(shape1, shape2, pose12, prediction);
+            collect(shape1, shape2, pose12, prediction, &near, contacts);
+        }
+        Second::Parts(parts) => {
+            let reach = shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(prediction);
+            for part in parts.within(&reach) {
+                collect_part(shape1, &part, pose12, prediction, contacts);
+            }
+        }
+    }
 }
 
 /// The manifolds that a pair's contacts are reduced to.
@@ -122,24 +91,17 @@ pub fn reduced(mut contacts: Vec<Contact>) -> Vec<Manifold> {
 }
 
 /// Primitive pairs whose boxes come within `margin`, in ascending order.
-pub(super) fn near(shape1: &Shape, second: Second, pose12: &Pose3, margin: f32) -> Vec<[u32; 2]> {
+fn near(shape1: &Shape, shape2: &Shape, pose12: &Pose3, margin: f32) -> Vec<[u32; 2]> {
     let pose21 = pose12.inverse();
     let mut pairs = Vec::new();
-    match second {
-        Second::Shape(shape2) => shape1.bvh().visit_pairs(
-            shape2.bvh(),
-            |aabb1, aabb2| {
-                let aabb2 = Aabb { min: aabb2.min * shape2.scale, max: aabb2.max * shape2.scale };
-                aabb1.transformed(&pose21, shape1.scale).inflated(margin).overlaps(&aabb2)
-            },
-            |i, j| pairs.push([i, j]),
-        ),
-        Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => {
-            let target = second.aabb().inflated(margin);
-            let reaches = |aabb: &Aabb| aabb.transformed(&pose21, shape1.scale).overlaps(&target);
-            shape1.bvh().visit(reaches, |i| pairs.push([i, 0]));
-        }
-    }
+    shape1.bvh().visit_pairs(
+        shape2.bvh(),
+        |aabb1, aabb2| {
+            let aabb2 = Aabb { min: aabb2.min * shape2.scale, max: aabb2.max * shape2.scale };
+            aabb1.transformed(&pose21, shape1.scale).inflated(margin).overlaps(&aabb2)
+        },
+        |i, j| pairs.push([i, j]),
+    );
     pairs.sort_unstable();
     pairs
 }
@@ -147,46 +109,60 @@ pub(super) fn near(shape1: &Shape, second: Second, pose12: &Pose3, margin: f32) 
 /// Contacts within `prediction` of the candidate primitive pairs.
 pub(super) fn collect(
     shape1: &Shape,
-    second: Second,
+    shape2: &Shape,
     pose12: &Pose3,
     prediction: f32,
     candidates: &[[u32; 2]],
     contacts: &mut Vec<Contact>,
 ) {
-    // Of a box only the part in reach, in whose frame the kernel works.
-    let pose21 = pose12.inverse();
-    let (second, center) = match second {
-        Second::Cuboid(half) => {
-            let (center, part) = part_within(half, &shape1.aabb().transformed(&pose21, 1.0).inflated(prediction));
-            (Second::Cuboid(part), center)
-        }
-        other => (other, Vec3::ZERO),
-    };
-    let to_second = Placement::from(Pose3::from_translation(-center) * pose21);
-    let to_first = Placement::from(*pose12 * Pose3::from_translation(center));
+    let to_second = Placement::from(pose12.inverse());
+    let to_first = Placement::from(*pose12);
     for &[primitive1, primitive2] in candidates {
-        let hull1 = shape1.hull(primitive1).placed(&to_second);
         let mut push = |s: &Separation| {
             contacts.push(Contact {
                 point1: to_first.point(s.point1),
-                point2: s.point2 + center,
+                point2: s.point2,
                 normal1: to_first.rotation * s.normal,
                 distance: s.distance,
                 primitive1,
                 primitive2,
             });
         };
-        with_spheres!(hull1, |first| match second {
-            Second::Cuboid(half) => {
-                one_sided(&first, &Cuboid { half }, prediction, &mut push);
+        with_spheres!(shape1.hull(primitive1).placed(&to_second), |first| {
+            with_spheres!(shape2.hull(primitive2), |second| two_sided(&first, &second, prediction, &mut push))
+        });
+    }
+}
+
+/// Contacts within `prediction` of a convex part of another collider.
+fn collect_part(shape1: &Shape, part: &Part, pose12: &Pose3, prediction: f32, contacts: &mut Vec<Contact>) {
+    let pose12 = *pose12 * part.pose;
+    let pose21 = pose12.inverse();
+    let (to_second, to_first) = (Placement::from(pose21), Placement::from(pose12));
+    let target = part.aabb().inflated(prediction);
+    let mut near = Vec::new();
+    shape1.bvh().visit(|aabb| aabb.transformed(&pose21, shape1.scale).overlaps(&target), |i| near.push(i));
+    near.sort_unstable();
+    let prediction = prediction + part.rounding;
+    for primitive1 in near {
+        let mut push = |s: &Separation| {
+            contacts.push(Contact {
+                point1: to_first.point(s.point1),
+                point2: part.pose.transform_point(s.point2 - s.normal * part.rounding),
+                normal1: to_first.rotation * s.normal,
+                distance: s.distance - part.rounding,
+                primitive1,
+                primitive2: part.id,
+            });
+        };
+        with_spheres!(shape1.hull(primitive1).placed(&to_second), |first| match &part.core {
+            Core::Cuboid(half) => {
+                one_sided(&first, &Cuboid { half: *half }, prediction, &mut push);
             }
-            Second::Support(shape) => {
-                one_sided(&first, &Support(shape), prediction, &mut push);
+            Core::Support(shape) => {
+                one_sided(&first, &Support(&**shape), prediction, &mut push);
             }
-            Second::Hull(hull2) => with_spheres!(hull2, |other| two_sided(&first, &other, prediction, &mut push)),
-            Second::Shape(shape2) => {
-                with_spheres!(shape2.hull(primitive2), |other| two_sided(&first, &other, prediction, &mut push))
-            }
+            Core::Hull(hull) => with_spheres!(*hull, |second| two_sided(&first, &second, prediction, &mut push)),
         });
     }
 }

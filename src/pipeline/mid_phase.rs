@@ -1,4 +1,4 @@
-//! Mid phase: which primitives of a body pair may touch within the step, or come within the prediction distance.
+//! Mid phase: which primitives of a pair may touch within the step, or come within the prediction distance.
 //!
 //! The two hierarchies are traversed against each other in the frame of body 2 at the start; boxes move along their middles'
 //! chords. The sagitta of the whole step and the prediction distance widen them, so no pair is lost.
@@ -9,39 +9,38 @@ use glam::Mat3;
 use super::{
     Culling, Statics, StepInput,
     broad_phase::BodyPair,
-    contact::Second,
-    motion::{PairMotion, SweptBox, SweptBoxes},
+    motion::{Facing, PairMotion, SweptBoxes},
     parallel,
 };
 
-/// Indices of a primitive of the first body and one of the second.
+/// Indices of a primitive of the first body and one of the second; of a part, which is one, 0.
 pub(super) type PrimitivePair = [u32; 2];
 
-/// Candidate primitive pairs, in ascending order, of each body pair.
+/// Candidate primitive pairs, in ascending order, for each motion of each pair.
 pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
     pool: &TaskPool,
-) -> Vec<Vec<PrimitivePair>> {
+) -> Vec<Vec<Vec<PrimitivePair>>> {
     parallel::map(pool, pairs, 8, |_, pair| {
-        let motion = PairMotion::new(input, statics, pair, |body| input.bodies[body as usize].sweep);
-        if input.culling == Culling::None {
-            let count2 = motion.second.len() as u32;
-            return (0..motion.shape1.len() as u32).flat_map(|i| (0..count2).map(move |j| [i, j])).collect();
-        }
-        candidates(&motion, input.prediction)
+        let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
+        let candidates = |motion: &PairMotion| match input.culling {
+            Culling::Hybrid => candidates(motion, input.prediction),
+            Culling::None => all(motion),
+        };
+        motions.iter().map(candidates).collect()
     })
 }
 
-/// Candidate primitive pairs of one body pair, in ascending order.
+/// Candidate primitive pairs of one motion, in ascending order.
 pub(super) fn candidates(motion: &PairMotion, prediction: f32) -> Vec<PrimitivePair> {
     let frame = Mat3::from_quat(motion.sweep2.start.rotation).transpose();
     let boxes1 = SweptBoxes::new(&motion.sweep1, frame, motion.shape1.scale);
     let margin = prediction + motion.whole_sagitta();
     let mut pairs = Vec::new();
-    match motion.second {
-        Second::Shape(shape2) => {
+    match &motion.facing {
+        Facing::Shape(shape2) => {
             let boxes2 = SweptBoxes::new(&motion.sweep2, frame, shape2.scale);
             motion.shape1.bvh().visit_pairs(
                 shape2.bvh(),
@@ -49,12 +48,19 @@ pub(super) fn candidates(motion: &PairMotion, prediction: f32) -> Vec<PrimitiveP
                 |i, j| pairs.push([i, j]),
             );
         }
-        // One convex target; for a box the pair's frame is its own.
-        Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => {
-            let target = SweptBox::at_rest(&motion.second.aabb());
+        Facing::Part(part) => {
+            let target = SweptBoxes::new(&motion.sweep2, frame, 1.0).place(&part.aabb());
             motion.shape1.bvh().visit(|aabb| boxes1.place(aabb).meets(&target, margin), |i| pairs.push([i, 0]));
         }
     }
     pairs.sort_unstable();
     pairs
+}
+
+fn all(motion: &PairMotion) -> Vec<PrimitivePair> {
+    let count2 = match &motion.facing {
+        Facing::Shape(shape2) => shape2.len() as u32,
+        Facing::Part(_) => 1,
+    };
+    (0..motion.shape1.len() as u32).flat_map(|i| (0..count2).map(move |j| [i, j])).collect()
 }

@@ -18,22 +18,29 @@ mod mid_phase;
 mod motion;
 mod narrow_phase;
 mod parallel;
+mod parts;
 mod reduce;
 mod shape;
 mod stop;
 
 use std::{
     collections::HashSet,
+    fmt,
     ops::Range,
+    sync::Arc,
     time::{Duration, Instant},
 };
 
 use bevy::tasks::TaskPool;
 use glam::Vec3;
 
-use crate::geometry::{Aabb, Bvh, Obb, Pose3, Sweep};
+use crate::{
+    geometry::{Aabb, Bvh, Obb, Pose3, Sphere, Sweep},
+    query::Cuboid,
+};
 
 pub use contact::{Contact, Manifold, Second};
+pub use parts::{ConvexParts, Core, Part};
 pub(crate) use shape::with_spheres;
 pub use shape::{Hull, Shape};
 
@@ -56,19 +63,94 @@ impl Groups {
     }
 }
 
-/// A medial body and its motion over the step.
+/// What a body is made of.
+#[derive(Clone)]
+pub enum Solid {
+    /// A medial mesh.
+    Medial(Shape),
+    /// Any other collider.
+    Parts(Arc<dyn ConvexParts>),
+}
+
+impl Solid {
+    /// The medial mesh, if it is one.
+    pub fn medial(&self) -> Option<&Shape> {
+        match self {
+            Solid::Medial(shape) => Some(shape),
+            Solid::Parts(_) => None,
+        }
+    }
+
+    /// It as the second side of a pair.
+    pub fn second(&self) -> Second<'_> {
+        match self {
+            Solid::Medial(shape) => Second::Shape(shape),
+            Solid::Parts(parts) => Second::Parts(&**parts),
+        }
+    }
+
+    /// Number of primitives or parts.
+    pub fn len(&self) -> usize {
+        match self {
+            Solid::Medial(shape) => shape.len(),
+            Solid::Parts(parts) => parts.len(),
+        }
+    }
+
+    /// True if it has none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Box around it, in its own frame.
+    pub fn aabb(&self) -> Aabb {
+        match self {
+            Solid::Medial(shape) => shape.aabb(),
+            Solid::Parts(parts) => parts.aabb(),
+        }
+    }
+
+    /// Sphere around it, in its own frame.
+    pub fn bounding_sphere(&self) -> Sphere {
+        match self {
+            Solid::Medial(shape) => shape.bounding_sphere(),
+            Solid::Parts(parts) => parts.bounding_sphere(),
+        }
+    }
+}
+
+impl fmt::Debug for Solid {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Solid::Medial(shape) => f.debug_tuple("Medial").field(shape).finish(),
+            Solid::Parts(parts) => f.debug_tuple("Parts").field(&parts.aabb()).finish(),
+        }
+    }
+}
+
+impl From<Shape> for Solid {
+    fn from(shape: Shape) -> Self {
+        Solid::Medial(shape)
+    }
+}
+
+/// A body and its motion over the step. Pairs are made of a medial body and any other.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Its shape.
-    pub shape: Shape,
+    /// What it is made of.
+    pub solid: Solid,
     /// Its motion.
     pub sweep: Sweep,
     /// Whom it collides with.
     pub groups: Groups,
     /// Whom it stops at, among those.
     pub stop_groups: Groups,
-    /// The rigid body that it is one of several shapes of: shapes of one owner do not collide, and stop together.
-    pub owner: Option<u32>,
+    /// The rigid body that it is one of several shapes of: shapes of one owner do not collide.
+    pub owner: Option<u64>,
+    /// What it is joined with: shapes of one rigid body, and rigid bodies on joints, stop together.
+    pub assembly: Option<u64>,
+    /// The world that it is in: bodies of different worlds do not meet.
+    pub world: u32,
     /// False for bodies that sleep or never move: two of these are not looked at.
     pub active: bool,
     /// True if it stops where it is at an impact: a dynamic body does, a kinematic one goes on.
@@ -79,46 +161,57 @@ pub struct Body {
 
 impl Body {
     /// A moving body that collides with all and stops at impacts.
-    pub fn new(shape: Shape, sweep: Sweep) -> Self {
+    pub fn new(solid: impl Into<Solid>, sweep: Sweep) -> Self {
         let (groups, stop_groups) = (Groups::ALL, Groups::ALL);
-        Self { shape, sweep, groups, stop_groups, owner: None, active: true, stops: true, passes: false }
+        let solid = solid.into();
+        Self {
+            solid,
+            sweep,
+            groups,
+            stop_groups,
+            owner: None,
+            assembly: None,
+            world: 0,
+            active: true,
+            stops: true,
+            passes: false,
+        }
     }
 }
 
-/// A body that never moves by itself: a box, or a shape with its box.
+/// A body that never moves by itself.
 #[derive(Clone, Debug)]
 pub struct StaticBody {
-    /// The solid box, or the box around the shape.
-    pub obb: Obb,
-    /// The shape and its pose. None: the box is the shape.
-    pub shape: Option<(Shape, Pose3)>,
+    /// What it is made of.
+    pub solid: Solid,
+    /// Where it is.
+    pub pose: Pose3,
     /// Whom it collides with.
     pub groups: Groups,
     /// Whom it stops, among those.
     pub stop_groups: Groups,
+    /// The world that it is in.
+    pub world: u32,
     /// True if nothing stops at it: a sensor.
     pub passes: bool,
 }
 
 impl StaticBody {
+    /// A body that collides with all.
+    pub fn new(solid: impl Into<Solid>, pose: Pose3) -> Self {
+        let (groups, stop_groups) = (Groups::ALL, Groups::ALL);
+        Self { solid: solid.into(), pose, groups, stop_groups, world: 0, passes: false }
+    }
+
     /// A box that collides with all.
     pub fn solid_box(obb: Obb) -> Self {
-        Self { obb, shape: None, groups: Groups::ALL, stop_groups: Groups::ALL, passes: false }
+        Self::new(Solid::Parts(Arc::new(Cuboid { half: obb.half_extents })), obb.pose)
     }
 
-    /// A shape that collides with all.
-    pub fn solid_shape(shape: Shape, pose: Pose3) -> Self {
-        let aabb = shape.aabb();
-        let obb = Obb { pose: pose * Pose3::from_translation(aabb.center()), half_extents: aabb.half_extents() };
-        Self { shape: Some((shape, pose)), ..Self::solid_box(obb) }
-    }
-
-    /// What others collide with, and its pose.
-    fn side(&self) -> (Second<'_>, Pose3) {
-        match &self.shape {
-            Some((shape, pose)) => (Second::Shape(shape), *pose),
-            None => (Second::Cuboid(self.obb.half_extents), self.obb.pose),
-        }
+    /// The box around it.
+    pub fn obb(&self) -> Obb {
+        let aabb = self.solid.aabb();
+        Obb { pose: self.pose * Pose3::from_translation(aabb.center()), half_extents: aabb.half_extents() }
     }
 }
 
@@ -126,14 +219,19 @@ impl StaticBody {
 #[derive(Clone, Debug, Default)]
 pub struct Statics {
     bodies: Vec<StaticBody>,
+    boxes: Vec<Obb>,
     bvh: Bvh,
+    /// Number of primitives and parts, and how many of them are medial.
+    primitives: [usize; 2],
 }
 
 impl Statics {
-    /// Statics from their list, whose positions are the indices of [`Target::Static`].
+    /// Statics from their list, whose positions are the indices of [`Side::Static`].
     pub fn new(bodies: Vec<StaticBody>) -> Self {
-        let boxes: Vec<Aabb> = bodies.iter().map(|body| body.obb.aabb()).collect();
-        Self { bvh: Bvh::new(&boxes), bodies }
+        let boxes: Vec<Obb> = bodies.iter().map(StaticBody::obb).collect();
+        let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
+        let primitives = broad_phase::count(bodies.iter().map(|body| &body.solid));
+        Self { bvh: Bvh::new(&aabbs), boxes, bodies, primitives }
     }
 
     /// The bodies.
@@ -158,7 +256,7 @@ pub struct StepInput {
     /// The bodies.
     pub bodies: Vec<Body>,
     /// Owners that do not collide, the lesser first: bodies that a joint keeps from it.
-    pub apart: HashSet<[u32; 2]>,
+    pub apart: HashSet<[u64; 2]>,
     /// Contacts are reported up to this distance, in metres.
     pub prediction: f32,
     /// Overlap that the solver leaves at a contact on purpose, in metres: no reason to stop.
@@ -169,13 +267,23 @@ pub struct StepInput {
     pub culling: Culling,
 }
 
-/// The second side of a pair.
+/// One side of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Target {
-    /// A body, of a higher index than the first.
+pub enum Side {
+    /// A body, by its index.
     Body(u32),
     /// A static body.
     Static(u32),
+}
+
+impl Side {
+    /// The index of a body.
+    pub fn body(self) -> Option<u32> {
+        match self {
+            Side::Body(body) => Some(body),
+            Side::Static(_) => None,
+        }
+    }
 }
 
 /// First impact of a pair within the step: they touch, and would overlap by more than a slop if nothing stopped them; or they are in
@@ -186,21 +294,21 @@ pub struct Impact {
     pub fraction: f32,
     /// Where, in the world, at that instant.
     pub point: Vec3,
-    /// Unit normal from the first body to the second, in the world.
+    /// Unit normal from the first side to the second, in the world.
     pub normal: Vec3,
-    /// Primitive of the first body.
+    /// Primitive of the first side.
     pub primitive1: u32,
-    /// Primitive of the second; 0 for a box.
+    /// Primitive of the second, or its part.
     pub primitive2: u32,
 }
 
 /// A pair of bodies that touch, touched within the step, or are within the prediction distance at its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
-    /// The first body.
-    pub body1: u32,
-    /// The second.
-    pub target: Target,
+    /// The first side, which is medial.
+    pub first: Side,
+    /// The second; if it is medial as well, a body of a higher index or a static.
+    pub second: Side,
     /// Its manifolds where the bodies end the step: a range of [`StepOutput::manifolds`].
     pub manifolds: Range<usize>,
     /// Their first impact, if there is one.

@@ -1,66 +1,124 @@
-//! The motion of a body pair in the frame in which its primitives are placed.
+//! The motion of a pair in the frame in which its primitives are placed.
 
 use glam::{Mat3, Vec3};
 
-use super::{Statics, StepInput, Target, broad_phase::BodyPair, contact::Second, shape::Shape};
+use super::{Part, Second, Side, Solid, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
 use crate::{
     constants::{CHORD_TOLERANCE, STOP_ALLOWED, STOP_ROUNDINGS, STOP_SLOP},
-    geometry::{Aabb, Placement, Pose3, Sphere, Sweep, part_within},
+    geometry::{Aabb, Placement, Pose3, Sphere, Sweep},
     query::Chords,
 };
 
-/// A body pair in relative coordinates.
+/// What a medial body faces.
+pub(super) enum Facing<'a> {
+    /// A medial mesh.
+    Shape(&'a Shape),
+    /// A convex part of any other body.
+    Part(Part<'a>),
+}
+
+/// A medial body and what it faces, in relative coordinates.
 ///
-/// The axes are the world's and the origin is body 1's position at the start, so nothing is lost far from the world's
-/// origin; against a box, which never moves, the frame is that of the part of the box that is in reach.
+/// Facing a medial mesh, the axes are the world's and the origin is body 1's position at the start; facing a part, the frame is that part's at
+/// the start. Nothing is lost far from the world's origin.
 pub(super) struct PairMotion<'a> {
     pub shape1: &'a Shape,
-    pub second: Second<'a>,
+    pub facing: Facing<'a>,
     pub sweep1: Sweep,
     pub sweep2: Sweep,
     /// Takes the frame's vectors to the world.
-    pub frame: Pose3,
-    /// Distance from each body's centre of mass to the farthest centre of a sphere; 0 for a box. Radii do not turn.
-    pub arms: [f32; 2],
+    frame: Pose3,
+    /// Distance from each body's centre of mass to the farthest point that turns with it. Radii of spheres do not turn.
+    arms: [f32; 2],
     /// Bounding radius of the smaller body, in metres.
-    pub size: f32,
+    size: f32,
     /// Overlap that the pair may gain, in metres.
     pub slop: f32,
 }
 
 impl<'a> PairMotion<'a> {
+    /// The motion of a pair: one, or one for each part of the second side that is in reach.
+    ///
     /// `sweep_of`: the motion of a body, the whole step's or what is left of it.
-    pub fn new(input: &'a StepInput, statics: &'a Statics, pair: &BodyPair, sweep_of: impl Fn(u32) -> Sweep) -> Self {
-        let shape1 = &input.bodies[pair.body1 as usize].shape;
-        let sweep1 = sweep_of(pair.body1);
-        let origin = Pose3::from_translation(sweep1.start.translation);
-        let mut rounding = 0.0;
-        let (second, sweep2, frame) = match pair.target {
-            Target::Body(i) => (Second::Shape(&input.bodies[i as usize].shape), sweep_of(i), origin),
-            Target::Static(i) => match statics.bodies[i as usize].side() {
-                (Second::Cuboid(half), pose) => {
-                    let (center, part) = part_within(half, &reach(shape1, &sweep1.seen_from(&pose)));
-                    rounding = f32::EPSILON * half.max_element();
-                    let frame = pose * Pose3::from_translation(center);
-                    (Second::Cuboid(part), Sweep::at_rest(frame), frame)
+    pub fn all(
+        input: &'a StepInput,
+        statics: &'a Statics,
+        pair: &BodyPair,
+        sweep_of: impl Fn(u32) -> Sweep,
+    ) -> Vec<Self> {
+        let side = |side| -> (&'a Solid, Sweep) {
+            match side {
+                Side::Body(body) => (&input.bodies[body as usize].solid, sweep_of(body)),
+                Side::Static(body) => {
+                    let body = &statics.bodies[body as usize];
+                    (&body.solid, Sweep::at_rest(body.pose))
                 }
-                (second, pose) => (second, Sweep::at_rest(pose), origin),
-            },
+            }
         };
-        let (sweep1, sweep2) = (sweep1.seen_from(&frame), sweep2.seen_from(&frame));
-        let (arm1, radius1) = (shape1.arm(sweep1.local_center), shape1.bounding_sphere().radius);
-        let (arm2, size) = match second {
-            Second::Shape(shape2) => (shape2.arm(sweep2.local_center), radius1.min(shape2.bounding_sphere().radius)),
-            Second::Cuboid(_) | Second::Hull(_) | Second::Support(_) => (0.0, radius1),
+        let ((first, sweep1), (second, sweep2)) = (side(pair.first), side(pair.second));
+        let Some(shape1) = first.medial() else { return Vec::new() };
+        let radius1 = shape1.bounding_sphere().radius;
+        let slop = |size: f32, rounding: f32| {
+            (STOP_SLOP * size).max(STOP_ALLOWED * input.allowed_overlap).max(STOP_ROUNDINGS * rounding)
         };
-        let arms = [arm1, arm2];
-        let slop = (STOP_SLOP * size).max(STOP_ALLOWED * input.allowed_overlap).max(STOP_ROUNDINGS * rounding);
-        Self { shape1, second, sweep1, sweep2, frame, arms, size, slop }
+        match second.second() {
+            Second::Shape(shape2) => {
+                let frame = Pose3::from_translation(sweep1.start.translation);
+                let size = radius1.min(shape2.bounding_sphere().radius);
+                vec![Self {
+                    shape1,
+                    facing: Facing::Shape(shape2),
+                    sweep1: sweep1.seen_from(&frame),
+                    sweep2: sweep2.seen_from(&frame),
+                    frame,
+                    arms: [shape1.arm(sweep1.local_center), shape2.arm(sweep2.local_center)],
+                    size,
+                    slop: slop(size, 0.0),
+                }]
+            }
+            Second::Parts(parts) => {
+                let bound = parts.bounding_sphere();
+                let arm2 = bound.center.distance(sweep2.local_center) + bound.radius;
+                let arms = [shape1.arm(sweep1.local_center), arm2];
+                let size = radius1.min(bound.radius);
+                let motion = |part: Part<'a>| {
+                    // The pose of a body is as exact as its coordinates, and the farther from its origin the less it matters which.
+                    let far = part.aabb();
+                    let rounding = f32::EPSILON * (part.pose.translation.length() + far.half_extents().max_element());
+                    let frame = sweep2.start * part.pose;
+                    let sweep2 = sweep2.of_part(&part.pose);
+                    Self {
+                        shape1,
+                        facing: Facing::Part(part),
+                        sweep1: sweep1.seen_from(&frame),
+                        sweep2: sweep2.seen_from(&frame),
+                        frame,
+                        arms,
+                        size,
+                        slop: slop(size, rounding),
+                    }
+                };
+                parts.within(&reach(shape1, &sweep1, &sweep2, arm2)).into_iter().map(motion).collect()
+            }
+        }
     }
 
-    /// The motion as chords.
+    /// The motion as chords. Facing a part that moves, they are seen from it: a box can turn no other way.
     pub fn chords(&self) -> Chords {
-        Chords::new([&self.sweep1, &self.sweep2], self.arms, CHORD_TOLERANCE * self.size)
+        let sweeps = [&self.sweep1, &self.sweep2];
+        let tolerance = CHORD_TOLERANCE * self.size;
+        match self.facing {
+            Facing::Part(_) if !self.sweep2.is_at_rest() => Chords::in_frame_of_second(sweeps, self.arms[0], tolerance),
+            _ => Chords::new(sweeps, self.arms, tolerance),
+        }
+    }
+
+    /// Takes the vectors of the chords at an instant to the world.
+    pub fn frame_at(&self, fraction: f32) -> Pose3 {
+        match self.facing {
+            Facing::Part(_) if !self.sweep2.is_at_rest() => self.frame * self.sweep2.pose_at(fraction),
+            _ => self.frame,
+        }
     }
 
     /// The longest way of any point of one body relative to the other, or more, in metres.
@@ -71,7 +129,7 @@ impl<'a> PairMotion<'a> {
 
     /// True if neither body moves.
     pub fn is_at_rest(&self) -> bool {
-        [&self.sweep1, &self.sweep2].iter().all(|sweep| sweep.translation == Vec3::ZERO && sweep.rotation == Vec3::ZERO)
+        self.sweep1.is_at_rest() && self.sweep2.is_at_rest()
     }
 
     /// How far any point strays from its chord over the whole step, both sides together.
@@ -80,11 +138,17 @@ impl<'a> PairMotion<'a> {
     }
 }
 
-/// Box around the shape over its sweep, by its bounding sphere.
-fn reach(shape: &Shape, sweep: &Sweep) -> Aabb {
-    let radius = shape.radius_about(sweep.local_center);
-    let start = sweep.start.transform_point(sweep.local_center);
-    Aabb::from_spheres([start, start + sweep.translation].map(|center| Sphere::new(center, radius)))
+/// All of the second body that the shape can meet, as a box in that body's frame.
+fn reach(shape1: &Shape, sweep1: &Sweep, sweep2: &Sweep, arm2: f32) -> Aabb {
+    let radius = shape1.radius_about(sweep1.local_center);
+    let seen = sweep1.seen_from(&sweep2.start);
+    let start = seen.start.transform_point(seen.local_center);
+    if sweep2.is_at_rest() {
+        return Aabb::from_spheres([start, start + seen.translation].map(|center| Sphere::new(center, radius)));
+    }
+    // Points that meet were as far apart at the start as both have moved since.
+    let way = (sweep1.translation - sweep2.translation).length() + sweep2.rotation.length().min(2.0) * arm2;
+    Aabb::from_spheres([Sphere::new(start, radius + way)])
 }
 
 /// Bounds the motion of the boxes of one body's hierarchy over the step, seen from a fixed frame.
@@ -133,11 +197,6 @@ impl SweptBoxes {
 }
 
 impl SweptBox {
-    /// A box that does not move.
-    pub fn at_rest(aabb: &Aabb) -> Self {
-        Self { center: aabb.center(), motion: Vec3::ZERO, half: aabb.half_extents() }
-    }
-
     /// True if the boxes come within `margin` of each other at some instant, each axis by itself counted at the same time.
     pub fn meets(&self, other: &SweptBox, margin: f32) -> bool {
         let offset = other.center - self.center;

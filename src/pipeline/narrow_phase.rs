@@ -1,20 +1,23 @@
-//! Narrow phase: the first impact of each body pair within the step, and its contacts at the end.
+//! Narrow phase: the first impact of each pair within the step, and its contacts at the end.
 
 use bevy::tasks::TaskPool;
 
 use super::{
-    Contact, Impact, Statics, StepInput, Target,
+    Contact, Core, Impact, Second, Side, Statics, StepInput,
     broad_phase::BodyPair,
-    contact::{self, Second},
+    contact,
     mid_phase::PrimitivePair,
-    motion::PairMotion,
+    motion::{Facing, PairMotion},
     parallel,
     stop::Stops,
     with_spheres,
 };
-use crate::query::{Cuboid, Support, TimeOfImpactStatus, rigid_impact};
+use crate::{
+    geometry::Sphere,
+    query::{Chords, Cuboid, Support, TimeOfImpact, TimeOfImpactStatus, rigid_impact},
+};
 
-/// The first impact of a body pair, and what it took to find.
+/// The first impact of a pair, and what it took to find.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ImpactResult {
     pub impact: Option<Impact>,
@@ -22,86 +25,103 @@ pub(super) struct ImpactResult {
     pub unresolved: usize,
 }
 
-/// The first impact of each body pair, were no body to stop.
+/// The first impact of each pair, were no body to stop.
 pub(super) fn impacts(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    candidates: &[Vec<PrimitivePair>],
+    candidates: &[Vec<Vec<PrimitivePair>>],
     pool: &TaskPool,
 ) -> Vec<ImpactResult> {
     parallel::map(pool, pairs, 4, |i, pair| {
-        let motion = PairMotion::new(input, statics, pair, |body| input.bodies[body as usize].sweep);
-        first_impact(&motion, &candidates[i])
+        let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
+        first_impact(motions.iter().zip(&candidates[i]))
     })
 }
 
-/// The contacts of each body pair where its bodies end the step.
+/// The contacts of each pair where its bodies end the step.
 pub(super) fn contacts(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    candidates: &[Vec<PrimitivePair>],
+    candidates: &[Vec<Vec<PrimitivePair>>],
     stops: &Stops,
     pool: &TaskPool,
 ) -> Vec<Vec<Contact>> {
     parallel::map(pool, pairs, 4, |i, pair| {
-        let shape1 = &input.bodies[pair.body1 as usize].shape;
-        let pose1 = stops.final_pose(input, pair.body1);
-        let (second, pose2) = match pair.target {
-            Target::Body(body) => (Second::Shape(&input.bodies[body as usize].shape), stops.final_pose(input, body)),
-            Target::Static(body) => statics.bodies[body as usize].side(),
-        };
-        let pose12 = pose1.inv_mul(&pose2);
+        let [(first, pose1), (second, pose2)] = [pair.first, pair.second].map(|side| match side {
+            Side::Body(body) => (&input.bodies[body as usize].solid, stops.final_pose(input, body)),
+            Side::Static(body) => (&statics.bodies[body as usize].solid, statics.bodies[body as usize].pose),
+        });
         let mut contacts = Vec::new();
-        if stops.is_stopped(pair.body1) || matches!(pair.target, Target::Body(body) if stops.is_stopped(body)) {
-            // The candidates are those of the whole motion.
-            let near = contact::near(shape1, second, &pose12, input.prediction);
-            contact::collect(shape1, second, &pose12, input.prediction, &near, &mut contacts);
-        } else {
-            contact::collect(shape1, second, &pose12, input.prediction, &candidates[i], &mut contacts);
+        let Some(shape1) = first.medial() else { return contacts };
+        let pose12 = pose1.inv_mul(&pose2);
+        match second.second() {
+            // Candidates are those of the whole motion.
+            Second::Shape(shape2) if !pair.bodies().any(|body| stops.is_stopped(body)) => {
+                contact::collect(shape1, shape2, &pose12, input.prediction, &candidates[i][0], &mut contacts);
+            }
+            second => contact::find(shape1, second, &pose12, input.prediction, &mut contacts),
         }
         contacts
     })
 }
 
-/// The earliest impact of the candidates: where an overlap grows by more than a slop, which contacts never do that the solver knows
-/// about; for primitives that are apart before that, where they touch. None where what is left of the motion is less than a slop itself: a
-/// pile that settles must come to rest.
-pub(super) fn first_impact(motion: &PairMotion, candidates: &[PrimitivePair]) -> ImpactResult {
+/// The earliest impact of the candidates of a pair's motions: where an overlap grows by more than a slop, which contacts never do that the
+/// solver knows about; for primitives that are apart before that, where they touch. None where what is left of the motion is less than a
+/// slop itself: a pile that settles must come to rest.
+pub(super) fn first_impact<'a>(
+    motions: impl Iterator<Item = (&'a PairMotion<'a>, &'a Vec<PrimitivePair>)>,
+) -> ImpactResult {
     let mut result = ImpactResult::default();
-    if candidates.is_empty() {
-        return result;
-    }
-    let chords = motion.chords();
-    let slop = motion.slop;
-    let mut limit = 1.0;
-    for &[primitive1, primitive2] in candidates {
-        let toi = with_spheres!(motion.shape1.hull(primitive1), |first| match motion.second {
-            Second::Cuboid(half) => rigid_impact(&first, &Cuboid { half }, &chords, limit, slop),
-            Second::Support(shape) => rigid_impact(&first, &Support(shape), &chords, limit, slop),
-            Second::Hull(hull) => with_spheres!(hull, |other| rigid_impact(&first, &other, &chords, limit, slop)),
-            Second::Shape(shape) => {
-                with_spheres!(shape.hull(primitive2), |other| rigid_impact(&first, &other, &chords, limit, slop))
+    for (motion, candidates) in motions.filter(|(_, candidates)| !candidates.is_empty()) {
+        let chords = motion.chords();
+        for &[primitive1, primitive2] in candidates {
+            let limit = result.impact.map_or(1.0, |impact| impact.fraction);
+            let toi = time_of_impact(motion, [primitive1, primitive2], &chords, limit);
+            result.toi_tests += 1;
+            result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
+            let earlier = result.impact.is_none_or(|first| toi.fraction < first.fraction);
+            if toi.status == TimeOfImpactStatus::Separated
+                || !earlier
+                || (1.0 - toi.fraction) * motion.way() <= motion.slop
+            {
+                continue;
             }
-        });
-        result.toi_tests += 1;
-        result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
-        if toi.status != TimeOfImpactStatus::Separated
-            && result.impact.is_none_or(|first| toi.fraction < first.fraction)
-        {
-            limit = toi.fraction;
-            let point = (toi.contact.point1 + toi.contact.point2) * 0.5;
-            result.impact = Some(Impact {
-                fraction: toi.fraction,
-                point: motion.frame.transform_point(point),
-                normal: motion.frame.rotation * toi.contact.normal,
-                primitive1,
-                primitive2,
-            });
+            let frame = motion.frame_at(toi.fraction);
+            let normal = frame.rotation * toi.contact.normal;
+            let (primitive2, rounding) = match &motion.facing {
+                Facing::Shape(_) => (primitive2, 0.0),
+                Facing::Part(part) => (part.id, part.rounding),
+            };
+            let point = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5) - normal * rounding;
+            result.impact = Some(Impact { fraction: toi.fraction, point, normal, primitive1, primitive2 });
         }
     }
-    let way = motion.way();
-    result.impact = result.impact.filter(|impact| (1.0 - impact.fraction) * way > slop);
     result
+}
+
+/// The impact of two primitives, or of a primitive and a part, up to a fraction of the step.
+fn time_of_impact(
+    motion: &PairMotion,
+    [primitive1, primitive2]: PrimitivePair,
+    chords: &Chords,
+    limit: f32,
+) -> TimeOfImpact {
+    let slop = motion.slop;
+    with_spheres!(motion.shape1.hull(primitive1), |first| match &motion.facing {
+        Facing::Shape(shape2) => {
+            with_spheres!(shape2.hull(primitive2), |second| rigid_impact(&first, &second, chords, limit, slop))
+        }
+        Facing::Part(part) => {
+            let first = first.map(|s| Sphere::new(s.center, s.radius + part.rounding));
+            match &part.core {
+                Core::Cuboid(half) => rigid_impact(&first, &Cuboid { half: *half }, chords, limit, slop),
+                Core::Support(shape) => rigid_impact(&first, &Support(&**shape), chords, limit, slop),
+                Core::Hull(hull) => {
+                    with_spheres!(*hull, |second| rigid_impact(&first, &second, chords, limit, slop))
+                }
+            }
+        }
+    })
 }

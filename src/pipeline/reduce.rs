@@ -16,7 +16,7 @@ pub(super) fn run(
         let manifolds = first..output.manifolds.len();
         if !manifolds.is_empty() || impact.is_some() {
             output.counts.contacts += output.manifolds[first..].iter().map(|m| m.contacts().len()).sum::<usize>();
-            output.pairs.push(Pair { body1: pair.body1, target: pair.target, manifolds, impact });
+            output.pairs.push(Pair { first: pair.first, second: pair.second, manifolds, impact });
         }
     }
 }

@@ -10,7 +10,7 @@ use std::{
 };
 
 use super::{
-    Statics, StepInput, Target,
+    Side, Statics, StepInput,
     broad_phase::BodyPair,
     mid_phase,
     motion::PairMotion,
@@ -64,13 +64,13 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], resu
     let mut stops = Stops(vec![1.0; input.bodies.len()]);
     let stopping = |body: u32| input.stop_at_impact && input.bodies[body as usize].stops;
     // A pair stops only if both sides consent.
+    let consent = |side| match side {
+        Side::Body(body) => (input.bodies[body as usize].passes, input.bodies[body as usize].stop_groups),
+        Side::Static(body) => (statics.bodies[body as usize].passes, statics.bodies[body as usize].stop_groups),
+    };
     let stops_both = |pair: &BodyPair| {
-        let body1 = &input.bodies[pair.body1 as usize];
-        let (passes, groups) = match pair.target {
-            Target::Body(body) => (input.bodies[body as usize].passes, input.bodies[body as usize].stop_groups),
-            Target::Static(body) => (statics.bodies[body as usize].passes, statics.bodies[body as usize].stop_groups),
-        };
-        !body1.passes && !passes && body1.stop_groups.test(&groups)
+        let [(passes1, groups1), (passes2, groups2)] = [pair.first, pair.second].map(consent);
+        !passes1 && !passes2 && groups1.test(&groups2)
     };
     let mut queue: BinaryHeap<Event> = BinaryHeap::new();
     for (pair, result) in results.iter().enumerate() {
@@ -81,33 +81,25 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], resu
     }
     let mut pairs_of: Vec<Vec<usize>> = vec![Vec::new(); input.bodies.len()];
     for (i, pair) in pairs.iter().enumerate() {
-        pairs_of[pair.body1 as usize].push(i);
-        if let Target::Body(body) = pair.target {
-            pairs_of[body as usize].push(i);
-        }
+        pair.bodies().for_each(|body| pairs_of[body as usize].push(i));
     }
-    let mut shapes_of: HashMap<u32, Vec<u32>> = HashMap::new();
+    let mut assembled: HashMap<u64, Vec<u32>> = HashMap::new();
     for (index, body) in (0..).zip(&input.bodies) {
-        if let Some(owner) = body.owner {
-            shapes_of.entry(owner).or_default().push(index);
+        if let Some(assembly) = body.assembly {
+            assembled.entry(assembly).or_default().push(index);
         }
     }
-    let shapes_beside = |body: u32| match input.bodies[body as usize].owner {
-        Some(owner) => shapes_of[&owner].clone(),
+    let joined_with = |body: u32| match input.bodies[body as usize].assembly {
+        Some(assembly) => assembled[&assembly].clone(),
         None => vec![body],
     };
     while let Some(Event { fraction, pair }) = queue.pop() {
         if results[pair].impact.is_none_or(|impact| impact.fraction != fraction) {
             continue;
         }
-        let BodyPair { body1, target } = pairs[pair];
-        let second = match target {
-            Target::Body(body) => Some(body),
-            Target::Static(_) => None,
-        };
-        let touching = [Some(body1), second].into_iter().flatten();
+        let touching = pairs[pair].bodies();
         let stopped: Vec<u32> =
-            touching.filter(|&body| stopping(body) && !stops.is_stopped(body)).flat_map(shapes_beside).collect();
+            touching.filter(|&body| stopping(body) && !stops.is_stopped(body)).flat_map(joined_with).collect();
         for &body in &stopped {
             // Never 1, which stands for a body that goes on.
             stops.0[body as usize] = fraction.min(1.0f32.next_down());
@@ -129,11 +121,10 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], resu
                         sweep.rest_from(fraction)
                     }
                 };
-                let motion = PairMotion::new(input, statics, &pairs[other], sweep_of);
-                if motion.is_at_rest() {
-                    continue;
-                }
-                let found = first_impact(&motion, &mid_phase::candidates(&motion, 0.0));
+                let mut motions = PairMotion::all(input, statics, &pairs[other], sweep_of);
+                motions.retain(|motion| !motion.is_at_rest());
+                let candidates: Vec<_> = motions.iter().map(|motion| mid_phase::candidates(motion, 0.0)).collect();
+                let found = first_impact(motions.iter().zip(&candidates));
                 results[other].toi_tests += found.toi_tests;
                 results[other].unresolved += found.unresolved;
                 results[other].impact = found.impact.map(|mut impact| {

@@ -39,10 +39,12 @@ fn draw(step: Res<MedialStep>, store: Res<GizmoConfigStore>, mut gizmos: Gizmos<
     let config = store.config::<MedialGizmos>().1;
     for body in &step.input.bodies {
         let sweep = &body.sweep;
-        if let Some(color) = config.spheres {
-            for sphere in body.shape.axis.spheres() {
-                let center = sweep.end.transform_point(sphere.center * body.shape.scale);
-                gizmos.sphere(center, sphere.radius * body.shape.scale, color).resolution(12);
+        if let (Some(color), Some(shape)) = (config.spheres, body.solid.medial()) {
+            {
+                for sphere in shape.axis.spheres() {
+                    let center = sweep.end.transform_point(sphere.center * shape.scale);
+                    gizmos.sphere(center, sphere.radius * shape.scale, color).resolution(12);
+                }
             }
         }
         if let Some(color) = config.sweeps {
@@ -52,15 +54,16 @@ fn draw(step: Res<MedialStep>, store: Res<GizmoConfigStore>, mut gizmos: Gizmos<
     }
     if let Some(color) = config.boxes {
         for body in step.statics.bodies() {
-            let transform = Transform::from_translation(body.obb.pose.translation)
-                .with_rotation(body.obb.pose.rotation)
-                .with_scale(body.obb.half_extents * 2.0);
+            let obb = body.obb();
+            let transform = Transform::from_translation(obb.pose.translation)
+                .with_rotation(obb.pose.rotation)
+                .with_scale(obb.half_extents * 2.0);
             gizmos.cube(transform, color);
         }
     }
     if let Some(color) = config.contacts {
         for pair in &step.output.pairs {
-            let end = &step.input.bodies[pair.body1 as usize].sweep.end;
+            let end = step.final_pose(pair.first);
             for contact in step.output.manifolds[pair.manifolds.clone()].iter().flat_map(|m| m.contacts()) {
                 let point = end.transform_point(contact.point1);
                 gizmos.arrow(point, point + end.rotation * contact.normal1 * config.normal_length, color);

@@ -3,10 +3,7 @@ use std::collections::{BTreeSet, HashSet};
 use bevy::prelude::*;
 
 use super::{MedialContactEnded, MedialContactStarted, MedialStep, TouchPoint};
-use crate::{
-    constants::TOUCH_DISTANCE,
-    pipeline::{Pair, Target},
-};
+use crate::{constants::TOUCH_DISTANCE, pipeline::Pair};
 
 /// The entities that touch.
 type Touching = BTreeSet<(Entity, Entity)>;
@@ -20,7 +17,7 @@ pub(super) fn write_messages(
 ) {
     let mut now = Touching::new();
     for pair in &step.output.pairs {
-        let (info1, info2) = (&step.infos[pair.body1 as usize], step.info(pair.target));
+        let (info1, info2) = (step.info(pair.first), step.info(pair.second));
         let entities = (info1.entity, info2.entity);
         let Some(touch) = touch_point(&step, pair) else { continue };
         let known = touching.contains(&entities);
@@ -57,7 +54,7 @@ fn active_entities(step: &MedialStep) -> HashSet<Entity> {
 
 /// The first impact of the pair, or else its deepest contact.
 fn touch_point(step: &MedialStep, pair: &Pair) -> Option<TouchPoint> {
-    let end = step.final_pose(pair.body1);
+    let end = step.final_pose(pair.first);
     let contacts = step.output.manifolds[pair.manifolds.clone()].iter().flat_map(|manifold| manifold.contacts());
     let deepest = contacts.min_by(|a, b| a.distance.total_cmp(&b.distance));
     let (fraction, point, normal, separation, primitives) = match (pair.impact, deepest) {
@@ -71,17 +68,13 @@ fn touch_point(step: &MedialStep, pair: &Pair) -> Option<TouchPoint> {
         }
         (None, None) => return None,
     };
-    let info1 = &step.infos[pair.body1 as usize];
-    let velocity2 = match pair.target {
-        Target::Body(body) => step.infos[body as usize].velocity_at(point),
-        Target::Static(_) => Vec3::ZERO,
-    };
+    let [velocity1, velocity2] = [pair.first, pair.second].map(|side| step.info(side).velocity_at(point));
     Some(TouchPoint {
         fraction,
         point,
         normal,
         separation,
-        approach_speed: (info1.velocity_at(point) - velocity2).dot(normal),
+        approach_speed: (velocity1 - velocity2).dot(normal),
         primitive1: primitives.0,
         primitive2: primitives.1,
     })

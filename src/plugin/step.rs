@@ -4,7 +4,7 @@ use bevy_rapier3d::rapier::geometry::ColliderHandle;
 
 use crate::{
     geometry::Pose3,
-    pipeline::{self, Culling, Statics, StepInput, StepOutput, Target},
+    pipeline::{self, Culling, Side, Solid, Statics, StepInput, StepOutput},
 };
 
 /// What holds for all medial bodies.
@@ -77,22 +77,35 @@ pub struct MedialStep {
     pub infos: Vec<BodyInfo>,
     /// Entity of each static.
     pub static_infos: Vec<BodyInfo>,
-    /// Length of the step in seconds.
+    /// Length of the step in seconds; of several worlds that of the first.
     pub dt: f32,
 }
 
 impl MedialStep {
-    /// Who the second side of a pair is.
-    pub fn info(&self, target: Target) -> &BodyInfo {
-        match target {
-            Target::Body(body) => &self.infos[body as usize],
-            Target::Static(body) => &self.static_infos[body as usize],
+    /// Who a side of a pair is.
+    pub fn info(&self, side: Side) -> &BodyInfo {
+        match side {
+            Side::Body(body) => &self.infos[body as usize],
+            Side::Static(body) => &self.static_infos[body as usize],
         }
     }
 
-    /// Where a body is at the end of the step.
-    pub fn final_pose(&self, body: u32) -> Pose3 {
-        self.output.stop_of(body).map_or(self.input.bodies[body as usize].sweep.end, |stop| stop.pose)
+    /// What a side of a pair is made of.
+    pub fn solid(&self, side: Side) -> &Solid {
+        match side {
+            Side::Body(body) => &self.input.bodies[body as usize].solid,
+            Side::Static(body) => &self.statics.bodies()[body as usize].solid,
+        }
+    }
+
+    /// Where a side of a pair is at the end of the step.
+    pub fn final_pose(&self, side: Side) -> Pose3 {
+        match side {
+            Side::Body(body) => {
+                self.output.stop_of(body).map_or(self.input.bodies[body as usize].sweep.end, |stop| stop.pose)
+            }
+            Side::Static(body) => self.statics.bodies()[body as usize].pose,
+        }
     }
 
     /// Runs the pipeline.

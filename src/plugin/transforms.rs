@@ -46,7 +46,7 @@ fn gather_statics(
             None => StaticBody::solid_box(Obb { pose, half_extents: obb.half_extents * scale.abs() }),
             Some(mesh) => {
                 let Some(axis) = axes.get(&mesh.0) else { continue };
-                StaticBody::solid_shape(Shape { axis: axis.clone(), scale: scale.x }, pose)
+                StaticBody::new(Shape { axis: axis.clone(), scale: scale.x }, pose)
             }
         };
         infos.push(BodyInfo::at_rest(entity));

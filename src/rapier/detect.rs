@@ -1,35 +1,65 @@
 //! The step of the pipeline around rapier's: poses before it, the motion that it has solved, and what comes of that.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, sync::Arc};
 
-use bevy::prelude::*;
+use bevy::{ecs::query::QueryData, prelude::*};
 use bevy_rapier3d::{
+    parry::shape::SharedShape,
     plugin::context::{
-        DefaultRapierContext, RapierContextColliders, RapierContextJoints, RapierContextSimulation, RapierRigidBodySet,
+        RapierContextColliders, RapierContextJoints, RapierContextSimulation, RapierRigidBodySet,
+        SimulationToRenderTime,
     },
-    prelude::{
-        Collider, ColliderDisabled, CollisionGroups, RapierColliderHandle, RapierConfiguration, RigidBodyDisabled,
-        Sensor, SolverGroups,
-    },
+    prelude::{RapierConfiguration, TimestepMode},
     rapier::{
         dynamics::{RigidBody as RapierBody, RigidBodyHandle},
         geometry::{Collider as RapierCollider, ColliderHandle},
+        pipeline::ActiveHooks,
     },
 };
 
 use super::{
+    joints::{assemblies, kept_apart},
+    parts::is_known,
     shape::MedialShape,
     table::{ContactTable, PairKey, SecondKey},
 };
 use crate::{
-    geometry::{Obb, Pose3, Sweep},
-    pipeline::{Body, Groups, StaticBody, Statics, Target},
-    plugin::{BodyInfo, MedialCcd, MedialSettings, MedialStep, StaticObb},
+    geometry::{Pose3, Sweep},
+    pipeline::{Body, Groups, Manifold, Side, Solid, StaticBody, Statics},
+    plugin::{BodyInfo, MedialCcd, MedialSettings, MedialStep},
 };
 
-/// Where bodies were, and how fast, before rapier's step.
+/// A rapier context: a world whose bodies meet no others.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub(super) struct Context {
+    entity: Entity,
+    bodies: &'static mut RapierRigidBodySet,
+    colliders: &'static RapierContextColliders,
+    joints: &'static RapierContextJoints,
+    simulation: &'static RapierContextSimulation,
+    configuration: &'static RapierConfiguration,
+    lead: &'static SimulationToRenderTime,
+}
+
+impl ContextReadOnlyItem<'_, '_> {
+    /// True if there is anything medial in it.
+    fn is_medial(&self) -> bool {
+        self.colliders.colliders.iter().any(|(_, collider)| medial(collider).is_some())
+    }
+
+    fn body(&self, collider: &RapierCollider) -> Option<&RapierBody> {
+        self.bodies.bodies.get(collider.parent()?)
+    }
+}
+
+/// Where colliders were, and how fast, before rapier's step.
 #[derive(Resource, Default)]
-pub(super) struct Snapshot(HashMap<ColliderHandle, Start>);
+pub(super) struct Snapshot {
+    starts: HashMap<(Entity, ColliderHandle), Start>,
+    /// How far each world was ahead of the time that is shown, in seconds.
+    leads: HashMap<Entity, f32>,
+}
 
 #[derive(Clone, Copy)]
 struct Start {
@@ -50,20 +80,29 @@ fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
     collider.shape().as_shape::<MedialShape>()
 }
 
-pub(super) fn snapshot(
-    mut starts: ResMut<Snapshot>,
-    context: Single<(&RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
-) {
-    let (bodies, colliders) = *context;
-    starts.0.clear();
-    for (handle, collider) in colliders.colliders.iter().filter(|(_, collider)| medial(collider).is_some()) {
-        let body = collider.parent().and_then(|parent| bodies.bodies.get(parent));
-        let start = Start {
-            pose: collider_pose(collider, body),
-            linear: body.map_or(Vec3::ZERO, RapierBody::linvel),
-            angular: body.map_or(Vec3::ZERO, RapierBody::angvel),
-        };
-        starts.0.insert(handle, start);
+pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, contexts: Query<Context>) {
+    let snapshot = snapshot.as_mut();
+    snapshot.starts.clear();
+    for context in contexts.iter().filter(|context| context.is_medial()) {
+        snapshot.leads.insert(context.entity, context.lead.diff);
+        for (handle, collider) in context.colliders.colliders.iter() {
+            let body = context.body(collider);
+            let Some(moving) = body.filter(|body| !body.is_fixed()) else { continue };
+            let start =
+                Start { pose: collider_pose(collider, body), linear: moving.linvel(), angular: moving.angvel() };
+            snapshot.starts.insert((context.entity, handle), start);
+        }
+    }
+}
+
+/// Seconds that rapier has simulated in its step.
+fn simulated(context: &ContextReadOnlyItem, snapshot: &Snapshot, mode: &TimestepMode, time: &Time) -> f32 {
+    match *mode {
+        TimestepMode::Interpolated { dt, time_scale, .. } => {
+            let lead = snapshot.leads.get(&context.entity).copied().unwrap_or(context.lead.diff);
+            ((lead + time.delta_secs() - context.lead.diff) / dt).round() * dt * time_scale
+        }
+        TimestepMode::Fixed { .. } | TimestepMode::Variable { .. } => context.simulation.integration_parameters.dt,
     }
 }
 
@@ -74,150 +113,166 @@ fn groups(collider: &RapierCollider) -> [Groups; 2] {
 }
 
 /// A number for a rigid body: none that exist at a time share theirs.
-fn owner(body: RigidBodyHandle) -> u32 {
-    body.into_raw_parts().0
+fn owner(world: u32, body: RigidBodyHandle) -> u64 {
+    u64::from(world) << 32 | u64::from(body.into_raw_parts().0)
 }
 
-/// Rebuilds the statics when one of them has come, gone or changed.
-pub(super) fn gather_statics(
-    mut step: ResMut<MedialStep>,
-    changed: Query<
-        (),
-        (
-            With<StaticObb>,
-            Or<(
-                Changed<GlobalTransform>,
-                Changed<RapierColliderHandle>,
-                Changed<Collider>,
-                Changed<CollisionGroups>,
-                Changed<SolverGroups>,
-                Changed<Sensor>,
-                Changed<ColliderDisabled>,
-                Changed<RigidBodyDisabled>,
-            )>,
-        ),
-    >,
-    mut removed: (RemovedComponents<Sensor>, RemovedComponents<ColliderDisabled>, RemovedComponents<RigidBodyDisabled>),
-    statics: Query<(Entity, &RapierColliderHandle), With<StaticObb>>,
-    mut known: Local<(usize, bool)>,
-    context: Single<(&RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
-) {
-    let removals = removed.0.read().count() + removed.1.read().count() + removed.2.read().count();
-    let count = statics.iter().len();
-    // In a fixed schedule rapier takes over removals at the end of the frame, and they count in the next step.
-    let (known_count, removals_before) = std::mem::replace(&mut *known, (count, removals > 0));
-    if changed.is_empty() && removals == 0 && !removals_before && count == known_count {
-        return;
+/// What a collider is made of. None for a shape that nothing is known about.
+fn solid(collider: &RapierCollider) -> Option<Solid> {
+    match medial(collider) {
+        Some(medial) => Some(medial.shape.clone().into()),
+        None => is_known(collider.shape()).then(|| Solid::Parts(Arc::new(collider.shared_shape().clone()))),
     }
-    let (bodies, colliders) = *context;
-    let mut found: Vec<(ColliderHandle, Entity, StaticBody, bool)> = Vec::new();
-    for (entity, handle) in &statics {
-        let Some(collider) = colliders.colliders.get(handle.0).filter(|collider| collider.is_enabled()) else {
-            continue;
-        };
-        let pose = collider_pose(collider, collider.parent().and_then(|parent| bodies.bodies.get(parent)));
-        let solid = if let Some(medial) = medial(collider) {
-            StaticBody::solid_shape(medial.shape.clone(), pose)
-        } else if let Some(cuboid) = collider.shape().as_cuboid() {
-            StaticBody::solid_box(Obb { pose, half_extents: cuboid.half_extents })
-        } else {
-            continue;
-        };
-        let [groups, stop_groups] = groups(collider);
-        let body = StaticBody { groups, stop_groups, passes: collider.is_sensor(), ..solid };
-        found.push((handle.0, entity, body, collider.is_sensor()));
+}
+
+/// A collider without a body that moves, by all that the pipeline knows of it.
+#[derive(Clone)]
+pub(super) struct Fixed {
+    entity: Entity,
+    collider: ColliderHandle,
+    shape: SharedShape,
+    pose: Pose3,
+    groups: [Groups; 2],
+    world: u32,
+    sensor: bool,
+    passes: bool,
+}
+
+impl PartialEq for Fixed {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.shape.0, &other.shape.0)
+            && (self.entity, self.collider, self.pose, self.groups, self.world, self.sensor, self.passes)
+                == (other.entity, other.collider, other.pose, other.groups, other.world, other.sensor, other.passes)
     }
-    found.sort_by_key(|(handle, ..)| handle.into_raw_parts());
-    step.static_infos = found
-        .iter()
-        .map(|(handle, entity, _, sensor)| BodyInfo { sensor: *sensor, ..BodyInfo::at_rest(*entity, *handle) })
-        .collect();
-    step.statics = Statics::new(found.into_iter().map(|(_, _, body, _)| body).collect());
 }
 
 /// Runs the pipeline over the motion that rapier has solved, stops bodies at their first impact and fills the table.
 pub(super) fn detect(
     mut step: ResMut<MedialStep>,
-    starts: Res<Snapshot>,
+    snapshot: Res<Snapshot>,
     table: Res<ContactTable>,
-    statics: Query<(), With<StaticObb>>,
+    mode: Res<TimestepMode>,
+    time: Res<Time>,
     ccd: Query<&MedialCcd>,
     settings: Res<MedialSettings>,
-    context: Single<
-        (
-            &mut RapierRigidBodySet,
-            &RapierContextColliders,
-            &RapierContextJoints,
-            &RapierContextSimulation,
-            &RapierConfiguration,
-        ),
-        With<DefaultRapierContext>,
-    >,
+    mut contexts: Query<Context>,
+    mut known: Local<Vec<Fixed>>,
 ) {
-    let (mut bodies, colliders, joints, simulation, configuration) = context.into_inner();
-    if !configuration.physics_pipeline_active {
-        return;
-    }
     let step = step.as_mut();
-    let dt = simulation.integration_parameters.dt;
     step.settings = *settings;
-    step.dt = dt;
-    step.input.prediction = simulation.integration_parameters.prediction_distance();
-    step.input.allowed_overlap = simulation.integration_parameters.allowed_linear_error();
+    step.input.prediction = 0.0;
+    step.input.allowed_overlap = 0.0;
     step.input.apart.clear();
-    for (_, joint) in joints.impulse_joints.iter().filter(|(_, joint)| !joint.data.contacts_enabled) {
-        let [a, b] = [joint.body1(), joint.body2()].map(owner);
-        step.input.apart.insert([a.min(b), a.max(b)]);
-    }
     step.input.bodies.clear();
     step.infos.clear();
-    // In the order of their handles, as rapier orders pairs.
-    for (handle, collider) in colliders.colliders.iter() {
-        let Some(medial) = medial(collider).filter(|_| collider.is_enabled()) else { continue };
-        let Some(entity) = colliders.collider_entity(handle).filter(|entity| !statics.contains(*entity)) else {
-            continue;
-        };
-        let body = collider.parent().and_then(|parent| bodies.bodies.get(parent));
-        let end = collider_pose(collider, body);
-        let start =
-            starts.0.get(&handle).copied().unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
-        let center = body.map_or(Vec3::ZERO, |body| end.inverse_transform_point(body.center_of_mass()));
-        let active = body.is_some_and(|body| body.is_enabled() && !body.is_fixed() && !body.is_sleeping());
-        let [groups, stop_groups] = groups(collider);
-        step.input.bodies.push(Body {
-            shape: medial.shape.clone(),
-            sweep: Sweep::between(start.pose, end, center, body.map_or(Vec3::ZERO, |body| body.angvel() * dt)),
-            groups,
-            stop_groups,
-            owner: collider.parent().map(owner),
-            active,
-            stops: active && body.is_some_and(RapierBody::is_dynamic),
-            passes: collider.is_sensor() || ccd.get(entity).is_ok_and(|ccd| !ccd.enabled),
-        });
-        step.infos.push(BodyInfo {
-            entity,
-            collider: handle,
-            sensor: collider.is_sensor(),
-            center: start.pose.transform_point(center),
-            linear: start.linear,
-            angular: start.angular,
-        });
+    let mut worlds: Vec<(Entity, f32)> = Vec::new();
+    let mut fixed = Vec::new();
+    for context in contexts.iter().sort::<Entity>().filter(|context| context.is_medial()) {
+        let world = worlds.len() as u32;
+        let running = context.configuration.physics_pipeline_active;
+        let dt = simulated(&context, &snapshot, &mode, &time);
+        worlds.push((context.entity, dt));
+        let parameters = &context.simulation.integration_parameters;
+        step.input.prediction = step.input.prediction.max(parameters.prediction_distance());
+        step.input.allowed_overlap = step.input.allowed_overlap.max(parameters.allowed_linear_error());
+        let owner = |body| owner(world, body);
+        step.input.apart.extend(kept_apart(context.joints).into_iter().map(|pair| {
+            let [a, b] = pair.map(owner);
+            [a.min(b), a.max(b)]
+        }));
+        let assemblies = assemblies(context.joints, &context.bodies.bodies);
+        // In the order of their handles, as rapier orders pairs.
+        for (handle, collider) in context.colliders.colliders.iter().filter(|(_, collider)| collider.is_enabled()) {
+            let Some(entity) = context.colliders.collider_entity(handle) else { continue };
+            let body = context.body(collider);
+            let end = collider_pose(collider, body);
+            let sensor = collider.is_sensor();
+            // Whether they touch at all is up to a hook, which only rapier can ask.
+            let hooked = collider.active_hooks().contains(ActiveHooks::FILTER_CONTACT_PAIRS);
+            let passes = sensor || hooked || ccd.get(entity).is_ok_and(|ccd| !ccd.enabled);
+            let Some((body, parent)) = body.zip(collider.parent()).filter(|(body, _)| !body.is_fixed()) else {
+                let (shape, groups) = (collider.shared_shape().clone(), groups(collider));
+                fixed.push(Fixed { entity, collider: handle, shape, pose: end, groups, world, sensor, passes });
+                continue;
+            };
+            let Some(solid) = solid(collider) else { continue };
+            let start = snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
+            let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
+            let center = end.inverse_transform_point(body.center_of_mass());
+            let active = running && body.is_enabled() && !body.is_sleeping();
+            let [groups, stop_groups] = groups(collider);
+            // The pose of a link of a multibody is a matter of the whole.
+            let linked = context.joints.multibody_joints.rigid_body_link(parent).is_some();
+            step.input.bodies.push(Body {
+                solid,
+                sweep: Sweep::between(start.pose, end, center, body.angvel() * dt),
+                groups,
+                stop_groups,
+                owner: Some(owner(parent)),
+                assembly: Some(owner(assemblies.get(&parent).copied().unwrap_or(parent))),
+                world,
+                active,
+                stops: active && body.is_dynamic() && !linked,
+                passes,
+            });
+            step.infos.push(BodyInfo {
+                entity,
+                collider: handle,
+                sensor,
+                center: start.pose.transform_point(center),
+                linear: start.linear,
+                angular: start.angular,
+            });
+        }
+    }
+    step.dt = worlds.first().map_or(0.0, |(_, dt)| *dt);
+    if fixed != *known {
+        set_statics(step, &contexts, &worlds, &fixed);
+        *known = fixed;
     }
     step.run();
-    stop_bodies(step, &mut bodies, colliders, configuration.gravity);
-    table.fill(table_entries(step, colliders));
+    for (world, (entity, dt)) in (0..).zip(&worlds) {
+        if let Ok(context) = contexts.get_mut(*entity) {
+            stop_bodies(step, world, *dt, context);
+        }
+    }
+    let mut entries = Vec::new();
+    for (world, (entity, _)) in (0..).zip(&worlds) {
+        if let Ok(context) = contexts.get(*entity) {
+            entries.extend(table_entries(step, world, context.colliders));
+        }
+    }
+    table.fill(entries);
+}
+
+/// Rebuilds the statics: one of them has come, gone or changed.
+fn set_statics(step: &mut MedialStep, contexts: &Query<Context>, worlds: &[(Entity, f32)], fixed: &[Fixed]) {
+    let mut bodies = Vec::new();
+    step.static_infos.clear();
+    for item in fixed {
+        let context = contexts.get(worlds[item.world as usize].0).ok();
+        let collider = context.and_then(|context| context.colliders.colliders.get(item.collider));
+        let Some(solid) = collider.and_then(solid) else { continue };
+        let [groups, stop_groups] = item.groups;
+        let (world, passes) = (item.world, item.passes);
+        bodies.push(StaticBody { groups, stop_groups, world, passes, ..StaticBody::new(solid, item.pose) });
+        step.static_infos.push(BodyInfo { sensor: item.sensor, ..BodyInfo::at_rest(item.entity, item.collider) });
+    }
+    step.statics = Statics::new(bodies);
 }
 
 /// Moves bodies back to where they stop, with the velocities that they have there: the next step then resolves a true contact at a
 /// true pose. Gravity has not acted on them for the rest of the step; left in, it would feed bodies that rock to and fro.
-fn stop_bodies(step: &MedialStep, bodies: &mut RapierRigidBodySet, colliders: &RapierContextColliders, gravity: Vec3) {
+fn stop_bodies(step: &MedialStep, world: u32, dt: f32, context: ContextItem) {
+    let ContextItem { mut bodies, colliders, configuration, .. } = context;
     // The shapes of one body stop together, and it is moved once.
     let mut last = None;
-    let mut stops: Vec<_> = step.output.stops.iter().collect();
+    let mut stops: Vec<_> =
+        step.output.stops.iter().filter(|stop| step.input.bodies[stop.body as usize].world == world).collect();
     stops.sort_by_key(|stop| step.input.bodies[stop.body as usize].owner);
     for stop in stops {
         let owner = step.input.bodies[stop.body as usize].owner;
-        if owner.is_some() && std::mem::replace(&mut last, owner) == owner {
+        if std::mem::replace(&mut last, owner) == owner {
             continue;
         }
         let Some(collider) = colliders.colliders.get(step.infos[stop.body as usize].collider) else { continue };
@@ -226,35 +281,34 @@ fn stop_bodies(step: &MedialStep, bodies: &mut RapierRigidBodySet, colliders: &R
             body.set_position(stop.pose * local.inverse(), true);
             // Nor has it acted along locked axes at all.
             let free = Vec3::select(body.mass_properties().effective_inv_mass.cmpgt(Vec3::ZERO), Vec3::ONE, Vec3::ZERO);
-            let early = free * gravity * body.gravity_scale() * (1.0 - stop.fraction) * step.dt;
+            let early = free * configuration.gravity * body.gravity_scale() * (1.0 - stop.fraction) * dt;
             body.set_linvel(body.linvel() - early, true);
         }
     }
 }
 
-/// The manifolds of the step under the keys that the dispatcher will look them up by.
+/// The manifolds of a world's pairs under the keys that the dispatcher will look them up by.
 fn table_entries<'a>(
     step: &'a MedialStep,
+    world: u32,
     colliders: &'a RapierContextColliders,
-) -> impl Iterator<Item = (PairKey, Vec<crate::pipeline::Manifold>)> + 'a {
-    step.output.pairs.iter().filter_map(move |pair| {
-        let info1 = &step.infos[pair.body1 as usize];
-        let info2 = step.info(pair.target);
-        let medial1 = medial(colliders.colliders.get(info1.collider)?)?;
-        let collider2 = colliders.colliders.get(info2.collider)?;
-        let end1 = step.final_pose(pair.body1);
-        let end2 = match pair.target {
-            Target::Body(body) => step.final_pose(body),
-            Target::Static(_) => *collider2.position(),
-        };
-        let second = SecondKey::of(collider2.shape())?;
+) -> impl Iterator<Item = (PairKey, Vec<Manifold>)> + 'a {
+    let world_of = |side: Side| match side {
+        Side::Body(body) => step.input.bodies[body as usize].world,
+        Side::Static(body) => step.statics.bodies()[body as usize].world,
+    };
+    step.output.pairs.iter().filter(move |pair| world_of(pair.first) == world).filter_map(|pair| {
+        let [(handle1, end1), (handle2, end2)] =
+            [pair.first, pair.second].map(|side| (step.info(side).collider, step.final_pose(side)));
+        let first = medial(colliders.colliders.get(handle1)?)?;
+        let second = SecondKey::of(colliders.colliders.get(handle2)?.shape());
         // As the dispatcher will have it from rapier, which puts the lower handle first.
-        let pose12 = if info1.collider.into_raw_parts() < info2.collider.into_raw_parts() {
+        let pose12 = if handle1.into_raw_parts() < handle2.into_raw_parts() {
             end1.inv_mul(&end2)
         } else {
             end2.inv_mul(&end1).inverse()
         };
-        let key = PairKey::new(medial1.key, second, &pose12, step.input.prediction);
+        let key = PairKey::new(first.key, second, &pose12, step.input.prediction);
         Some((key, step.output.manifolds[pair.manifolds.clone()].to_vec()))
     })
 }

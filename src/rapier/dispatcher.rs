@@ -14,15 +14,14 @@ use bevy_rapier3d::{
 use glam::Vec3;
 
 use super::{
-    cast,
-    parts::visit_parts,
+    parts::{Foreign, is_known},
     shape::MedialShape,
     table::{ContactTable, PairKey, SecondKey},
 };
 use crate::{
     geometry::Pose3,
     pipeline::{
-        Manifold, Second,
+        Manifold, Second, Shape,
         contact::{self, Contact},
     },
 };
@@ -48,45 +47,33 @@ struct Pair<'a> {
 
 impl<'a> Pair<'a> {
     fn new(pose12: &Pose, shape1: &'a dyn ParryShape, shape2: &'a dyn ParryShape) -> Result<Self, Unsupported> {
-        match (shape1.as_shape::<MedialShape>(), shape2.as_shape::<MedialShape>()) {
-            (Some(first), _) => Ok(Self { first, other: shape2, pose12: *pose12, swapped: false }),
-            (None, Some(first)) => Ok(Self { first, other: shape1, pose12: pose12.inverse(), swapped: true }),
-            (None, None) => Err(Unsupported),
+        let pair = match (shape1.as_shape::<MedialShape>(), shape2.as_shape::<MedialShape>()) {
+            (Some(first), _) => Self { first, other: shape2, pose12: *pose12, swapped: false },
+            (None, Some(first)) => Self { first, other: shape1, pose12: pose12.inverse(), swapped: true },
+            (None, None) => return Err(Unsupported),
+        };
+        if is_known(pair.other) { Ok(pair) } else { Err(Unsupported) }
+    }
+
+    /// Calls `function` with the medial shape and the other side.
+    fn with_sides<R>(&self, function: impl FnOnce(&Shape, Second) -> R) -> R {
+        match self.other.as_shape::<MedialShape>() {
+            Some(other) => function(&self.first.shape, Second::Shape(&other.shape)),
+            None => function(&self.first.shape, Second::Parts(&Foreign(self.other))),
         }
     }
 
-    /// The contacts within `prediction` metres, points of the other side in its collider's frame.
-    fn contacts(&self, prediction: f32) -> Result<Vec<Contact>, Unsupported> {
-        let shape1 = &self.first.shape;
-        let reach = shape1.aabb().transformed(&self.pose12.inverse(), 1.0).inflated(prediction);
+    fn manifolds(&self, prediction: f32, table: &ContactTable) -> Vec<Manifold> {
+        let key = PairKey::new(self.first.key, SecondKey::of(self.other), &self.pose12, prediction);
+        table.get(&key).unwrap_or_else(|| {
+            self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, prediction))
+        })
+    }
+
+    fn nearest(&self, max_distance: f32) -> Option<Contact> {
         let mut contacts = Vec::new();
-        let known = visit_parts(self.other, &reach, &mut |part| {
-            let found = contacts.len();
-            let pose12 = self.pose12 * part.pose;
-            contact::find(shape1, part.second, &pose12, prediction + part.rounding, &mut contacts);
-            for contact in &mut contacts[found..] {
-                let normal2 = pose12.rotation.inverse() * -contact.normal1;
-                contact.point2 = part.pose.transform_point(contact.point2 + normal2 * part.rounding);
-                contact.distance -= part.rounding;
-                if !matches!(part.second, Second::Shape(_)) {
-                    contact.primitive2 = part.id;
-                }
-            }
-        });
-        if known { Ok(contacts) } else { Err(Unsupported) }
-    }
-
-    fn manifolds(&self, prediction: f32, table: &ContactTable) -> Result<Vec<Manifold>, Unsupported> {
-        let key = SecondKey::of(self.other).map(|key| PairKey::new(self.first.key, key, &self.pose12, prediction));
-        match key.and_then(|key| table.get(&key)) {
-            Some(manifolds) => Ok(manifolds),
-            None => Ok(contact::reduced(self.contacts(prediction)?)),
-        }
-    }
-
-    fn nearest(&self, max_distance: f32) -> Result<Option<Contact>, Unsupported> {
-        let contacts = self.contacts(max_distance)?;
-        Ok(contacts.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance)))
+        self.with_sides(|first, second| contact::find(first, second, &self.pose12, max_distance, &mut contacts));
+        contacts.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))
     }
 
     /// Point and outward normal of both sides, each in its collider's frame, in rapier's order.
@@ -109,12 +96,12 @@ impl<'a> Pair<'a> {
 
 impl QueryDispatcher for MedialDispatcher {
     fn intersection_test(&self, pos12: &Pose, g1: &dyn ParryShape, g2: &dyn ParryShape) -> Result<bool, Unsupported> {
-        Ok(Pair::new(pos12, g1, g2)?.nearest(0.0)?.is_some())
+        Ok(Pair::new(pos12, g1, g2)?.nearest(0.0).is_some())
     }
 
     fn distance(&self, pos12: &Pose, g1: &dyn ParryShape, g2: &dyn ParryShape) -> Result<Real, Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
-        Ok(pair.nearest(pair.distance_bound())?.map_or(0.0, |contact| contact.distance.max(0.0)))
+        Ok(pair.nearest(pair.distance_bound()).map_or(0.0, |contact| contact.distance.max(0.0)))
     }
 
     fn contact(
@@ -125,7 +112,7 @@ impl QueryDispatcher for MedialDispatcher {
         prediction: Real,
     ) -> Result<Option<ParryContact>, Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
-        Ok(pair.nearest(prediction)?.map(|contact| {
+        Ok(pair.nearest(prediction).map(|contact| {
             let [(point1, normal1), (point2, normal2)] = pair.sides(&contact);
             ParryContact::new(point1, point2, normal1, normal2, contact.distance)
         }))
@@ -139,7 +126,7 @@ impl QueryDispatcher for MedialDispatcher {
         max_dist: Real,
     ) -> Result<ClosestPoints, Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
-        Ok(match pair.nearest(max_dist)? {
+        Ok(match pair.nearest(max_dist) {
             None => ClosestPoints::Disjoint,
             Some(contact) if contact.distance <= 0.0 => ClosestPoints::Intersecting,
             Some(contact) => {
@@ -160,22 +147,18 @@ impl QueryDispatcher for MedialDispatcher {
         Pair::new(pos12, g1, g2).and(Err(Unsupported))
     }
 
-    /// No hit for two medial shapes: the step finds their impacts itself, with both motions.
+    /// No hit: the step finds the impacts of medial shapes itself, with both motions.
     fn cast_shapes_nonlinear(
         &self,
-        motion1: &NonlinearRigidMotion,
+        _: &NonlinearRigidMotion,
         g1: &dyn ParryShape,
-        motion2: &NonlinearRigidMotion,
+        _: &NonlinearRigidMotion,
         g2: &dyn ParryShape,
-        start_time: Real,
-        end_time: Real,
-        stop_at_penetration: bool,
+        _: Real,
+        _: Real,
+        _: bool,
     ) -> Result<Option<ShapeCastHit>, Unsupported> {
-        let pair = Pair::new(&Pose::IDENTITY, g1, g2)?;
-        let [first, second] = pair.in_order(motion1, motion2);
-        let times = [start_time, end_time];
-        let hit = cast::first_impact((pair.first, first), (pair.other, second), times, stop_at_penetration);
-        Ok(hit.map(|hit| if pair.swapped { hit.swapped() } else { hit }))
+        Pair::new(&Pose::IDENTITY, g1, g2).map(|_| None)
     }
 }
 
@@ -204,7 +187,7 @@ impl PersistentQueryDispatcher<ContactManifoldData, ContactData> for MedialDispa
         workspace: &mut Option<ContactManifoldsWorkspace>,
     ) -> Result<(), Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
-        let found = pair.manifolds(prediction, &self.table)?;
+        let found = pair.manifolds(prediction, &self.table);
         if workspace.is_none() {
             *workspace = Some(Composite.into());
         }

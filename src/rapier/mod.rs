@@ -14,9 +14,9 @@
 //! A body that is moved in between is no longer where the table knows it, and its contacts are computed on demand.
 
 mod attach;
-mod cast;
 mod detect;
 mod dispatcher;
+mod joints;
 mod parts;
 mod shape;
 mod table;
@@ -63,7 +63,7 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
             (attach::detach, attach::attach_shapes, attach::attach_boxes).chain().in_set(MedialSystems::Attach),
         )
         .add_systems(schedule, (attach::wake_attached, detect::snapshot).chain().in_set(MedialSystems::Snapshot))
-        .add_systems(schedule, (detect::gather_statics, detect::detect).chain().in_set(MedialSystems::Detect));
+        .add_systems(schedule, detect::detect.in_set(MedialSystems::Detect));
 }
 
 fn install_dispatcher(table: Res<ContactTable>, mut contexts: Query<&mut RapierContextSimulation>) {

@@ -1,136 +1,178 @@
-//! Rapier's colliders in the terms of the pipeline: one convex part, or those of many that are near.
+//! Rapier's colliders in the terms of the pipeline: the convex parts of their shapes that are in reach.
 
 use bevy_rapier3d::parry::{
     bounding_volume::Aabb as ParryAabb,
     math::{Pose, Vector},
     query::details::contact_support_map_support_map,
-    shape::{Shape as ParryShape, SupportMap, TypedShape},
+    shape::{Shape as ParryShape, SharedShape, SupportMap, TypedShape},
 };
 use glam::{Quat, Vec3};
 
 use super::shape::MedialShape;
 use crate::{
     geometry::{Aabb, Pose3, Sphere},
-    pipeline::{Hull, Second},
+    pipeline::{ConvexParts, Core, Hull, Part},
     query::SupportShape,
 };
 
-/// A convex part of a collider's shape.
-pub(super) struct Part<'a> {
-    /// Which.
-    pub id: u32,
-    /// Pose of its frame in the collider's.
-    pub pose: Pose3,
-    /// The part without its rounding.
-    pub second: Second<'a>,
-    /// How far its surface is outside of that, in metres.
-    pub rounding: f32,
-}
+/// Coordinates of shapes without an end, in metres: beyond them f32 has nothing to tell.
+const FARTHEST: f32 = 1.0e9;
 
-impl<'a> Part<'a> {
-    /// The only part of a shape, in the shape's own frame.
-    fn whole(second: Second<'a>, rounding: f32) -> Self {
-        Self { id: 0, pose: Pose3::IDENTITY, second, rounding }
+/// A collider's shape that is not medial.
+pub(super) struct Foreign<'a>(pub &'a dyn ParryShape);
+
+impl ConvexParts for Foreign<'_> {
+    fn aabb(&self) -> Aabb {
+        let aabb = self.0.compute_local_aabb();
+        let ends = [aabb.mins, aabb.maxs].map(|corner| corner.clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST)));
+        Aabb { min: ends[0], max: ends[1] }
+    }
+
+    fn bounding_sphere(&self) -> Sphere {
+        let sphere = self.0.compute_local_bounding_sphere();
+        Sphere::new(sphere.center, sphere.radius.min(FARTHEST))
+    }
+
+    fn len(&self) -> usize {
+        match self.0.as_typed_shape() {
+            TypedShape::Compound(compound) => compound.shapes().len(),
+            TypedShape::TriMesh(mesh) => mesh.indices().len(),
+            TypedShape::Polyline(line) => line.indices().len(),
+            TypedShape::HeightField(field) => field.triangles().count(),
+            TypedShape::Voxels(voxels) => voxels.voxels().filter(|voxel| !voxel.state.is_empty()).count(),
+            _ => 1,
+        }
+    }
+
+    fn within(&self, reach: &Aabb) -> Vec<Part<'_>> {
+        parts_within(self.0, reach)
     }
 }
 
-/// Calls `visit` with the parts of a collider's shape that come within `reach`, a box in the collider's frame. False for a shape that nothing
-/// is known about.
-pub(super) fn visit_parts(shape: &dyn ParryShape, reach: &Aabb, visit: &mut dyn FnMut(Part)) -> bool {
+impl ConvexParts for SharedShape {
+    fn aabb(&self) -> Aabb {
+        Foreign(&**self).aabb()
+    }
+
+    fn bounding_sphere(&self) -> Sphere {
+        Foreign(&**self).bounding_sphere()
+    }
+
+    fn len(&self) -> usize {
+        Foreign(&**self).len()
+    }
+
+    fn within(&self, reach: &Aabb) -> Vec<Part<'_>> {
+        parts_within(&**self, reach)
+    }
+}
+
+/// False for a shape of which nothing is known but that it is there.
+pub(super) fn is_known(shape: &dyn ParryShape) -> bool {
+    let custom = matches!(shape.as_typed_shape(), TypedShape::Custom(_));
+    !custom || shape.as_shape::<MedialShape>().is_some() || shape.as_support_map().is_some()
+}
+
+/// The convex parts of a shape that come within `reach`, a box in its frame.
+fn parts_within<'a>(shape: &'a dyn ParryShape, reach: &Aabb) -> Vec<Part<'a>> {
     let parry_reach = ParryAabb::new(reach.min, reach.max);
-    if let Some(composite) = shape.as_composite_shape() {
-        let mut known = true;
-        for id in composite.bvh().intersect_aabb(&parry_reach) {
-            composite.map_part_at(id, &mut |pose, shape, _| {
-                known &= visit_convex(shape, reach, &mut |part| {
-                    visit(Part { id, pose: pose.map_or(part.pose, |pose| pose * part.pose), ..part });
-                });
+    let mut parts = Vec::new();
+    match shape.as_typed_shape() {
+        TypedShape::Compound(compound) => {
+            for id in sorted(compound.bvh().intersect_aabb(&parry_reach)) {
+                let (pose, shape) = &compound.shapes()[id as usize];
+                parts.extend(convex(id, *pose, &**shape, reach));
+            }
+        }
+        TypedShape::TriMesh(mesh) => {
+            let ids = sorted(mesh.bvh().intersect_aabb(&parry_reach));
+            parts.extend(ids.into_iter().map(|id| {
+                let triangle = mesh.triangle(id);
+                slab(id, [triangle.a, triangle.b, triangle.c], 0.0)
+            }));
+        }
+        TypedShape::Polyline(line) => {
+            let ids = sorted(line.bvh().intersect_aabb(&parry_reach));
+            parts.extend(ids.into_iter().map(|id| {
+                let segment = line.segment(id);
+                cone(id, [segment.a, segment.b], 0.0)
+            }));
+        }
+        TypedShape::HeightField(field) => {
+            field.map_elements_in_local_aabb(&parry_reach, &mut |id, triangle| {
+                parts.push(slab(id, [triangle.a, triangle.b, triangle.c], 0.0));
             });
         }
-        return known;
-    }
-    // The medial shape first: parry knows its own shapes only.
-    if shape.as_shape::<MedialShape>().is_none() {
-        match shape.as_typed_shape() {
-            TypedShape::HeightField(field) => {
-                field.map_elements_in_local_aabb(&parry_reach, &mut |id, triangle| {
-                    let second = Second::Hull(slab([triangle.a, triangle.b, triangle.c], 0.0));
-                    visit(Part { id, pose: Pose3::IDENTITY, second, rounding: 0.0 });
-                });
-                return true;
+        TypedShape::Voxels(voxels) => {
+            let half = voxels.voxel_size() * 0.5;
+            for voxel in voxels.voxels_intersecting_local_aabb(&parry_reach).filter(|voxel| !voxel.state.is_empty()) {
+                let pose = Pose3::from_translation(voxel.center);
+                parts.push(Part::of_cuboid(voxel.linear_id.flat_id() as u32, pose, half, 0.0, reach));
             }
-            TypedShape::Voxels(voxels) => {
-                let second = Second::Cuboid(voxels.voxel_size() * 0.5);
-                for voxel in voxels.voxels_intersecting_local_aabb(&parry_reach).filter(|voxel| !voxel.state.is_empty())
-                {
-                    let pose = Pose3::from_translation(voxel.center);
-                    visit(Part { id: voxel.linear_id.flat_id() as u32, pose, second, rounding: 0.0 });
-                }
-                return true;
-            }
-            _ => {}
         }
+        _ => parts.extend(convex(0, Pose3::IDENTITY, shape, reach)),
     }
-    visit_convex(shape, reach, visit)
+    parts
 }
 
-/// The same for a shape of one part.
-fn visit_convex(shape: &dyn ParryShape, reach: &Aabb, visit: &mut dyn FnMut(Part)) -> bool {
-    if let Some(medial) = shape.as_shape::<MedialShape>() {
-        visit(Part::whole(Second::Shape(&medial.shape), 0.0));
-        return true;
-    }
-    match shape.as_typed_shape() {
-        TypedShape::Cuboid(cuboid) => visit(Part::whole(Second::Cuboid(cuboid.half_extents), 0.0)),
+fn sorted(ids: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut ids: Vec<u32> = ids.collect();
+    ids.sort_unstable();
+    ids
+}
+
+/// A shape of one part, which has the pose `pose` in the collider's frame.
+fn convex<'a>(id: u32, pose: Pose3, shape: &'a dyn ParryShape, reach: &Aabb) -> Option<Part<'a>> {
+    let at = |part: Part<'a>| Part { pose: pose * part.pose, ..part };
+    Some(match shape.as_typed_shape() {
+        TypedShape::Cuboid(cuboid) => Part::of_cuboid(id, pose, cuboid.half_extents, 0.0, reach),
         TypedShape::RoundCuboid(round) => {
-            visit(Part::whole(Second::Cuboid(round.inner_shape.half_extents), round.border_radius))
+            Part::of_cuboid(id, pose, round.inner_shape.half_extents, round.border_radius, reach)
         }
         TypedShape::Ball(ball) => {
-            visit(Part::whole(Second::Hull(Hull::Sphere([Sphere::new(Vec3::ZERO, ball.radius)])), 0.0))
+            let core = Core::Hull(Hull::Sphere([Sphere::new(Vec3::ZERO, ball.radius)]));
+            Part { id, pose, core, rounding: 0.0 }
         }
-        TypedShape::Capsule(capsule) => {
-            visit(Part::whole(Second::Hull(cone([capsule.segment.a, capsule.segment.b], capsule.radius)), 0.0));
-        }
-        TypedShape::Segment(segment) => visit(Part::whole(Second::Hull(cone([segment.a, segment.b], 0.0)), 0.0)),
-        TypedShape::Triangle(triangle) => {
-            visit(Part::whole(Second::Hull(slab([triangle.a, triangle.b, triangle.c], 0.0)), 0.0))
-        }
+        TypedShape::Capsule(capsule) => at(cone(id, [capsule.segment.a, capsule.segment.b], capsule.radius)),
+        TypedShape::Segment(segment) => at(cone(id, [segment.a, segment.b], 0.0)),
+        TypedShape::Triangle(triangle) => at(slab(id, [triangle.a, triangle.b, triangle.c], 0.0)),
         TypedShape::RoundTriangle(round) => {
             let triangle = round.inner_shape;
-            visit(Part::whole(Second::Hull(slab([triangle.a, triangle.b, triangle.c], round.border_radius)), 0.0));
+            at(slab(id, [triangle.a, triangle.b, triangle.c], round.border_radius))
         }
-        TypedShape::RoundCylinder(round) => return visit_mapped(&round.inner_shape, round.border_radius, visit),
-        TypedShape::RoundCone(round) => return visit_mapped(&round.inner_shape, round.border_radius, visit),
-        TypedShape::RoundConvexPolyhedron(round) => {
-            return visit_mapped(&round.inner_shape, round.border_radius, visit);
-        }
+        TypedShape::RoundCylinder(round) => mapped(id, pose, &round.inner_shape, round.border_radius)?,
+        TypedShape::RoundCone(round) => mapped(id, pose, &round.inner_shape, round.border_radius)?,
+        TypedShape::RoundConvexPolyhedron(round) => mapped(id, pose, &round.inner_shape, round.border_radius)?,
         TypedShape::HalfSpace(half_space) => {
             // A box below the plane, larger than what can reach it and centred under that.
+            let reach = reach.transformed(&pose.inverse(), 1.0);
             let center = reach.center();
             let height = half_space.normal.dot(center);
             let half = 4.0 * reach.half_extents().length() + height.abs();
             let turn = Quat::from_rotation_arc(Vec3::Y, half_space.normal);
-            let pose = Pose3::from_parts(center - half_space.normal * (height + half), turn);
-            visit(Part { id: 0, pose, second: Second::Cuboid(Vec3::splat(half)), rounding: 0.0 });
+            let pose = pose * Pose3::from_parts(center - half_space.normal * (height + half), turn);
+            Part { id, pose, core: Core::Cuboid(Vec3::splat(half)), rounding: 0.0 }
         }
-        _ => return visit_mapped(shape, 0.0, visit),
-    }
-    true
+        _ => mapped(id, pose, shape, 0.0)?,
+    })
 }
 
-/// The same for a shape that has a support map, and a rounding outside of that.
-fn visit_mapped(shape: &dyn ParryShape, rounding: f32, visit: &mut dyn FnMut(Part)) -> bool {
-    let Some(map) = shape.as_support_map() else { return false };
-    visit(Part::whole(Second::Support(&Mapped { shape, map }), rounding));
-    true
+/// A shape that has a support map, and a rounding outside of that.
+fn mapped<'a>(id: u32, pose: Pose3, shape: &'a dyn ParryShape, rounding: f32) -> Option<Part<'a>> {
+    let map = shape.as_support_map()?;
+    Some(Part { id, pose, core: Core::Support(Box::new(Mapped { shape, map })), rounding })
 }
 
-fn cone(ends: [Vec3; 2], radius: f32) -> Hull {
-    Hull::Cone(ends.map(|center| Sphere::new(center, radius)))
+/// A capsule or segment. The origin is its first end: coordinates are of its own size.
+fn cone<'a>(id: u32, [a, b]: [Vec3; 2], radius: f32) -> Part<'a> {
+    let spheres = [Vec3::ZERO, b - a].map(|center| Sphere::new(center, radius));
+    Part { id, pose: Pose3::from_translation(a), core: Core::Hull(Hull::Cone(spheres)), rounding: 0.0 }
 }
 
-fn slab(corners: [Vec3; 3], radius: f32) -> Hull {
-    Hull::Slab(corners.map(|center| Sphere::new(center, radius)))
+/// A triangle, flat or round, likewise.
+fn slab<'a>(id: u32, [a, b, c]: [Vec3; 3], radius: f32) -> Part<'a> {
+    let spheres = [Vec3::ZERO, b - a, c - a].map(|center| Sphere::new(center, radius));
+    Part { id, pose: Pose3::from_translation(a), core: Core::Hull(Hull::Slab(spheres)), rounding: 0.0 }
 }
 
 /// A convex shape of parry's.

@@ -33,16 +33,17 @@ pub(super) struct PairKey {
 /// The second side of a pair.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum SecondKey {
-    Shape(u64),
-    Cuboid([u32; 3]),
+    Medial(u64),
+    /// Where another shape is in memory: the step keeps it there as long as the table has its contacts.
+    Address(usize),
 }
 
 impl SecondKey {
-    /// The key of a shape that the step looks at: a medial one or a box.
-    pub fn of(shape: &dyn Shape) -> Option<Self> {
-        match (shape.as_shape::<MedialShape>(), shape.as_cuboid()) {
-            (Some(medial), _) => Some(Self::Shape(medial.key)),
-            (None, cuboid) => cuboid.map(|cuboid| Self::Cuboid(cuboid.half_extents.to_array().map(f32::to_bits))),
+    /// The key of a shape.
+    pub fn of(shape: &dyn Shape) -> Self {
+        match shape.as_shape::<MedialShape>() {
+            Some(medial) => Self::Medial(medial.key),
+            None => Self::Address(std::ptr::from_ref(shape).cast::<()>() as usize),
         }
     }
 }
@@ -57,7 +58,7 @@ impl PairKey {
 
 impl ContactTable {
     /// Replaces all entries.
-    pub(super) fn fill(&self, entries: impl Iterator<Item = (PairKey, Vec<Manifold>)>) {
+    pub(super) fn fill(&self, entries: Vec<(PairKey, Vec<Manifold>)>) {
         // A panic of another thread while it held the lock leaves nothing half done here.
         let mut table = self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner());
         table.manifolds.clear();

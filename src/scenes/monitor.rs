@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::{Projectile, WORLD_RADIUS};
 use crate::{
-    pipeline::{Target, Times},
+    pipeline::Times,
     plugin::{MedialContactStarted, MedialStep, MedialSystems},
 };
 
@@ -199,14 +199,10 @@ fn watch(
     let was_near = std::mem::take(&mut monitor.near);
     let mut overlap_percent = 0.0f32;
     for pair in &step.output.pairs {
-        let info2 = step.info(pair.target);
-        let info1 = &step.infos[pair.body1 as usize];
+        let [info1, info2] = [pair.first, pair.second].map(|side| step.info(side));
         monitor.near.extend([info1.entity, info2.entity]);
-        let size1 = 2.0 * step.input.bodies[pair.body1 as usize].shape.bounding_sphere().radius;
-        let size = match pair.target {
-            Target::Body(body) => size1.min(2.0 * step.input.bodies[body as usize].shape.bounding_sphere().radius),
-            Target::Static(_) => size1,
-        };
+        let moving = [pair.first, pair.second].into_iter().filter(|side| side.body().is_some());
+        let size = 2.0 * moving.map(|side| step.solid(side).bounding_sphere().radius).fold(f32::INFINITY, f32::min);
         let manifolds = &step.output.manifolds[pair.manifolds.clone()];
         let deepest = manifolds.iter().map(|m| -m.contacts()[0].distance).fold(0.0, f32::max);
         overlap_percent = overlap_percent.max(100.0 * deepest / size);
@@ -237,8 +233,8 @@ fn watch(
         }
         energy += rigid.kinetic_energy();
         mass += rigid.mass();
-        let scale = body.shape.scale;
-        for sphere in body.shape.axis.spheres().iter().map(|sphere| sphere.scaled(scale)) {
+        let Some(shape) = body.solid.medial() else { continue };
+        for sphere in shape.axis.spheres().iter().map(|sphere| sphere.scaled(shape.scale)) {
             lowest_y = lowest_y.min(rigid.position().transform_point(sphere.center).y - sphere.radius);
         }
     }

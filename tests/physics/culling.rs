@@ -1,7 +1,7 @@
 //! Hybrid culling loses nothing and adds nothing.
 
 use bevy::tasks::{ComputeTaskPool, TaskPool};
-use bevy_medial::pipeline::{Body, Culling, Statics, StepInput, StepOutput, Target, step};
+use bevy_medial::pipeline::{Body, Culling, Statics, StepInput, StepOutput, step};
 use glam::Vec3;
 
 use crate::{
@@ -68,7 +68,7 @@ fn far_from_the_origin_impacts_are_the_same() {
             (run(&input, &statics), input)
         });
         let impacts_of = |output: &StepOutput| {
-            let impacts = output.pairs.iter().filter_map(|pair| Some(((pair.body1, pair.target), pair.impact?)));
+            let impacts = output.pairs.iter().filter_map(|pair| Some(((pair.first, pair.second), pair.impact?)));
             impacts.collect::<Vec<_>>()
         };
         let (near, mut remote) = (impacts_of(&near), impacts_of(&remote));
@@ -79,13 +79,12 @@ fn far_from_the_origin_impacts_are_the_same() {
                 continue;
             };
             let (_, b) = remote.swap_remove(index);
-            let [reach1, reach2] =
-                [Some(pair.0), if let Target::Body(body) = pair.1 { Some(body) } else { None }].map(|body| {
-                    body.map_or(0.0, |body| {
-                        let Body { sweep, shape, .. } = &input.bodies[body as usize];
-                        sweep.reach(shape.bounding_sphere().radius)
-                    })
-                });
+            let [reach1, reach2] = [pair.0, pair.1].map(|side| {
+                side.body().map_or(0.0, |body| {
+                    let Body { sweep, solid, .. } = &input.bodies[body as usize];
+                    sweep.reach(solid.bounding_sphere().radius)
+                })
+            });
             // Those that graze, and those that spin, where one chord more or less makes a difference.
             let late = (a.fraction - b.fraction).abs() * (reach1 + reach2);
             assert!(late < 0.05, "seed {seed}: {a:?} {b:?}");

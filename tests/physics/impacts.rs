@@ -67,14 +67,15 @@ fn random_case(random: &mut Random, shapes: &[MedialAxis], turn: f32) -> Case {
     let offset = toward * (0.3 + random.unit() * (0.5 + speed)) + random.vector() * 0.4;
     let drifts = [0, 1].map(|_| random.vector() * 0.1 * speed);
     let mut first = body(random, Vec3::ZERO, drifts[0]);
-    let corners1 = corners_of(&first.shape, 0);
+    let corners1 = corners_of(first.solid.medial().unwrap(), 0);
     let origin = glam::DVec3::ZERO;
     let motion1 = Motion::new(&first.sweep, origin);
-    let size1 = arm(&first.shape, &first.sweep);
+    let size1 = arm(first.solid.medial().unwrap(), &first.sweep);
     if random.below(2) == 0 {
         let second = body(random, offset, drifts[1] - toward * speed);
-        let sides = [(corners1, motion1), (corners_of(&second.shape, 0), Motion::new(&second.sweep, origin))];
-        let size = size1.min(arm(&second.shape, &second.sweep));
+        let sides =
+            [(corners1, motion1), (corners_of(second.solid.medial().unwrap(), 0), Motion::new(&second.sweep, origin))];
+        let size = size1.min(arm(second.solid.medial().unwrap(), &second.sweep));
         let input = StepInput { bodies: vec![first, second], ..default() };
         Case { input, statics: Statics::default(), pair: MovingPair { sides }, size }
     } else {

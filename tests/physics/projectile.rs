@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy_medial::{
     geometry::Sweep,
-    pipeline::{Body, Shape, Target},
+    pipeline::{Body, Shape, Side},
     plugin::MedialStep,
     scenes::{Monitor, Projectile, Scene},
 };
@@ -32,7 +32,7 @@ impl Solid {
 
     fn of_body(body: &Body, origin: DVec3) -> Self {
         let parts = |shape: &Shape| (0..shape.len() as u32).map(|i| corners_of(shape, i)).collect::<Vec<_>>();
-        Self::new(parts(&body.shape).into_iter(), Motion::new(&body.sweep, origin))
+        Self::new(parts(body.solid.medial().unwrap()).into_iter(), Motion::new(&body.sweep, origin))
     }
 
     fn reach(&self) -> f64 {
@@ -92,9 +92,9 @@ fn true_impacts(step: &MedialStep, projectile: u32) -> Vec<(Entity, f64)> {
         .filter(|&other| other != projectile)
         .map(|other| (step.infos[other as usize].entity, Solid::of_body(&step.input.bodies[other as usize], origin)));
     let statics = step.statics.bodies().iter().zip(&step.static_infos).map(|(body, info)| {
-        assert!(body.shape.is_none());
-        let still = Motion::new(&Sweep::at_rest(body.obb.pose), origin);
-        (info.entity, Solid::new(std::iter::once(corners_of_box(&body.obb)), still))
+        assert!(body.solid.medial().is_none());
+        let still = Motion::new(&Sweep::at_rest(body.pose), origin);
+        (info.entity, Solid::new(std::iter::once(corners_of_box(&body.obb())), still))
     });
     let mut found: Vec<(Entity, f64)> = Vec::new();
     for (entity, solid) in bodies.chain(statics) {
@@ -107,9 +107,9 @@ fn true_impacts(step: &MedialStep, projectile: u32) -> Vec<(Entity, f64)> {
 /// The projectile's first impact in the step: with whom, and when.
 fn found_impact(step: &MedialStep, projectile: u32) -> Option<(Entity, f64)> {
     let impacts = step.output.pairs.iter().filter_map(|pair| {
-        let other = match pair.target {
-            Target::Body(other) if other == projectile => step.infos[pair.body1 as usize].entity,
-            target if pair.body1 == projectile => step.info(target).entity,
+        let other = match (pair.first, pair.second) {
+            (first, Side::Body(second)) if second == projectile => step.info(first).entity,
+            (Side::Body(first), second) if first == projectile => step.info(second).entity,
             _ => return None,
         };
         Some((other, f64::from(pair.impact?.fraction)))
@@ -140,7 +140,7 @@ fn the_dinosaur_meets_first_what_its_true_motion_meets_first() {
             let (found, found_fraction) = found.unwrap_or_else(|| panic!("seed {seed}: {truth:?} missed"));
             // Impacts are early by the chords' tolerance and, where limbs touch that will not overlap, late by less than the slop.
             let body = &step.input.bodies[index as usize];
-            let close = 5e-3 / f64::from(body.sweep.reach(body.shape.bounding_sphere().radius));
+            let close = 5e-3 / f64::from(body.sweep.reach(body.solid.bounding_sphere().radius));
             assert!((found_fraction - fraction).abs() < close, "seed {seed}: {found_fraction} not {fraction}");
             let first: Vec<Entity> = truth.iter().filter(|(_, f)| *f <= fraction + close).map(|(e, _)| *e).collect();
             assert!(first.contains(&found), "seed {seed}: {found}, but {truth:?}");

@@ -96,11 +96,8 @@ pub fn random_step(
             let groups = groups(random);
             let passes = random.below(12) == 0;
             if random.below(3) == 0 {
-                let shape = shape(random);
-                let aabb = shape.aabb();
-                let obb =
-                    Obb { pose: pose * Pose3::from_translation(aabb.center()), half_extents: aabb.half_extents() };
-                StaticBody { shape: Some((shape, pose)), groups, passes, ..StaticBody::solid_box(obb) }
+                let solid = StaticBody::new(shape(random), pose);
+                StaticBody { groups, passes, ..solid }
             } else {
                 // Plates, rods and blocks, from 1 cm to the room's size.
                 let size = |random: &mut Random| [0.01, 0.1, 0.5, 0.5 * room][random.below(4)] * (0.5 + random.unit());

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_medial::{
     geometry::Pose3,
     medial_axis::MedialAxis,
-    pipeline::{Second, Shape, Target, contact},
+    pipeline::{Shape, Side, contact},
     plugin::MedialStep,
     rapier::{ContactTable, MedialDispatcher, MedialShape},
     scenes::Scene,
@@ -65,22 +65,10 @@ fn the_step_finds_what_a_computation_at_its_end_finds() {
             app.update();
             let step = app.world().resource::<MedialStep>();
             for pair in &step.output.pairs {
-                let shape1 = &step.input.bodies[pair.body1 as usize].shape;
-                let end1 = step.final_pose(pair.body1);
-                let (second, end2) = match pair.target {
-                    Target::Body(body) => {
-                        bodies += 1;
-                        (Second::Shape(&step.input.bodies[body as usize].shape), step.final_pose(body))
-                    }
-                    Target::Static(body) => {
-                        statics += 1;
-                        let body = &step.statics.bodies()[body as usize];
-                        match &body.shape {
-                            Some((shape, pose)) => (Second::Shape(shape), *pose),
-                            None => (Second::Cuboid(body.obb.half_extents), body.obb.pose),
-                        }
-                    }
-                };
+                let [(first, end1), (second, end2)] =
+                    [pair.first, pair.second].map(|side| (step.solid(side), step.final_pose(side)));
+                *if pair.second.body().is_some() { &mut bodies } else { &mut statics } += 1;
+                let (shape1, second) = (first.medial().unwrap(), second.second());
                 let computed = contact::manifolds(shape1, second, &end1.inv_mul(&end2), step.input.prediction);
                 let found = &step.output.manifolds[pair.manifolds.clone()];
                 assert_eq!(found, computed, "{name}: {pair:?}");
@@ -125,8 +113,7 @@ fn rapier_gets_from_the_table_what_it_would_get_computed() {
                 assert!(physics.table.len() >= near.clone().count());
                 for pair in near {
                     // As rapier asks: the lower handle first.
-                    let body = physics.step.infos[pair.body1 as usize].collider;
-                    let mut handles = [body, physics.step.info(pair.target).collider];
+                    let mut handles = [pair.first, pair.second].map(|side| physics.step.info(side).collider);
                     handles.sort_by_key(|handle| handle.into_raw_parts());
                     let pose12 = physics.pose(handles[0]).inv_mul(&physics.pose(handles[1]));
                     let shapes = handles.map(|handle| physics.collider(handle).shape());
@@ -139,10 +126,10 @@ fn rapier_gets_from_the_table_what_it_would_get_computed() {
                         [0, 1].map(|i| disguises[i].as_ref().map_or(shapes[i], |shape| shape as &dyn ParryShape));
                     assert!(points(&ask(&unknown, &pose12, disguises, prediction)).is_empty());
                     let found = points(&ask(&known, &pose12, disguises, prediction));
-                    match pair.target {
+                    match pair.second {
                         _ if found.is_empty() => misses += 1,
-                        Target::Body(_) => with_bodies += 1,
-                        Target::Static(_) => with_statics += 1,
+                        Side::Body(_) => with_bodies += 1,
+                        Side::Static(_) => with_statics += 1,
                     }
                     assert!(found.is_empty() || found == computed, "{name}");
                 }

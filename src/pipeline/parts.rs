@@ -1,0 +1,90 @@
+//! Colliders that are not medial, as the convex parts that are in reach.
+
+use glam::Vec3;
+
+use super::{Hull, with_spheres};
+use crate::{
+    geometry::{Aabb, Pose3, Sphere, part_within},
+    query::{Cuboid, SupportShape},
+};
+
+/// A collider that is made of convex parts: one box, the triangles of a terrain.
+pub trait ConvexParts: Send + Sync {
+    /// Box around it, in its own frame.
+    fn aabb(&self) -> Aabb;
+
+    /// Sphere around it, in its own frame.
+    fn bounding_sphere(&self) -> Sphere;
+
+    /// Number of parts.
+    fn len(&self) -> usize;
+
+    /// True if it has none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The parts that come within `reach`, a box in its own frame, in an order that depends on nothing but the two.
+    fn within(&self, reach: &Aabb) -> Vec<Part<'_>>;
+}
+
+/// A convex part of a collider.
+pub struct Part<'a> {
+    /// Which.
+    pub id: u32,
+    /// Pose of its frame in the collider's.
+    pub pose: Pose3,
+    /// The part without its rounding, in its frame.
+    pub core: Core<'a>,
+    /// How far its surface is outside of that, in metres.
+    pub rounding: f32,
+}
+
+/// A convex shape.
+pub enum Core<'a> {
+    /// A box `[-half, half]`.
+    Cuboid(Vec3),
+    /// A primitive: a ball, a capsule, a triangle.
+    Hull(Hull),
+    /// Any other.
+    Support(Box<dyn SupportShape + 'a>),
+}
+
+impl Part<'_> {
+    /// Box around it, in its frame.
+    pub fn aabb(&self) -> Aabb {
+        let core = match &self.core {
+            Core::Cuboid(half) => Aabb { min: -half, max: *half },
+            Core::Hull(hull) => with_spheres!(*hull, |spheres| Aabb::from_spheres(spheres)),
+            Core::Support(shape) => shape.aabb(),
+        };
+        core.inflated(self.rounding)
+    }
+}
+
+impl<'a> Part<'a> {
+    /// What is within reach of a box `[-half, half]` that has the pose `pose` in the collider's frame.
+    pub fn of_cuboid(id: u32, pose: Pose3, half: Vec3, rounding: f32, reach: &Aabb) -> Self {
+        let (center, half) = part_within(half, &reach.transformed(&pose.inverse(), 1.0));
+        Self { id, pose: pose * Pose3::from_translation(center), core: Core::Cuboid(half), rounding }
+    }
+}
+
+/// One box.
+impl ConvexParts for Cuboid {
+    fn aabb(&self) -> Aabb {
+        Aabb { min: -self.half, max: self.half }
+    }
+
+    fn bounding_sphere(&self) -> Sphere {
+        Sphere::new(Vec3::ZERO, self.half.length())
+    }
+
+    fn len(&self) -> usize {
+        1
+    }
+
+    fn within(&self, reach: &Aabb) -> Vec<Part<'_>> {
+        vec![Part::of_cuboid(0, Pose3::IDENTITY, self.half, 0.0, reach)]
+    }
+}

@@ -1,0 +1,52 @@
+//! What joints mean for the step: which bodies do not collide, and which stop together.
+
+use std::collections::HashMap;
+
+use bevy_rapier3d::{
+    plugin::context::RapierContextJoints,
+    rapier::dynamics::{RigidBodyHandle, RigidBodySet},
+};
+
+/// Pairs of bodies that a joint keeps from colliding.
+pub(super) fn kept_apart(joints: &RapierContextJoints) -> Vec<[RigidBodyHandle; 2]> {
+    let impulse = joints.impulse_joints.iter().filter(|(_, joint)| !joint.data.contacts_enabled);
+    let mut pairs: Vec<_> = impulse.map(|(_, joint)| [joint.body1(), joint.body2()]).collect();
+    for (_, _, multibody, link) in joints.multibody_joints.iter() {
+        let body = link.rigid_body_handle();
+        if !multibody.self_contacts_enabled() {
+            pairs.extend(multibody.links().map(|other| [body, other.rigid_body_handle()]));
+        } else if !link.joint.data.contacts_enabled {
+            let parent = link.parent_id().and_then(|parent| multibody.link(parent));
+            pairs.extend(parent.map(|parent| [body, parent.rigid_body_handle()]));
+        }
+    }
+    pairs
+}
+
+/// For each dynamic body on an impulse joint one that stands for all that are joined with it, directly or by others.
+///
+/// If one of them stopped by itself, the joints would be torn, and the solver would make up for it with a jerk.
+pub(super) fn assemblies(
+    joints: &RapierContextJoints,
+    bodies: &RigidBodySet,
+) -> HashMap<RigidBodyHandle, RigidBodyHandle> {
+    let mut parents: HashMap<RigidBodyHandle, RigidBodyHandle> = HashMap::new();
+    let is_dynamic = |body| bodies.get(body).is_some_and(|body| body.is_dynamic());
+    for (_, joint) in joints.impulse_joints.iter() {
+        let [a, b] = [joint.body1(), joint.body2()];
+        if is_dynamic(a) && is_dynamic(b) {
+            let roots = [a, b].map(|body| root(&parents, body));
+            parents.insert(roots[0], roots[1]);
+            parents.entry(roots[1]).or_insert(roots[1]);
+        }
+    }
+    parents.keys().map(|&body| (body, root(&parents, body))).collect()
+}
+
+fn root(parents: &HashMap<RigidBodyHandle, RigidBodyHandle>, body: RigidBodyHandle) -> RigidBodyHandle {
+    let mut root = body;
+    while let Some(&parent) = parents.get(&root).filter(|&&parent| parent != root) {
+        root = parent;
+    }
+    root
+}
