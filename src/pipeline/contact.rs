@@ -157,13 +157,47 @@ fn collect_part(shape1: &Shape, part: &Part, pose12: &Pose3, prediction: f32, co
         };
         with_spheres!(shape1.hull(primitive1).placed(&to_second), |first| match &part.core {
             Core::Cuboid(half) => {
-                one_sided(&first, &Cuboid { half: *half }, prediction, &mut push);
+                if let Some(main) = one_sided(&first, &Cuboid { half: *half }, prediction, &mut push) {
+                    corners(*half, -main, |corner| at_corner(&first, corner, main, prediction, &mut push));
+                }
             }
             Core::Support(shape) => {
-                one_sided(&first, &Support(&**shape), prediction, &mut push);
+                if let Some(main) = one_sided(&first, &Support(&**shape), prediction, &mut push) {
+                    let near = first.origin() + main;
+                    shape.face(-main, near, &mut |corner| at_corner(&first, corner, main, prediction, &mut push));
+                }
             }
             Core::Hull(hull) => with_spheres!(*hull, |second| two_sided(&first, &second, prediction, &mut push)),
         });
+    }
+}
+
+/// The corners of a box's face that looks along `direction`.
+fn corners(half: Vec3, direction: Vec3, mut visit: impl FnMut(Vec3)) {
+    let axis = direction.abs().max_position();
+    let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+    for (side_u, side_v) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
+        let mut corner = half * direction.signum();
+        corner[u] = side_u * half[u];
+        corner[v] = side_v * half[v];
+        visit(corner);
+    }
+}
+
+/// A corner of the other side, if it is near and faces the same way as the nearest points: a small box on a large slab rests on its corners.
+fn at_corner<const N: usize>(
+    first: &[Sphere; N],
+    corner: Vec3,
+    main: Vec3,
+    prediction: f32,
+    push: &mut impl FnMut(&Separation),
+) {
+    let point = Sphere::new(corner, 0.0);
+    if N > 1 && Aabb::from_spheres(*first).inflated(prediction).overlaps(&Aabb::from_spheres([point])) {
+        let theirs = separation(first, &[point], 0);
+        if theirs.distance <= prediction && theirs.normal.dot(main) >= VERTEX_NORMAL_COSINE {
+            push(&theirs);
+        }
     }
 }
 

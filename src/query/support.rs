@@ -17,6 +17,10 @@ pub trait SupportShape {
     /// direction in which it is least deep. None if the method fails.
     fn nearest(&self, spheres: &[Sphere]) -> Option<(Vec3, Vec3, Vec3)>;
 
+    /// Calls `visit` with the corners of the face, edge or vertex that is farthest along `direction`; of a curved side with points around
+    /// `near`.
+    fn face(&self, direction: Vec3, near: Vec3, visit: &mut dyn FnMut(Vec3));
+
     /// Box around the shape.
     fn aabb(&self) -> Aabb;
 }

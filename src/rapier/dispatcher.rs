@@ -89,8 +89,8 @@ impl<'a> Pair<'a> {
     /// A distance that the pair does not exceed.
     fn distance_bound(&self) -> f32 {
         let bound = self.first.shape.bounding_sphere();
-        let other = self.other.compute_local_bounding_sphere();
-        bound.center.distance(self.pose12.transform_point(other.center)) + bound.radius + other.radius
+        let center = self.pose12.inverse_transform_point(bound.center);
+        self.other.distance_to_local_point(center, true) + bound.radius
     }
 }
 

@@ -4,7 +4,7 @@ use bevy_rapier3d::parry::{
     bounding_volume::Aabb as ParryAabb,
     math::{Pose, Vector},
     query::details::contact_support_map_support_map,
-    shape::{Shape as ParryShape, SharedShape, SupportMap, TypedShape},
+    shape::{PolygonalFeature, Shape as ParryShape, SharedShape, SupportMap, TypedShape},
 };
 use glam::{Quat, Vec3};
 
@@ -189,6 +189,14 @@ impl SupportShape for Mapped<'_> {
     fn nearest(&self, spheres: &[Sphere]) -> Option<(Vec3, Vec3, Vec3)> {
         let contact = contact_support_map_support_map(&Pose::IDENTITY, &SphereHull(spheres), self.map, f32::MAX)?;
         Some((contact.point1, contact.point2, contact.normal1))
+    }
+
+    fn face(&self, direction: Vec3, near: Vec3, visit: &mut dyn FnMut(Vec3)) {
+        if let Some((map, _)) = self.shape.as_polygonal_feature_map() {
+            let mut face = PolygonalFeature::default();
+            map.local_support_feature_toward(direction, near, &mut face);
+            face.vertices[..face.num_vertices].iter().for_each(|vertex| visit(*vertex));
+        }
     }
 
     fn aabb(&self) -> Aabb {
