@@ -28,7 +28,7 @@ use bevy::{
 use bevy_rapier3d::{
     parry::query::{DefaultQueryDispatcher, QueryDispatcher},
     plugin::context::RapierContextSimulation,
-    prelude::{NoUserData, PhysicsSet, RapierPhysicsPlugin},
+    prelude::{CollisionEvent, NoUserData, PhysicsSet, RapierPhysicsPlugin},
     rapier::geometry::NarrowPhase,
 };
 
@@ -40,7 +40,8 @@ pub use table::ContactTable;
 
 /// Adds rapier, if it is not there yet, and the systems around its step.
 pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
-    if !app.is_plugin_added::<RapierPhysicsPlugin<NoUserData>>() {
+    // Whatever its hooks are, it brings these messages.
+    if !app.world().contains_resource::<Messages<CollisionEvent>>() {
         app.add_plugins(RapierPhysicsPlugin::<NoUserData>::default().in_schedule(schedule));
     }
     app.init_resource::<ContactTable>()
@@ -56,17 +57,21 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
                     .before(PhysicsSet::Writeback),
             ),
         )
-        // Later than this, the pairs that rapier's broad phase knows already would be lost.
-        .add_systems(Startup, install_dispatcher)
         .add_systems(
             schedule,
-            (attach::detach, attach::attach_shapes, attach::attach_boxes).chain().in_set(MedialSystems::Attach),
+            (install_dispatcher, attach::detach, attach::attach_shapes, attach::attach_boxes)
+                .chain()
+                .in_set(MedialSystems::Attach),
         )
         .add_systems(schedule, (attach::wake_attached, detect::snapshot).chain().in_set(MedialSystems::Snapshot))
         .add_systems(schedule, detect::detect.in_set(MedialSystems::Detect));
 }
 
-fn install_dispatcher(table: Res<ContactTable>, mut contexts: Query<&mut RapierContextSimulation>) {
+/// Before a world has its first collider: later the pairs that rapier's broad phase knows already would be lost.
+fn install_dispatcher(
+    table: Res<ContactTable>,
+    mut contexts: Query<&mut RapierContextSimulation, Added<RapierContextSimulation>>,
+) {
     for mut simulation in &mut contexts {
         let dispatcher = MedialDispatcher { table: table.clone() };
         simulation.narrow_phase = NarrowPhase::with_query_dispatcher(dispatcher.chain(DefaultQueryDispatcher));

@@ -1,0 +1,229 @@
+//! What rapier's solver and events make of medial contacts: the same as of its own shapes'.
+
+use bevy::prelude::*;
+use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_rapier3d::{prelude::*, rapier::geometry::SolverFlags};
+
+use crate::common::*;
+
+const RADIUS: f32 = 0.2;
+
+/// A body of rapier's own, and one of the same shape that is medial.
+fn spawn_both(app: &mut App, at: [Vec3; 2], extra: impl Bundle + Clone) -> [Entity; 2] {
+    let medial = spawn_body(app, MedialAxis::sphere(RADIUS).unwrap(), Transform::from_translation(at[0]));
+    let own = (RigidBody::Dynamic, Collider::ball(RADIUS), Transform::from_translation(at[1]));
+    let own = app.world_mut().spawn(own).id();
+    for entity in [medial, own] {
+        app.world_mut().entity_mut(entity).insert(extra.clone());
+    }
+    [medial, own]
+}
+
+const RULES: [CoefficientCombineRule; 4] = [
+    CoefficientCombineRule::Average,
+    CoefficientCombineRule::Min,
+    CoefficientCombineRule::Multiply,
+    CoefficientCombineRule::Max,
+];
+
+#[test]
+fn friction_combines_by_every_rule() {
+    let mut speeds = Vec::new();
+    for combine_rule in RULES {
+        let mut app = app();
+        let slope = Quat::from_rotation_z(-0.5);
+        let friction = Friction { coefficient: 0.2, combine_rule };
+        app.world_mut().spawn((StaticObb::new(50.0, 0.5, 5.0), friction, Transform::from_rotation(slope)));
+        let friction = Friction { coefficient: 0.9, combine_rule };
+        let at = [-1.0, 1.0].map(|z| slope * Vec3::new(0.0, 0.5 + RADIUS, z));
+        let bodies = spawn_both(&mut app, at, (friction, LockedAxes::ROTATION_LOCKED));
+        run(&mut app, 60);
+        let [medial, own] = bodies.map(|body| rigid(&mut app, body).linvel().length());
+        assert!((medial - own).abs() < 0.05, "{combine_rule:?}: {medial} {own}");
+        speeds.push(medial);
+    }
+    // Least friction slides fastest; 0.9 holds.
+    assert!(speeds[2] > speeds[0] && speeds[1] > speeds[0] && speeds[3] < 0.05, "{speeds:?}");
+}
+
+#[test]
+fn restitution_combines_by_every_rule() {
+    let mut heights = Vec::new();
+    for combine_rule in RULES {
+        let mut app = app();
+        let restitution = Restitution { coefficient: 0.4, combine_rule };
+        let ground = spawn_ground(&mut app);
+        app.world_mut().entity_mut(ground).insert(restitution);
+        let restitution = Restitution { coefficient: 0.9, combine_rule };
+        let bodies = spawn_both(&mut app, [Vec3::new(-2.0, 1.5, 0.0), Vec3::new(2.0, 1.5, 0.0)], restitution);
+        let mut highest = [0.0f32; 2];
+        let mut bounced = [false; 2];
+        for _ in 0..90 {
+            app.update();
+            for i in 0..2 {
+                let body = rigid(&mut app, bodies[i]);
+                bounced[i] |= body.linvel().y > 0.1;
+                if bounced[i] {
+                    highest[i] = highest[i].max(body.translation().y - RADIUS);
+                }
+            }
+        }
+        assert!((highest[0] - highest[1]).abs() < 0.1, "{combine_rule:?}: {highest:?}");
+        heights.push(highest[0]);
+    }
+    assert!(heights[3] > heights[0] && heights[0] > heights[1] && heights[1] > heights[2], "{heights:?}");
+}
+
+#[test]
+fn dominance_does_to_a_medial_body_what_it_does_to_rapiers_own() {
+    for group in [-10, 0, 10] {
+        let mut app = app();
+        let still = spawn_both(&mut app, [Vec3::ZERO, Vec3::Y * 5.0], GravityScale(0.0));
+        let flight = (GravityScale(0.0), Velocity::linear(Vec3::X * 4.0), Dominance::group(group));
+        let fast = spawn_both(&mut app, [Vec3::X * -1.0, Vec3::new(-1.0, 5.0, 0.0)], flight);
+        run(&mut app, 30);
+        for bodies in [still, fast] {
+            let [medial, own] = bodies.map(|body| rigid(&mut app, body).linvel().x);
+            assert!((medial - own).abs() < 0.02, "group {group}: {medial} {own}");
+        }
+        let speed = rigid(&mut app, fast[0]).linvel().x;
+        assert!((group > 0) == (speed > 3.9), "group {group}: {speed}");
+    }
+}
+
+#[test]
+fn contact_forces_carry_the_weight() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let events = (ActiveEvents::CONTACT_FORCE_EVENTS | ActiveEvents::COLLISION_EVENTS, ContactForceEventThreshold(0.0));
+    let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.2, 0.0));
+    app.world_mut().entity_mut(body).insert((events, Sleeping::disabled()));
+    run(&mut app, 200);
+    app.world_mut().resource_mut::<Messages<ContactForceEvent>>().clear();
+    run(&mut app, 1);
+    let forces = app.world_mut().resource_mut::<Messages<ContactForceEvent>>().drain().collect::<Vec<_>>();
+    let weight = rigid(&mut app, body).mass() * 9.81;
+    assert_eq!(forces.len(), 1);
+    assert!((forces[0].total_force.y.abs() / weight - 1.0).abs() < 0.05, "{:?} {weight}", forces[0]);
+}
+
+#[test]
+fn rapiers_own_events_start_and_stop_once() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.5, 0.0));
+    app.world_mut().entity_mut(body).insert((ActiveEvents::COLLISION_EVENTS, Restitution::coefficient(0.0)));
+    let (mut started, mut stopped) = (0, 0);
+    for step in 0..200 {
+        if step == 150 {
+            app.world_mut().get_mut::<Transform>(body).unwrap().translation.y = 5.0;
+        }
+        if step < 160 {
+            app.update();
+        }
+        for event in app.world_mut().resource_mut::<Messages<CollisionEvent>>().drain() {
+            match event {
+                CollisionEvent::Started(..) => started += 1,
+                CollisionEvent::Stopped(..) => stopped += 1,
+            }
+        }
+    }
+    assert_eq!((started, stopped), (1, 1));
+}
+
+/// Lets no contact be between marked bodies, and makes a belt of marked floors.
+#[derive(bevy::ecs::system::SystemParam)]
+struct Hooks<'w, 's> {
+    ghosts: Query<'w, 's, (), With<Ghost>>,
+    belts: Query<'w, 's, (), With<Belt>>,
+}
+
+#[derive(Component)]
+struct Ghost;
+
+#[derive(Component)]
+struct Belt;
+
+impl BevyPhysicsHooks for Hooks<'_, '_> {
+    fn filter_contact_pair(&self, context: PairFilterContextView) -> Option<SolverFlags> {
+        let ghost = self.ghosts.contains(context.collider1()) || self.ghosts.contains(context.collider2());
+        (!ghost).then_some(SolverFlags::COMPUTE_IMPULSES)
+    }
+
+    fn modify_solver_contacts(&self, context: ContactModificationContextView) {
+        let [first, second] = [context.collider1(), context.collider2()].map(|collider| self.belts.contains(collider));
+        if first || second {
+            let velocity = Vec3::X * if first { -2.0 } else { 2.0 };
+            context.raw.solver_contacts.iter_mut().for_each(|contact| contact.tangent_velocity = velocity);
+        }
+    }
+}
+
+/// An app with hooks.
+fn hooked() -> App {
+    let mut app = App::new();
+    app.add_plugins((
+        MinimalPlugins,
+        AssetPlugin::default(),
+        TransformPlugin,
+        bevy::diagnostic::DiagnosticsPlugin,
+        RapierPhysicsPlugin::<Hooks>::default(),
+        MedialPhysicsPlugin::default(),
+    ))
+    .insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })
+    .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(std::time::Duration::from_secs_f32(DT)));
+    app.finish();
+    app.cleanup();
+    app
+}
+
+#[test]
+fn a_pair_that_a_hook_filters_out_does_not_collide_at_any_speed() {
+    for speed in [2.0, 300.0] {
+        for ghost in [false, true] {
+            let mut app = hooked();
+            let wall = app.world_mut().spawn((StaticObb::new(0.1, 3.0, 3.0), Transform::from_xyz(1.0, 0.0, 0.0))).id();
+            let axis = MedialAxis::sphere(RADIUS).unwrap();
+            let velocity = Velocity::linear(Vec3::X * speed);
+            let body = spawn_flying(&mut app, axis, Transform::default(), velocity);
+            if ghost {
+                app.world_mut().entity_mut(wall).insert((Ghost, ActiveHooks::FILTER_CONTACT_PAIRS));
+            }
+            run(&mut app, 60);
+            let x = position(&mut app, body).x;
+            assert_eq!(x > 1.0, ghost, "{speed} m/s, ghost {ghost}: it ends at {x}");
+        }
+    }
+}
+
+#[test]
+fn a_hook_that_changes_contacts_makes_a_belt() {
+    let mut app = hooked();
+    let floor = (StaticObb::new(20.0, 0.5, 2.0), Belt, ActiveHooks::MODIFY_SOLVER_CONTACTS);
+    app.world_mut().spawn((floor, Transform::from_xyz(0.0, -0.5, 0.0)));
+    let bodies =
+        spawn_both(&mut app, [Vec3::new(0.0, RADIUS, -1.0), Vec3::new(0.0, RADIUS, 1.0)], LockedAxes::ROTATION_LOCKED);
+    run(&mut app, 90);
+    let [medial, own] = bodies.map(|body| rigid(&mut app, body).linvel().x);
+    assert!((medial.abs() - 2.0).abs() < 0.1 && (medial - own).abs() < 0.05, "{medial} {own}");
+}
+
+#[test]
+fn sleepers_wake_when_they_are_hit_or_lose_their_floor() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let plate = mesh(&mut app, MedialAxis::rounded_box(Vec3::new(1.0, 0.1, 1.0), 0.1).unwrap());
+    let at = |y: f32| Transform::from_xyz(5.0, y, 0.0);
+    let floor = app.world_mut().spawn((RigidBody::Fixed, plate, at(1.0))).id();
+    let above = spawn_body(&mut app, model("torus"), at(1.3));
+    let hit = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.1, 0.0));
+    run(&mut app, 200);
+    assert!(is_at_rest(&mut app, above) && is_at_rest(&mut app, hit));
+    let axis = MedialAxis::sphere(RADIUS).unwrap();
+    spawn_flying(&mut app, axis, Transform::from_xyz(-3.0, 0.1, 0.0), Velocity::linear(Vec3::X * 60.0));
+    app.world_mut().despawn(floor);
+    run(&mut app, 6);
+    assert!(rigid(&mut app, hit).linvel().length() > 1.0);
+    run(&mut app, 60);
+    assert!(position(&mut app, above).y < 0.2, "{}", position(&mut app, above));
+}

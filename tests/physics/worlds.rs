@@ -1,0 +1,86 @@
+//! Several rapier contexts, and every way in which their time goes.
+
+use bevy::prelude::*;
+use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_rapier3d::{
+    plugin::context::{RapierContextEntityLink, RapierContextSimulation},
+    prelude::*,
+};
+
+use crate::common::*;
+
+fn ball() -> MedialAxis {
+    MedialAxis::sphere(0.2).unwrap()
+}
+
+#[test]
+fn bodies_of_two_contexts_do_not_meet() {
+    let mut app = app();
+    app.update();
+    let second = app.world_mut().spawn(RapierContextSimulation::default()).id();
+    let link = RapierContextEntityLink(second);
+    // In the first a floor at 0, in the second one at -1.
+    spawn_ground(&mut app);
+    let floor = (StaticObb::new(10.0, 1.0, 10.0), Transform::from_xyz(0.0, -2.0, 0.0), link);
+    let floor = app.world_mut().spawn(floor).id();
+    let here = spawn_body(&mut app, ball(), Transform::from_xyz(0.0, 0.5, 0.0));
+    let there = spawn_body(&mut app, ball(), Transform::from_xyz(0.0, 0.6, 0.0));
+    app.world_mut().entity_mut(there).insert(link);
+    let shot = mesh(&mut app, ball());
+    let fast = (RigidBody::Dynamic, shot, Transform::from_xyz(-9.0, -0.8, 0.0), Velocity::linear(Vec3::X * 200.0));
+    let fast = app.world_mut().spawn((fast, GravityScale(0.0), link)).id();
+    let mut record = Record::default();
+    record.run(&mut app, 240);
+    for (body, height) in [(here, 0.2), (there, -0.8)] {
+        assert!((position_of(&app, body).y - height).abs() < 2e-3, "{}", position_of(&app, body));
+    }
+    assert_eq!(record.counts(here, there), [0, 0]);
+    assert!(position_of(&app, fast).x > 100.0);
+    // Its bodies go first: rapier asks for that.
+    app.world_mut().despawn(there);
+    app.world_mut().despawn(fast);
+    app.world_mut().despawn(floor);
+    app.update();
+    app.world_mut().despawn(second);
+    record.run(&mut app, 5);
+    assert!((position_of(&app, here).y - 0.2).abs() < 2e-3);
+}
+
+fn position_of(app: &App, entity: Entity) -> Vec3 {
+    app.world().get::<Transform>(entity).unwrap().translation
+}
+
+#[test]
+fn a_spinning_shot_stops_at_a_thin_wall_in_every_mode_of_time() {
+    let modes = [
+        TimestepMode::Fixed { dt: DT, substeps: 1 },
+        TimestepMode::Fixed { dt: DT, substeps: 4 },
+        TimestepMode::Variable { max_dt: DT, time_scale: 1.0, substeps: 1 },
+        TimestepMode::Variable { max_dt: DT, time_scale: 0.3, substeps: 2 },
+        TimestepMode::Variable { max_dt: 0.1, time_scale: 3.0, substeps: 1 },
+        TimestepMode::Interpolated { dt: DT, time_scale: 1.0, substeps: 1 },
+        TimestepMode::Interpolated { dt: 0.3 * DT, time_scale: 1.0, substeps: 2 },
+        TimestepMode::Interpolated { dt: 1.7 * DT, time_scale: 0.5, substeps: 1 },
+    ];
+    for mode in modes {
+        for (speed, spin) in [(3.0, 0.0), (200.0, 0.0), (200.0, 100.0)] {
+            let mut app = app();
+            app.insert_resource(mode);
+            app.world_mut().spawn((StaticObb::new(0.01, 5.0, 5.0), Transform::from_xyz(2.0, 0.0, 0.0)));
+            let rod = MedialAxis::capsule(Vec3::X * -0.5, Vec3::X * 0.5, 0.02).unwrap();
+            let velocity = Velocity { linear: Vec3::X * speed, angular: Vec3::new(0.1, 0.3, 0.9) * spin };
+            let body = spawn_flying(&mut app, rod, Transform::default(), velocity);
+            let mut stops = 0;
+            for _ in 0..150 {
+                app.update();
+                stops += app.world().resource::<MedialStep>().output.stops.len();
+                let x = position(&mut app, body).x;
+                assert!(x < 2.0, "{mode:?}, {speed} m/s, {spin} rad/s: {x}");
+            }
+            assert!(
+                (stops > 0 || speed < 10.0) && rigid(&mut app, body).linvel().x < 0.5 * speed,
+                "{mode:?} {speed} {spin}"
+            );
+        }
+    }
+}
