@@ -2,15 +2,20 @@
 //!
 //! At an impact both bodies stop. A body that has stopped is no longer where others were swept against it, so their impacts with it
 //! are found anew, from that instant on, with the one at rest: an impact that its stop prevents is none, and one that it causes is
-//! found. Each body stops at most once, so this ends.
+//! found.
+//!
+//! A body that does not stop, a kinematic one, carries along what it hits: the next step finds the two in touch, and the one is pushed. What
+//! is carried takes along what it hits in turn, until something does not give way. A body goes through a few states at most, so this ends.
 
 use std::{
     cmp::Ordering,
     collections::{BinaryHeap, HashMap},
 };
 
+use glam::{Quat, Vec3};
+
 use super::{
-    Side, Statics, StepInput,
+    Impact, Side, Statics, StepInput,
     broad_phase::BodyPair,
     mid_phase,
     motion::PairMotion,
@@ -18,22 +23,60 @@ use super::{
 };
 use crate::geometry::{Pose3, Sweep};
 
-/// The fraction at which each body stops; 1 for the others.
-pub(super) struct Stops(Vec<f32>);
+/// What becomes of each body whose motion ends before the step does.
+pub(super) struct Stops(Vec<Option<Course>>);
+
+/// The motion of a body from an impact on.
+#[derive(Clone, Copy)]
+struct Course {
+    /// When it begins, as a fraction of the step.
+    from: f32,
+    /// The rest of the step.
+    sweep: Sweep,
+    state: State,
+}
+
+/// What has happened to a body. It goes from one state to a later one only.
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
+enum State {
+    Free,
+    /// It stays where it is.
+    Stopped,
+    /// It goes along with another that pushes it.
+    Carried,
+    /// It was carried against what does not give way, and stays there.
+    Wedged,
+}
 
 impl Stops {
+    /// True if the body does not end the step where its motion would take it.
     pub fn is_stopped(&self, body: u32) -> bool {
-        self.0[body as usize] < 1.0
+        self.0[body as usize].is_some()
+    }
+
+    fn state(&self, body: u32) -> State {
+        self.0[body as usize].map_or(State::Free, |course| course.state)
     }
 
     /// Where a body is at the end of the step.
     pub fn final_pose(&self, input: &StepInput, body: u32) -> Pose3 {
-        input.bodies[body as usize].sweep.pose_at(self.0[body as usize])
+        self.0[body as usize].map_or(input.bodies[body as usize].sweep.end, |course| course.sweep.end)
     }
 
     /// The stopped bodies and their fractions.
     pub fn iter(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
-        (0..).zip(self.0.iter().copied()).filter(|(_, fraction)| *fraction < 1.0)
+        (0..).zip(&self.0).filter_map(|(body, course)| Some((body, course.as_ref()?.from)))
+    }
+
+    /// The motion of a body from a fraction on.
+    fn sweep_from(&self, input: &StepInput, body: u32, fraction: f32) -> Sweep {
+        match &self.0[body as usize] {
+            Some(course) if fraction > course.from => {
+                course.sweep.rest_from((fraction - course.from) / (1.0 - course.from))
+            }
+            Some(course) => course.sweep,
+            None => input.bodies[body as usize].sweep.rest_from(fraction),
+        }
     }
 }
 
@@ -61,7 +104,7 @@ impl Ord for Event {
 
 /// Stops bodies; `results` then holds the impacts that have happened.
 pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], results: &mut [ImpactResult]) -> Stops {
-    let mut stops = Stops(vec![1.0; input.bodies.len()]);
+    let mut stops = Stops(vec![None; input.bodies.len()]);
     let stopping = |body: u32| input.stop_at_impact && input.bodies[body as usize].stops;
     // A pair stops only if both sides consent.
     let consent = |side| match side {
@@ -93,47 +136,83 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], resu
         Some(assembly) => assembled[&assembly].clone(),
         None => vec![body],
     };
+    // The next impact of each pair; the results keep the first.
+    let mut next: Vec<Option<Impact>> = results.iter().map(|result| result.impact).collect();
+    let mut happened = vec![false; pairs.len()];
     while let Some(Event { fraction, pair }) = queue.pop() {
-        if results[pair].impact.is_none_or(|impact| impact.fraction != fraction) {
-            continue;
-        }
-        let touching = pairs[pair].bodies();
-        let stopped: Vec<u32> =
-            touching.filter(|&body| stopping(body) && !stops.is_stopped(body)).flat_map(joined_with).collect();
-        for &body in &stopped {
-            // Never 1, which stands for a body that goes on.
-            stops.0[body as usize] = fraction.min(1.0f32.next_down());
-        }
-        for body in stopped {
-            for &other in &pairs_of[body as usize] {
-                if other == pair || results[other].impact.is_some_and(|impact| impact.fraction <= fraction) {
-                    continue;
+        let Some(impact) = next[pair].filter(|impact| impact.fraction == fraction) else { continue };
+        next[pair] = None;
+        happened[pair] = true;
+        // Never 1, when all is over.
+        let fraction = fraction.min(1.0f32.next_down());
+        let BodyPair { first, second } = pairs[pair];
+        let mut courses: Vec<(u32, Course)> = Vec::new();
+        for (side, other, away) in [(first, second, -impact.normal), (second, first, impact.normal)] {
+            let Some(body) = side.body().filter(|&body| stopping(body)) else { continue };
+            let other = other.body();
+            let pushed = other.filter(|&other| !stopping(other) || stops.state(other) == State::Carried);
+            let state = match (stops.state(body), pushed) {
+                (State::Free | State::Stopped, Some(_)) => State::Carried,
+                (State::Free, None) => State::Stopped,
+                // It goes on if the other gives way.
+                (State::Carried, _) if other.is_none_or(|o| !stopping(o) || stops.state(o) >= State::Carried) => {
+                    State::Wedged
                 }
-                results[other].impact = None;
-                if !stops_both(&pairs[other]) {
-                    continue;
-                }
-                let sweep_of = |index: u32| {
-                    let sweep = &input.bodies[index as usize].sweep;
-                    if stops.is_stopped(index) {
-                        Sweep::at_rest(sweep.pose_at(stops.0[index as usize]))
-                    } else {
-                        sweep.rest_from(fraction)
-                    }
+                _ => continue,
+            };
+            let push = pushed.map(|pusher| stops.sweep_from(input, pusher, fraction));
+            for body in joined_with(body) {
+                let now = stops.sweep_from(input, body, fraction);
+                let sweep = match (state, &push) {
+                    (State::Carried, Some(push)) => carried(&now, push, away),
+                    _ => Sweep::at_rest(now.start),
                 };
-                let mut motions = PairMotion::all(input, statics, &pairs[other], sweep_of);
-                motions.retain(|motion| !motion.is_at_rest());
-                let candidates: Vec<_> = motions.iter().map(|motion| mid_phase::candidates(motion, 0.0)).collect();
-                let found = first_impact(motions.iter().zip(&candidates));
-                results[other].toi_tests += found.toi_tests;
-                results[other].unresolved += found.unresolved;
-                results[other].impact = found.impact.map(|mut impact| {
-                    impact.fraction = fraction + (1.0 - fraction) * impact.fraction;
-                    impact
-                });
-                queue.extend(results[other].impact.map(|i| Event { fraction: i.fraction, pair: other }));
+                courses.push((body, Course { from: fraction, sweep, state }));
+            }
+        }
+        for &(body, course) in &courses {
+            stops.0[body as usize] = Some(course);
+        }
+        for (body, _) in courses {
+            for &other in pairs_of[body as usize].iter().filter(|&&other| other != pair) {
+                next[other] = None;
+                if stops_both(&pairs[other]) {
+                    let found = impact_from(input, statics, &pairs[other], &stops, fraction);
+                    results[other].toi_tests += found.toi_tests;
+                    results[other].unresolved += found.unresolved;
+                    next[other] = found.impact;
+                    queue.extend(found.impact.map(|i| Event { fraction: i.fraction, pair: other }));
+                }
+                if !happened[other] {
+                    results[other].impact = next[other];
+                }
             }
         }
     }
     stops
+}
+
+/// The first impact of a pair from a fraction on.
+fn impact_from(input: &StepInput, statics: &Statics, pair: &BodyPair, stops: &Stops, fraction: f32) -> ImpactResult {
+    let mut motions = PairMotion::all(input, statics, pair, |body| stops.sweep_from(input, body, fraction));
+    motions.retain(|motion| !motion.is_at_rest());
+    let candidates: Vec<_> = motions.iter().map(|motion| mid_phase::candidates(motion, 0.0)).collect();
+    let mut found = first_impact(motions.iter().zip(&candidates));
+    if let Some(impact) = &mut found.impact {
+        impact.fraction = fraction + (1.0 - fraction) * impact.fraction;
+    }
+    found
+}
+
+/// What is left of the step for a body that another pushes in a direction: it goes along as if it were part of the other. Where that one
+/// rather slides past, as a platform does under what falls on it, only with what of its way is a push.
+fn carried(body: &Sweep, pusher: &Sweep, direction: Vec3) -> Sweep {
+    let center = pusher.start.transform_point(pusher.local_center);
+    let turn = Quat::from_scaled_axis(pusher.rotation);
+    let push = pusher.translation.dot(direction).max(0.0);
+    let slides = push < 0.5 * pusher.translation.length();
+    let way = if slides { direction * push } else { pusher.translation };
+    let place = |point: Vec3| center + turn * (point - center) + way;
+    let end = Pose3::from_parts(place(body.start.translation), (turn * body.start.rotation).normalize());
+    Sweep::between(body.start, end, body.local_center, pusher.rotation)
 }

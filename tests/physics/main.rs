@@ -12,6 +12,7 @@ mod interplay;
 mod joined;
 mod messages;
 mod projectile;
+mod pushing;
 mod random_steps;
 #[path = "../kernels/reference.rs"]
 #[allow(dead_code)]

@@ -1,0 +1,111 @@
+//! Kinematic bodies go their way, and what they hit goes along.
+
+use bevy::prelude::*;
+use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_rapier3d::prelude::*;
+
+use crate::common::*;
+
+const HALF: Vec3 = Vec3::new(0.025, 1.0, 1.0);
+
+/// A thin plate across x, as a medial mesh or as a box.
+fn spawn_plate(app: &mut App, medial: bool, kind: RigidBody, at: Vec3) -> Entity {
+    let plate = app.world_mut().spawn((kind, Transform::from_translation(at))).id();
+    if medial {
+        let mesh = mesh(app, MedialAxis::rounded_box(HALF, HALF.x).unwrap());
+        app.world_mut().entity_mut(plate).insert(mesh);
+    } else {
+        app.world_mut().entity_mut(plate).insert(Collider::cuboid(HALF.x, HALF.y, HALF.z));
+    }
+    plate
+}
+
+#[test]
+fn a_thin_plate_takes_along_what_it_hits_at_any_speed() {
+    for medial in [false, true] {
+        for speed in [3.0, 30.0, 300.0] {
+            for by_position in [false, true] {
+                for row in [1, 3] {
+                    let mut app = app();
+                    let kind =
+                        if by_position { RigidBody::KinematicPositionBased } else { RigidBody::KinematicVelocityBased };
+                    let plate = spawn_plate(&mut app, medial, kind, Vec3::X * -2.3 * speed * DT);
+                    if !by_position {
+                        app.world_mut().entity_mut(plate).insert(Velocity::linear(Vec3::X * speed));
+                    }
+                    // Tori in a row would slip into each other.
+                    let shape = model(if row == 1 { "torus" } else { "bear" });
+                    let size = 2.0 * shape.bounding_sphere().radius;
+                    let at = |i: usize| Transform::from_xyz(0.5 * size + 1.3 * size * i as f32, 0.1, 0.05);
+                    let bodies: Vec<Entity> =
+                        (0..row).map(|i| spawn_flying(&mut app, shape.clone(), at(i), Velocity::zero())).collect();
+                    let what = format!("medial {medial}, {speed} m/s, by position {by_position}, {row} in a row");
+                    for _ in 0..40 {
+                        if by_position {
+                            app.world_mut().get_mut::<Transform>(plate).unwrap().translation.x += speed * DT;
+                        }
+                        app.update();
+                        let x = position(&mut app, plate).x;
+                        for &body in &bodies {
+                            let place = position(&mut app, body);
+                            // It may have gone past the plate's edge.
+                            let within = place.yz().abs().max_element() < HALF.y;
+                            assert!(place.x > x || !within, "{what}: at {place}, the plate at {x}");
+                        }
+                    }
+                    // Those in a row may be at odds with each other.
+                    let reached = bodies.iter().map(|&body| rigid(&mut app, body).linvel().x).sum::<f32>() / row as f32;
+                    assert!(reached > 0.8 * speed, "{what}: {reached} m/s");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_bat_that_swings_hits_the_ball() {
+    for medial in [false, true] {
+        for spin in [5.0, 30.0, 90.0] {
+            let mut app = app();
+            let half = 1.2;
+            let bat = app.world_mut().spawn((RigidBody::KinematicVelocityBased, Transform::default())).id();
+            if medial {
+                let mesh = mesh(&mut app, MedialAxis::capsule(Vec3::X * -half, Vec3::X * half, 0.03).unwrap());
+                app.world_mut().entity_mut(bat).insert(mesh);
+            } else {
+                let shape = Collider::capsule(Vec3::X * -half, Vec3::X * half, 0.03);
+                app.world_mut().entity_mut(bat).insert(shape);
+            }
+            app.world_mut().entity_mut(bat).insert(Velocity::angular(Vec3::Y * spin));
+            // A quarter of a turn away.
+            let ball = MedialAxis::sphere(0.05).unwrap();
+            let ball = spawn_flying(&mut app, ball, Transform::from_xyz(0.0, 0.01, -1.0), Velocity::zero());
+            let mut fastest = 0.0f32;
+            for _ in 0..40 {
+                app.update();
+                fastest = fastest.max(rigid(&mut app, ball).linvel().length());
+            }
+            assert!(fastest > 0.5 * spin && fastest < 2.0 * spin, "medial {medial}, {spin} rad/s: {fastest} m/s");
+        }
+    }
+}
+
+#[test]
+fn what_is_pushed_against_a_wall_does_not_go_through_it() {
+    for medial in [false, true] {
+        let mut app = app();
+        app.world_mut().spawn((StaticObb::new(0.025, 5.0, 5.0), Transform::from_xyz(4.0, 0.0, 0.0)));
+        let plate = spawn_plate(&mut app, medial, RigidBody::KinematicVelocityBased, Vec3::X * -3.0);
+        app.world_mut().entity_mut(plate).insert(Velocity::linear(Vec3::X * 200.0));
+        let torus = model("torus");
+        let body = spawn_flying(&mut app, torus, Transform::from_xyz(0.0, 0.1, 0.05), Velocity::zero());
+        for step in 0..60 {
+            app.update();
+            let pushed = position(&mut app, body);
+            assert!(pushed.x < 4.0 && pushed.is_finite(), "medial {medial}, step {step}: {pushed}");
+            if position(&mut app, plate).x > 3.0 {
+                app.world_mut().entity_mut(plate).insert(Velocity::zero());
+            }
+        }
+    }
+}
