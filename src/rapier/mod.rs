@@ -18,7 +18,12 @@ mod detect;
 mod dispatcher;
 mod joints;
 mod parts;
+mod points;
+mod primitive;
+pub mod query;
+mod rays;
 mod shape;
+mod shape_cast;
 mod table;
 
 use bevy::{
@@ -35,6 +40,7 @@ use bevy_rapier3d::{
 use crate::plugin::MedialSystems;
 
 pub use dispatcher::MedialDispatcher;
+pub use query::MedialQueries;
 pub use shape::MedialShape;
 pub use table::ContactTable;
 
@@ -60,7 +66,9 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
         .add_systems(Startup, install_dispatcher)
         .add_systems(
             schedule,
-            (attach::detach, attach::attach_shapes, attach::attach_boxes).chain().in_set(MedialSystems::Attach),
+            (attach::detach, attach::attach_shapes, attach::attach_boxes, attach::keep_unscaled)
+                .chain()
+                .in_set(MedialSystems::Attach),
         )
         .add_systems(schedule, (attach::wake_attached, detect::snapshot).chain().in_set(MedialSystems::Snapshot))
         .add_systems(schedule, detect::detect.in_set(MedialSystems::Detect));

@@ -2,6 +2,7 @@
 //!
 //! One binary, so that Bevy is linked once. Everything is seeded, nothing depends on the clock.
 
+mod casts;
 mod colliders;
 mod common;
 mod culling;
@@ -10,7 +11,9 @@ mod entities;
 mod impacts;
 mod interplay;
 mod messages;
+mod probes;
 mod projectile;
+mod queries;
 mod random_steps;
 #[path = "../kernels/reference.rs"]
 #[allow(dead_code)]
