@@ -48,7 +48,7 @@
 //! | [`medial_axis`] | the asset: `.ma` files, clean-up, mass, packed form, surface |
 //! | [`pipeline`] | one step on plain data |
 //! | [`plugin`] | components, messages, settings, diagnostics, gizmos |
-//! | [`rapier`] | custom shape, dispatcher, contact table |
+//! | [`rapier`] | custom shape, dispatcher, contact table, scene queries |
 //! | [`scenes`] | the demo scenes, for examples, tests and benchmarks |
 //!
 //! # Units and frames
@@ -80,6 +80,8 @@ pub mod scenes;
 
 /// What an app needs.
 pub mod prelude {
+    #[cfg(feature = "rapier")]
+    pub use crate::rapier::MedialQueries;
     pub use crate::{
         medial_axis::MedialAxis,
         plugin::{

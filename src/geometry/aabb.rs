@@ -43,6 +43,14 @@ impl Aabb {
         Self { min: center - half, max: center + half }
     }
 
+    /// The box around where this box is, moving at `velocity`, between two times.
+    #[must_use]
+    pub fn swept(self, velocity: Vec3, times: [f32; 2]) -> Self {
+        let [begin, end] = times.map(|time| velocity * time);
+        let [low, high] = [begin.min(end), begin.max(end)];
+        Self { min: self.min + low, max: self.max + high }
+    }
+
     /// Middle.
     pub fn center(&self) -> Vec3 {
         (self.min + self.max) * 0.5
@@ -61,6 +69,27 @@ impl Aabb {
     /// True if the boxes share a point.
     pub fn overlaps(&self, other: &Aabb) -> bool {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
+    }
+
+    /// Distance in metres from `point` to the box, 0 inside.
+    pub fn distance(&self, point: Vec3) -> f32 {
+        point.distance(point.clamp(self.min, self.max))
+    }
+
+    /// The times from 0 to `max_time` at which the point `origin + time * direction` enters and leaves the box. None if it never does.
+    pub fn crossing(&self, origin: Vec3, direction: Vec3, max_time: f32) -> Option<[f32; 2]> {
+        let (mut enter, mut leave) = (0.0f32, max_time);
+        for axis in 0..3 {
+            let [low, high] = [self.min[axis] - origin[axis], self.max[axis] - origin[axis]];
+            if direction[axis] != 0.0 {
+                let (a, b) = (low / direction[axis], high / direction[axis]);
+                enter = enter.max(a.min(b));
+                leave = leave.min(a.max(b));
+            } else if low > 0.0 || high < 0.0 {
+                return None;
+            }
+        }
+        (enter <= leave).then_some([enter, leave])
     }
 
     /// True if `other` lies within.

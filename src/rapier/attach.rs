@@ -1,8 +1,13 @@
 //! Colliders of medial meshes and static boxes: made when the shape is there, made anew when it changes, taken when it goes.
 
+use std::{
+    collections::HashMap,
+    sync::{Arc, OnceLock, Weak},
+};
+
 use bevy::{asset::LoadState, prelude::*};
 use bevy_rapier3d::{
-    parry::shape::SharedShape,
+    parry::shape::{Compound, SharedShape},
     plugin::context::{DefaultRapierContext, RapierContextColliders, RapierRigidBodySet},
     prelude::{Collider, ColliderScale, RapierColliderHandle, RigidBody},
     rapier::geometry::Collider as RapierCollider,
@@ -41,6 +46,7 @@ pub(super) fn attach_shapes(
     mut events: MessageReader<AssetEvent<MedialAxis>>,
     hierarchy: TransformHelper,
     mut next_key: Local<u64>,
+    mut shared: Local<HashMap<(AssetId<MedialAxis>, u32), Weak<OnceLock<Compound>>>>,
 ) {
     let changed: Vec<AssetId<MedialAxis>> = events
         .read()
@@ -49,6 +55,7 @@ pub(super) fn attach_shapes(
             _ => None,
         })
         .collect();
+    shared.retain(|(asset, _), primitives| !changed.contains(asset) && primitives.strong_count() > 0);
     for (name, mesh, transform, is_child, attached) in &meshes {
         let scale = if is_child {
             hierarchy.compute_global_transform(name.entity).map_or(transform.scale, |global| global.scale())
@@ -77,8 +84,24 @@ pub(super) fn attach_shapes(
             continue;
         }
         *next_key += 1;
-        let shape = MedialShape { shape: Shape { axis: axis.clone(), scale: scale.x }, key: *next_key };
-        entity.try_insert((Collider::from(SharedShape::new(shape)), ColliderScale::Absolute(Vec3::ONE)));
+        let same = shared.entry((mesh.0.id(), scale.x.to_bits())).or_default();
+        let primitives = same.upgrade().unwrap_or_default();
+        *same = Arc::downgrade(&primitives);
+        let shape = MedialShape::sharing(Shape { axis: axis.clone(), scale: scale.x }, *next_key, primitives);
+        entity.try_insert((Collider::from(SharedShape::new(shape)), UNSCALED));
+    }
+}
+
+/// A medial shape has its scale already.
+const UNSCALED: ColliderScale = ColliderScale::Absolute(Vec3::ONE);
+
+/// Takes back what a user has made of that: rapier would turn the medial shape into a compound of other shapes.
+pub(super) fn keep_unscaled(
+    mut commands: Commands,
+    attached: Query<(Entity, Option<&ColliderScale>), (With<Attached>, With<Collider>)>,
+) {
+    for (entity, _) in attached.iter().filter(|(_, scale)| *scale != Some(&UNSCALED)) {
+        commands.entity(entity).try_insert(UNSCALED);
     }
 }
 

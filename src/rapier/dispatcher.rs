@@ -16,6 +16,7 @@ use glam::Vec3;
 use super::{
     parts::{Foreign, is_known},
     shape::MedialShape,
+    shape_cast,
     table::{ContactTable, PairKey, SecondKey},
 };
 use crate::{
@@ -139,12 +140,15 @@ impl QueryDispatcher for MedialDispatcher {
     fn cast_shapes(
         &self,
         pos12: &Pose,
-        _: Vector,
+        velocity12: Vector,
         g1: &dyn ParryShape,
         g2: &dyn ParryShape,
-        _: ShapeCastOptions,
+        options: ShapeCastOptions,
     ) -> Result<Option<ShapeCastHit>, Unsupported> {
-        Pair::new(pos12, g1, g2).and(Err(Unsupported))
+        let pair = Pair::new(pos12, g1, g2)?;
+        let velocity12 = if pair.swapped { pair.pose12.rotation * -velocity12 } else { velocity12 };
+        let hit = shape_cast::first_touch(&pair.first.shape, pair.other, &pair.pose12, velocity12, &options);
+        Ok(hit.map(|hit| if pair.swapped { hit.swapped() } else { hit }))
     }
 
     /// No hit: the step finds the impacts of medial shapes itself, with both motions.

@@ -18,7 +18,12 @@ mod detect;
 mod dispatcher;
 mod joints;
 mod parts;
+mod points;
+mod primitive;
+pub mod query;
+mod rays;
 mod shape;
+mod shape_cast;
 mod table;
 
 use bevy::{
@@ -35,6 +40,7 @@ use bevy_rapier3d::{
 use crate::plugin::MedialSystems;
 
 pub use dispatcher::MedialDispatcher;
+pub use query::MedialQueries;
 pub use shape::MedialShape;
 pub use table::ContactTable;
 
@@ -59,7 +65,7 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
         )
         .add_systems(
             schedule,
-            (install_dispatcher, attach::detach, attach::attach_shapes, attach::attach_boxes)
+            (install_dispatcher, attach::detach, attach::attach_shapes, attach::attach_boxes, attach::keep_unscaled)
                 .chain()
                 .in_set(MedialSystems::Attach),
         )

@@ -74,7 +74,7 @@ pub(super) fn is_known(shape: &dyn ParryShape) -> bool {
 }
 
 /// The convex parts of a shape that come within `reach`, a box in its frame.
-fn parts_within<'a>(shape: &'a dyn ParryShape, reach: &Aabb) -> Vec<Part<'a>> {
+pub(super) fn parts_within<'a>(shape: &'a dyn ParryShape, reach: &Aabb) -> Vec<Part<'a>> {
     let parry_reach = ParryAabb::new(reach.min, reach.max);
     let mut parts = Vec::new();
     match shape.as_typed_shape() {
@@ -206,7 +206,7 @@ impl SupportShape for Mapped<'_> {
 }
 
 /// The convex hull of spheres for parry's algorithms.
-struct SphereHull<'a>(&'a [Sphere]);
+pub(super) struct SphereHull<'a>(pub &'a [Sphere]);
 
 impl SupportMap for SphereHull<'_> {
     fn local_support_point(&self, direction: Vector) -> Vector {

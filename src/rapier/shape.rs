@@ -1,44 +1,36 @@
-use bevy_rapier3d::{
-    parry::math::Matrix,
-    parry::{
-        bounding_volume::{Aabb as ParryAabb, BoundingSphere},
-        mass_properties::MassProperties,
-        math::{Real, Vector},
-        query::{PointProjection, PointQuery, Ray, RayCast, RayIntersection},
-        shape::{FeatureId, Shape as ParryShape, ShapeType, TypedShape},
-    },
-};
-use glam::Vec3;
-
-use crate::{
-    geometry::Sphere,
-    pipeline::{Shape, with_spheres},
-    query::{ray_cast, separation},
+use bevy_rapier3d::parry::{
+    bounding_volume::{Aabb as ParryAabb, BoundingSphere},
+    mass_properties::MassProperties,
+    math::{Matrix, Real, Vector},
+    shape::{CompositeShape, Compound, Shape as ParryShape, ShapeType, TypedShape},
 };
 
-/// A medial shape as a collider's shape.
+use super::primitive::{Primitives, compound};
+use crate::pipeline::Shape;
+
+/// A medial shape as a collider's shape. What rapier's queries and views make of it: see [`query`](super::query).
 #[derive(Clone)]
 pub struct MedialShape {
     /// The shape.
     pub shape: Shape,
     /// Tells this collider's contacts in the step's table from those of others; unique for each collider ever made.
     pub key: u64,
+    primitives: Primitives,
 }
 
 impl MedialShape {
-    /// The point of the surface of a primitive that is nearest to `point`, with the signed distance.
-    fn project(&self, point: Vec3) -> (PointProjection, FeatureId) {
-        let mut best = (f32::INFINITY, point, 0);
-        for primitive in 0..self.shape.len() as u32 {
-            let found = with_spheres!(self.shape.hull(primitive), |spheres| {
-                separation(&spheres, &[Sphere::new(point, 0.0)], 0)
-            });
-            if found.distance < best.0 {
-                best = (found.distance, found.point1, primitive);
-            }
-        }
-        let (distance, nearest, primitive) = best;
-        (PointProjection::new(distance <= 0.0, nearest), FeatureId::Face(primitive))
+    /// A shape with the key of its collider.
+    pub fn new(shape: Shape, key: u64) -> Self {
+        Self::sharing(shape, key, Primitives::default())
+    }
+
+    /// The same where another collider has the same shape at the same scale.
+    pub(super) fn sharing(shape: Shape, key: u64, primitives: Primitives) -> Self {
+        Self { shape, key, primitives }
+    }
+
+    fn compound(&self) -> &Compound {
+        self.primitives.get_or_init(|| compound(&self.shape))
     }
 }
 
@@ -61,9 +53,8 @@ impl ParryShape for MedialShape {
     fn scale_dyn(&self, scale: Vector, _: u32) -> Option<Box<dyn ParryShape>> {
         let uniform = scale.x > 0.0 && scale.x == scale.y && scale.x == scale.z;
         uniform.then(|| {
-            let mut scaled = self.clone();
-            scaled.shape.scale *= scale.x;
-            Box::new(scaled) as Box<dyn ParryShape>
+            let shape = Shape { axis: self.shape.axis.clone(), scale: self.shape.scale * scale.x };
+            Box::new(Self::new(shape, self.key)) as Box<dyn ParryShape>
         })
     }
 
@@ -81,8 +72,13 @@ impl ParryShape for MedialShape {
         ShapeType::Custom
     }
 
+    /// A compound of the primitives: what is drawn and printed by those who know parry's shapes only.
     fn as_typed_shape(&self) -> TypedShape<'_> {
-        TypedShape::Custom(self)
+        TypedShape::Compound(self.compound())
+    }
+
+    fn as_composite_shape(&self) -> Option<&dyn CompositeShape> {
+        Some(self.compound())
     }
 
     /// Rapier takes no body with such a thickness for fast: impacts of medial bodies are found by the step, not by rapier's own sweep, which
@@ -93,34 +89,5 @@ impl ParryShape for MedialShape {
 
     fn ccd_angular_thickness(&self) -> Real {
         std::f32::consts::FRAC_PI_2
-    }
-}
-
-impl RayCast for MedialShape {
-    fn cast_local_ray_and_get_normal(&self, ray: &Ray, max_time: Real, solid: bool) -> Option<RayIntersection> {
-        let mut nearest: Option<RayIntersection> = None;
-        for primitive in 0..self.shape.len() as u32 {
-            let limit = nearest.map_or(max_time, |hit| hit.time_of_impact);
-            let hit =
-                with_spheres!(self.shape.hull(primitive), |spheres| { ray_cast(&spheres, ray.origin, ray.dir, limit) });
-            if let Some(hit) = hit
-                && nearest.is_none_or(|best| hit.time < best.time_of_impact)
-                && (solid || hit.time > 0.0)
-            {
-                nearest = Some(RayIntersection::new(hit.time, hit.normal, FeatureId::Face(primitive)));
-            }
-        }
-        nearest
-    }
-}
-
-impl PointQuery for MedialShape {
-    fn project_local_point(&self, point: Vector, solid: bool) -> PointProjection {
-        let (projection, _) = self.project(point);
-        if solid && projection.is_inside { PointProjection::new(true, point) } else { projection }
-    }
-
-    fn project_local_point_and_get_feature(&self, point: Vector) -> (PointProjection, FeatureId) {
-        self.project(point)
     }
 }

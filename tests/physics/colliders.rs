@@ -151,7 +151,7 @@ fn spawn_fixed(app: &mut App, case: &Case, at: Transform) -> Entity {
 #[test]
 fn distances_are_exact() {
     let dispatcher = MedialDispatcher { table: ContactTable::default() };
-    let medial = MedialShape { shape: Shape::new(capsule()), key: 1 };
+    let medial = MedialShape::new(Shape::new(capsule()), 1);
     let mut random = Random(1);
     for case in cases() {
         let truth_shape = reference(&case.collider.raw);

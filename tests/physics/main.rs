@@ -2,6 +2,7 @@
 //!
 //! One binary, so that Bevy is linked once. Everything is seeded, nothing depends on the clock.
 
+mod casts;
 mod colliders;
 mod common;
 mod culling;
@@ -11,8 +12,10 @@ mod impacts;
 mod interplay;
 mod joined;
 mod messages;
+mod probes;
 mod projectile;
 mod pushing;
+mod queries;
 mod random_steps;
 #[path = "../kernels/reference.rs"]
 #[allow(dead_code)]

@@ -93,7 +93,7 @@ fn ask(dispatcher: &MedialDispatcher, pose12: &Pose3, shapes: [&dyn ParryShape; 
 
 /// A collider's shape with another shape under its key, of which a computation finds no contact and the table knows nothing.
 fn disguised(shape: &dyn ParryShape, other: &Shape) -> Option<MedialShape> {
-    shape.as_shape::<MedialShape>().map(|medial| MedialShape { shape: other.clone(), key: medial.key })
+    shape.as_shape::<MedialShape>().map(|medial| MedialShape::new(other.clone(), medial.key))
 }
 
 #[test]

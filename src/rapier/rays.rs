@@ -1,0 +1,115 @@
+//! Rays against medial shapes and their primitives: where they enter, and from inside, where they leave.
+
+use std::cell::Cell;
+
+use bevy_rapier3d::parry::{
+    math::Real,
+    query::{Ray, RayCast, RayIntersection},
+    shape::FeatureId,
+};
+
+use super::{primitive::PrimitiveShape, shape::MedialShape};
+use crate::{
+    constants::CONTACT_ROUNDING,
+    geometry::Aabb,
+    pipeline::{Hull, with_spheres},
+    query::{RayHit, ray_cast},
+};
+
+/// The part of a ray that lies in a primitive.
+#[derive(Clone, Copy)]
+struct Span {
+    enter: RayHit,
+    /// Time, and outward normal.
+    leave: RayHit,
+    primitive: u32,
+}
+
+impl RayCast for MedialShape {
+    /// A ray that starts inside and is not `solid` hits where it has left all primitives, as far as those that overlap reach; the normal
+    /// there points inwards, as with parry's own shapes.
+    fn cast_local_ray_and_get_normal(&self, ray: &Ray, max_time: Real, solid: bool) -> Option<RayIntersection> {
+        let hit = self.enter(ray, max_time)?;
+        if solid || hit.time_of_impact > 0.0 { Some(hit) } else { self.leave(ray, max_time) }
+    }
+}
+
+impl RayCast for PrimitiveShape {
+    fn cast_local_ray_and_get_normal(&self, ray: &Ray, max_time: Real, solid: bool) -> Option<RayIntersection> {
+        let hit = enter(&self.hull, ray, max_time)?;
+        if solid || hit.time > 0.0 {
+            return Some(RayIntersection::new(hit.time, hit.normal, FeatureId::Face(0)));
+        }
+        let leave = leave(&self.hull, ray, hit);
+        (leave.time <= max_time).then(|| RayIntersection::new(leave.time, -leave.normal, FeatureId::Face(0)))
+    }
+}
+
+impl MedialShape {
+    /// Calls `visit` with the primitives whose boxes the ray crosses before the time that `limit` holds.
+    fn visit_crossed(&self, ray: &Ray, limit: &Cell<f32>, mut visit: impl FnMut(u32, Hull)) {
+        let scale = self.shape.scale;
+        let (origin, direction) = (ray.origin / scale, ray.dir / scale);
+        // Far from the shape, the ray's own coordinates are no more exact.
+        let rounding = f32::EPSILON * origin.length();
+        let crosses = |aabb: &Aabb| aabb.inflated(rounding).crossing(origin, direction, limit.get()).is_some();
+        self.shape.bvh().visit(crosses, |primitive| visit(primitive, self.shape.hull(primitive)));
+    }
+
+    /// Where the ray enters first; at time 0 if it starts inside.
+    fn enter(&self, ray: &Ray, max_time: f32) -> Option<RayIntersection> {
+        let limit = Cell::new(max_time);
+        let mut first: Option<RayIntersection> = None;
+        self.visit_crossed(ray, &limit, |primitive, hull| {
+            if let Some(hit) = enter(&hull, ray, limit.get())
+                && first.is_none_or(|first| hit.time < first.time_of_impact)
+            {
+                limit.set(hit.time);
+                first = Some(RayIntersection::new(hit.time, hit.normal, FeatureId::Face(primitive)));
+            }
+        });
+        first
+    }
+
+    /// Where a ray that starts inside leaves: overlapping primitives are gone through one after the other.
+    pub(super) fn leave(&self, ray: &Ray, max_time: f32) -> Option<RayIntersection> {
+        let mut spans = Vec::new();
+        self.visit_crossed(ray, &Cell::new(f32::MAX), |primitive, hull| {
+            if let Some(enter) = enter(&hull, ray, f32::MAX) {
+                spans.push(Span { enter, leave: leave(&hull, ray, enter), primitive });
+            }
+        });
+        spans.sort_by(|a, b| a.enter.time.total_cmp(&b.enter.time));
+        let gap = CONTACT_ROUNDING * self.shape.bounding_sphere().radius / ray.dir.length();
+        let mut last: Option<Span> = None;
+        for span in spans {
+            let reached = last.map_or(0.0, |last| last.leave.time + gap);
+            if span.enter.time <= reached && last.is_none_or(|last| span.leave.time > last.leave.time) {
+                last = Some(span);
+            }
+        }
+        let Span { leave, primitive, .. } = last?;
+        let feature = FeatureId::Face(primitive);
+        (leave.time <= max_time).then(|| RayIntersection::new(leave.time, -leave.normal, feature))
+    }
+}
+
+fn enter(hull: &Hull, ray: &Ray, max_time: f32) -> Option<RayHit> {
+    with_spheres!(hull, |spheres| ray_cast(spheres, ray.origin, ray.dir, max_time))
+}
+
+/// Where a ray that enters leaves: where it enters when it comes back from beyond.
+fn leave(hull: &Hull, ray: &Ray, enter: RayHit) -> RayHit {
+    let speed = ray.dir.length();
+    if speed == 0.0 {
+        return enter;
+    }
+    let around = with_spheres!(hull, |spheres| Aabb::from_spheres(*spheres));
+    let beyond = ray.point_at(enter.time) + ray.dir * (1.1 * around.extent_squared().sqrt() / speed);
+    let back = with_spheres!(hull, |spheres| ray_cast(spheres, beyond, -ray.dir, f32::MAX));
+    match back {
+        Some(back) => RayHit { time: enter.time + 1.1 * around.extent_squared().sqrt() / speed - back.time, ..back },
+        // It only grazes.
+        None => enter,
+    }
+}

@@ -1,0 +1,162 @@
+//! Linear shape casts: a medial shape and any other collider that move past each other without turning.
+
+use bevy_rapier3d::parry::{
+    query::{ShapeCastHit, ShapeCastStatus, details::ShapeCastOptions},
+    shape::Shape as ParryShape,
+};
+use glam::Vec3;
+
+use super::{parts::parts_within, shape::MedialShape};
+use crate::{
+    geometry::{Aabb, Placement, Pose3, Sphere},
+    pipeline::{Core, Part, Shape, with_spheres},
+    query::{Cuboid, Moving, Support, TimeOfImpact, TimeOfImpactStatus, time_of_impact},
+};
+
+/// The first touch found so far.
+struct Touch {
+    time: f32,
+    toi: TimeOfImpact,
+    /// How far the medial shape has come by then, in the other collider's frame.
+    way: Vec3,
+    /// Pose of the frame that the contact is told in, in the other collider's.
+    frame: Pose3,
+    /// What was added to the medial shape: the part's rounding, and the target distance.
+    grown: [f32; 2],
+}
+
+/// When a medial shape and another collider come within the target distance. `pose12` and `velocity12`: of the other, in the frame of the medial
+/// shape.
+///
+/// Told for each pair of convex parts by itself, and so is whether an overlap at the start counts; of several such the deepest is told.
+pub(super) fn first_touch(
+    shape: &Shape,
+    other: &dyn ParryShape,
+    pose12: &Pose3,
+    velocity12: Vec3,
+    options: &ShapeCastOptions,
+) -> Option<ShapeCastHit> {
+    // All in the frame of the other, in which that is at rest.
+    let pose21 = pose12.inverse();
+    let velocity = pose21.rotation * -velocity12;
+    let max_time = if velocity == Vec3::ZERO { 0.0 } else { options.max_time_of_impact };
+    let around = shape.aabb().transformed(&pose21, 1.0).inflated(options.target_distance);
+    let [begin, end] = times_near(other, &around, velocity, max_time)?;
+    let mut earliest: Option<Touch> = None;
+    for part in convex_parts(other, &around.swept(velocity, [begin, end])) {
+        let pose = part.pose.inv_mul(&pose21);
+        let velocity = part.pose.rotation.inverse() * velocity;
+        let margin = part.rounding + options.target_distance;
+        let around = shape.aabb().transformed(&pose, 1.0).inflated(options.target_distance);
+        let target = part.aabb();
+        let end = earliest.as_ref().map_or(end, |touch| touch.time);
+        let Some([begin, end]) = times_within(&target, &around, velocity, end) else { continue };
+        let translation = pose.translation.as_dvec3() + velocity.as_dvec3() * f64::from(begin);
+        let start = Pose3::from_parts(translation.as_vec3(), pose.rotation);
+        let placement = Placement::from(start);
+        let way = velocity * (end - begin);
+        let near = |aabb: &Aabb| {
+            let around = aabb.transformed(&start, shape.scale).inflated(options.target_distance);
+            times_within(&target, &around, way, 1.0).is_some()
+        };
+        shape.bvh().visit(near, |primitive| {
+            let limit = earliest.as_ref().map_or(1.0, |touch| ((touch.time - begin) / (end - begin)).clamp(0.0, 1.0));
+            let toi = with_spheres!(shape.hull(primitive).placed(&placement), |spheres| {
+                let start = spheres.map(|sphere| Sphere::new(sphere.center, sphere.radius + margin));
+                time_to(&Moving { start, motion: spheres.map(|_| way) }, &part.core, limit)
+            });
+            let overlaps = toi.status == TimeOfImpactStatus::Overlapping && begin == 0.0;
+            let parts_again = overlaps && toi.contact.normal.dot(velocity) <= 0.0;
+            if toi.status == TimeOfImpactStatus::Separated || (parts_again && !options.stop_at_penetration) {
+                return;
+            }
+            let time = begin + toi.fraction * (end - begin);
+            let is_first = earliest.as_ref().is_none_or(|best| {
+                time < best.time || (time == best.time && toi.contact.distance < best.toi.contact.distance)
+            });
+            if is_first {
+                let grown = [part.rounding, options.target_distance];
+                earliest =
+                    Some(Touch { time, toi, way: part.pose.rotation * velocity * time, frame: part.pose, grown });
+            }
+        });
+    }
+    earliest.map(|touch| touch.hit(&pose21))
+}
+
+impl Touch {
+    fn hit(&self, pose21: &Pose3) -> ShapeCastHit {
+        let [rounding, target_distance] = self.grown;
+        let contact = &self.toi.contact;
+        let normal = self.frame.rotation * contact.normal;
+        let point1 = self.frame.transform_point(contact.point1) - normal * (rounding + target_distance);
+        let point2 = self.frame.transform_point(contact.point2) - normal * rounding;
+        ShapeCastHit {
+            time_of_impact: self.time,
+            witness1: pose21.inverse_transform_point(point1 - self.way),
+            witness2: point2,
+            normal1: pose21.rotation.inverse() * normal,
+            normal2: -normal,
+            status: match self.toi.status {
+                TimeOfImpactStatus::IterationLimit => ShapeCastStatus::OutOfIterations,
+                TimeOfImpactStatus::Overlapping if self.time == 0.0 && contact.distance < 0.0 => {
+                    ShapeCastStatus::PenetratingOrWithinTargetDist
+                }
+                _ => ShapeCastStatus::Converged,
+            },
+        }
+    }
+}
+
+/// Fraction of its way at which a primitive touches a convex shape at rest.
+fn time_to<const N: usize>(moving: &Moving<N>, core: &Core, limit: f32) -> TimeOfImpact {
+    match core {
+        Core::Cuboid(half) => time_of_impact(moving, &Cuboid { half: *half }, limit),
+        Core::Support(shape) => time_of_impact(moving, &Support(&**shape), limit),
+        Core::Hull(hull) => with_spheres!(*hull, |spheres| {
+            let still = Moving { start: spheres, motion: spheres.map(|_| Vec3::ZERO) };
+            time_of_impact(moving, &still, limit)
+        }),
+    }
+}
+
+/// The convex parts within reach, of a medial shape its primitives.
+fn convex_parts<'a>(other: &'a dyn ParryShape, reach: &Aabb) -> Vec<Part<'a>> {
+    let Some(medial) = other.as_shape::<MedialShape>() else { return parts_within(other, reach) };
+    let shape = &medial.shape;
+    let reach = reach.transformed(&Pose3::IDENTITY, 1.0 / shape.scale);
+    let mut parts = Vec::new();
+    shape.bvh().visit(
+        |aabb| aabb.overlaps(&reach),
+        |id| {
+            parts.push(Part { id, pose: Pose3::IDENTITY, core: Core::Hull(shape.hull(id)), rounding: 0.0 });
+        },
+    );
+    parts
+}
+
+/// Between which times a box that moves is near a collider.
+fn times_near(other: &dyn ParryShape, moving: &Aabb, velocity: Vec3, max_time: f32) -> Option<[f32; 2]> {
+    let Some(half_space) = other.as_halfspace() else {
+        let aabb = other.compute_local_aabb();
+        return times_within(&Aabb { min: aabb.mins, max: aabb.maxs }, moving, velocity, max_time);
+    };
+    // Until the box is all below the plane, if it gets there.
+    let height = half_space.normal.dot(moving.center());
+    let half = half_space.normal.abs().dot(moving.half_extents());
+    let sinking = -half_space.normal.dot(velocity);
+    let [enter, leave] = match sinking > 0.0 {
+        true => [height - half, height + half].map(|height| (height / sinking).max(0.0)),
+        false => [if height <= half { 0.0 } else { f32::INFINITY }, 0.0],
+    };
+    (enter <= leave.min(max_time)).then_some([enter, leave.min(max_time)])
+}
+
+/// Between which times a box that moves overlaps a box at rest.
+fn times_within(target: &Aabb, moving: &Aabb, velocity: Vec3, max_time: f32) -> Option<[f32; 2]> {
+    let half = moving.half_extents();
+    let around = Aabb { min: target.min - half, max: target.max + half };
+    // Coordinates are no more exact than that.
+    let rounding = f32::EPSILON * moving.center().abs().max_element();
+    around.inflated(rounding).crossing(moving.center(), velocity, max_time)
+}
