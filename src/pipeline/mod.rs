@@ -403,7 +403,7 @@ pub fn step(input: &StepInput, statics: &Statics, pool: &TaskPool) -> StepOutput
     output.times.mid = lap();
 
     let mut results = narrow_phase::impacts(input, statics, &pairs, &candidates, pool);
-    let stops = stop::run(input, statics, &pairs, &mut results);
+    let stops = stop::run(input, statics, &pairs, &mut results, pool);
     let contacts = narrow_phase::contacts(input, statics, &pairs, &candidates, &stops, pool);
     output.times.narrow = lap();
 

@@ -12,6 +12,7 @@ use std::{
     collections::{BinaryHeap, HashMap},
 };
 
+use bevy::tasks::TaskPool;
 use glam::{Quat, Vec3};
 
 use super::{
@@ -20,6 +21,7 @@ use super::{
     mid_phase,
     motion::PairMotion,
     narrow_phase::{ImpactResult, first_impact},
+    parallel,
 };
 use crate::geometry::{Pose3, Sweep};
 
@@ -103,7 +105,13 @@ impl Ord for Event {
 }
 
 /// Stops bodies; `results` then holds the impacts that have happened.
-pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], results: &mut [ImpactResult]) -> Stops {
+pub(super) fn run(
+    input: &StepInput,
+    statics: &Statics,
+    pairs: &[BodyPair],
+    results: &mut [ImpactResult],
+    pool: &TaskPool,
+) -> Stops {
     let mut stops = Stops(vec![None; input.bodies.len()]);
     let stopping = |body: u32| input.stop_at_impact && input.bodies[body as usize].stops;
     // A pair stops only if both sides consent.
@@ -173,19 +181,20 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], resu
         for &(body, course) in &courses {
             stops.0[body as usize] = Some(course);
         }
-        for (body, _) in courses {
-            for &other in pairs_of[body as usize].iter().filter(|&&other| other != pair) {
-                next[other] = None;
-                if stops_both(&pairs[other]) {
-                    let found = impact_from(input, statics, &pairs[other], &stops, fraction);
-                    results[other].toi_tests += found.toi_tests;
-                    results[other].unresolved += found.unresolved;
-                    next[other] = found.impact;
-                    queue.extend(found.impact.map(|i| Event { fraction: i.fraction, pair: other }));
-                }
-                if !happened[other] {
-                    results[other].impact = next[other];
-                }
+        let mut affected: Vec<usize> =
+            courses.iter().flat_map(|(body, _)| &pairs_of[*body as usize]).copied().collect();
+        affected.retain(|&other| other != pair && stops_both(&pairs[other]));
+        affected.sort_unstable();
+        affected.dedup();
+        let found =
+            parallel::map(pool, &affected, 2, |_, &other| impact_from(input, statics, &pairs[other], &stops, fraction));
+        for (other, found) in affected.into_iter().zip(found) {
+            results[other].toi_tests += found.toi_tests;
+            results[other].unresolved += found.unresolved;
+            next[other] = found.impact;
+            queue.extend(found.impact.map(|i| Event { fraction: i.fraction, pair: other }));
+            if !happened[other] {
+                results[other].impact = found.impact;
             }
         }
     }
