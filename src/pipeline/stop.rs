@@ -3,6 +3,10 @@
 //! At an impact both bodies stop. A body that has stopped is no longer where others were swept against it, so their impacts with it
 //! are found anew, from that instant on, with the one at rest: an impact that its stop prevents is none, and one that it causes is
 //! found. Each body stops at most once, so this ends.
+//!
+//! What is left of the step is lost to a body that stops. Bodies that part after an impact lose one step at most each time they meet. Thin ones
+//! that slide along each other at high speed stop again and again, wherever their overlap has grown by a slop: they come through it with the
+//! right momentum, and late.
 
 use std::{
     cmp::Ordering,

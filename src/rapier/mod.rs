@@ -5,7 +5,7 @@
 //! -- Snapshot      poses and velocities at the start of the step
 //! StepSimulation   rapier solves; the dispatcher answers from the last step's table, or computes
 //! -- Detect        the step of the pipeline from start to solved poses; bodies stop at their first impact; the table for
-//!                  the next step
+//!                  the next step; finer solver steps for fast pairs in contact
 //! -- Report        messages and diagnostics
 //! Writeback
 //! ```
@@ -19,6 +19,7 @@ mod detect;
 mod dispatcher;
 mod parts;
 mod shape;
+mod substeps;
 mod table;
 
 use bevy::{
@@ -63,7 +64,10 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
             (attach::detach, attach::attach_shapes, attach::attach_boxes).chain().in_set(MedialSystems::Attach),
         )
         .add_systems(schedule, (attach::wake_attached, detect::snapshot).chain().in_set(MedialSystems::Snapshot))
-        .add_systems(schedule, (detect::gather_statics, detect::detect).chain().in_set(MedialSystems::Detect));
+        .add_systems(
+            schedule,
+            (detect::gather_statics, detect::detect, substeps::refine).chain().in_set(MedialSystems::Detect),
+        );
 }
 
 fn install_dispatcher(table: Res<ContactTable>, mut contexts: Query<&mut RapierContextSimulation>) {
