@@ -19,7 +19,7 @@ use bevy::{
 use bevy_medial::{
     medial_axis::{MedialAxis, triangulate},
     prelude::*,
-    scenes::{Model, Monitor, Scene, SceneEntity, add_monitor},
+    scenes::{Model, Monitor, Scene, SceneEntity, add_monitor, lift_speed_limits},
 };
 use bevy_rapier3d::prelude::{RapierConfiguration, TimestepMode};
 
@@ -105,6 +105,7 @@ fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
         .add_systems(Startup, start)
         .add_systems(Update, (dress_medial, dress_boxes));
     add_monitor(app);
+    lift_speed_limits(app);
     app.world_mut().spawn((Camera3d::default(), target, Transform::from_translation(eye).looking_at(focus, Vec3::Y)));
     app.world_mut().spawn((
         DirectionalLight { shadow_maps_enabled: true, illuminance: 9000.0, ..default() },

@@ -6,6 +6,10 @@
 //!
 //! A body that does not stop, a kinematic one, carries along what it hits: the next step finds the two in touch, and the one is pushed. What
 //! is carried takes along what it hits in turn, until something does not give way. A body goes through a few states at most, so this ends.
+//!
+//! What is left of the step is lost to a body that stops. Bodies that part after an impact lose one step at most each time they meet. Thin ones
+//! that slide along each other at high speed stop again and again, wherever their overlap has grown by a slop: they come through it with the
+//! right momentum, and late.
 
 use std::{
     cmp::Ordering,

@@ -77,6 +77,9 @@ pub struct MedialStep {
     pub infos: Vec<BodyInfo>,
     /// Entity of each static.
     pub static_infos: Vec<BodyInfo>,
+    /// The rapier context of each world.
+    #[cfg(feature = "rapier")]
+    pub(crate) worlds: Vec<Entity>,
     /// Length of the step in seconds; of several worlds that of the first.
     pub dt: f32,
 }
@@ -96,6 +99,16 @@ impl MedialStep {
             Side::Body(body) => &self.input.bodies[body as usize].solid,
             Side::Static(body) => &self.statics.bodies()[body as usize].solid,
         }
+    }
+
+    /// The rapier context that a side of a pair is in.
+    #[cfg(feature = "rapier")]
+    pub fn context(&self, side: Side) -> Entity {
+        let world = match side {
+            Side::Body(body) => self.input.bodies[body as usize].world,
+            Side::Static(body) => self.statics.bodies()[body as usize].world,
+        };
+        self.worlds[world as usize]
     }
 
     /// Where a side of a pair is at the end of the step.

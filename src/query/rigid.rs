@@ -18,6 +18,8 @@ pub struct Chords {
     placements: Vec<[Placement; 2]>,
     /// How far any point strays from its chord, both sides together, in metres.
     deviation: f32,
+    /// How far any point goes along a chord relative to the other side, or more, in metres.
+    way: f32,
 }
 
 impl Chords {
@@ -25,9 +27,11 @@ impl Chords {
     /// Enough of them that each side strays by `tolerance` metres at most, up to [`MAX_CHORDS`].
     pub fn new([sweep1, sweep2]: [&Sweep; 2], [arm1, arm2]: [f32; 2], tolerance: f32) -> Self {
         let count = sweep1.chords(arm1, tolerance).max(sweep2.chords(arm2, tolerance));
+        let turns = sweep1.rotation.length() * arm1 + sweep2.rotation.length() * arm2;
         Self {
             placements: instants(count).map(|t| [sweep1.pose_at(t).into(), sweep2.pose_at(t).into()]).collect(),
             deviation: sweep1.sagitta(arm1, count) + sweep2.sagitta(arm2, count),
+            way: ((sweep1.translation - sweep2.translation).length() + turns) / count as f32,
         }
     }
 
@@ -50,6 +54,7 @@ impl Chords {
         Self {
             placements: instants(count).map(|t| [relative(t), Placement::IDENTITY]).collect(),
             deviation: acceleration / (8.0 * (count * count) as f32),
+            way: (speed + turn1 * arm1 + turn2 * distance) / count as f32,
         }
     }
 }
@@ -117,26 +122,35 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
         // The first chord sets the depth for all: what is gained chord by chord is gained within the step.
         let found = time_of_depth(&moving1, &moving2, limit.min(1.0), slop, &mut depth);
         rounds += found.rounds;
-        // The last chord, or the last that counts.
-        if found.status != TimeOfImpactStatus::Separated || limit <= 1.0 {
+        if found.status != TimeOfImpactStatus::Separated {
             break found;
         }
-        chord += 1;
+        // So far apart, they cannot meet for some chords.
+        chord += ((found.contact.distance / chords.way) as usize).max(1);
+        if chord as f32 >= max_fraction * count {
+            break found;
+        }
     };
     if found.status != TimeOfImpactStatus::Separated {
         // Back to where they touch, if they have not touched from the start on.
         let (mut touching, mut limit) = (chord, found.fraction);
+        let mut after = None;
         loop {
             let (moving1, moving2) = along(touching);
             let touch = time_of_impact(&moving1, &moving2, limit);
             rounds += touch.rounds;
-            if touch.status == TimeOfImpactStatus::Hit {
-                (found, chord) = (touch, touching);
+            match touch.status {
+                TimeOfImpactStatus::Hit => (found, chord) = (touch, touching),
+                // By a rounding they touch at the end of this chord, or at the start of the next.
+                TimeOfImpactStatus::Separated => (found, chord) = after.unwrap_or((found, chord)),
+                TimeOfImpactStatus::Overlapping if touching > 0 => {
+                    after = Some((touch, touching));
+                    (touching, limit) = (touching - 1, 1.0);
+                    continue;
+                }
+                TimeOfImpactStatus::Overlapping | TimeOfImpactStatus::IterationLimit => {}
             }
-            if touch.status != TimeOfImpactStatus::Overlapping || touching == 0 {
-                break;
-            }
-            (touching, limit) = (touching - 1, 1.0);
+            break;
         }
     }
     TimeOfImpact { fraction: (chord as f32 + found.fraction) / count, rounds, ..found }

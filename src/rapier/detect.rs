@@ -25,7 +25,7 @@ use super::{
 };
 use crate::{
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Groups, Manifold, Side, Solid, StaticBody, Statics},
+    pipeline::{Body, Groups, Manifold, Solid, StaticBody, Statics},
     plugin::{BodyInfo, MedialCcd, MedialSettings, MedialStep},
 };
 
@@ -225,6 +225,7 @@ pub(super) fn detect(
             });
         }
     }
+    step.worlds = worlds.iter().map(|(entity, _)| *entity).collect();
     step.dt = worlds.first().map_or(0.0, |(_, dt)| *dt);
     if fixed != *known {
         set_statics(step, &contexts, &worlds, &fixed);
@@ -237,9 +238,9 @@ pub(super) fn detect(
         }
     }
     let mut entries = Vec::new();
-    for (world, (entity, _)) in (0..).zip(&worlds) {
-        if let Ok(context) = contexts.get(*entity) {
-            entries.extend(table_entries(step, world, context.colliders));
+    for (entity, _) in worlds {
+        if let Ok(context) = contexts.get(entity) {
+            entries.extend(table_entries(step, entity, context.colliders));
         }
     }
     table.fill(entries);
@@ -290,14 +291,11 @@ fn stop_bodies(step: &MedialStep, world: u32, dt: f32, context: ContextItem) {
 /// The manifolds of a world's pairs under the keys that the dispatcher will look them up by.
 fn table_entries<'a>(
     step: &'a MedialStep,
-    world: u32,
+    world: Entity,
     colliders: &'a RapierContextColliders,
 ) -> impl Iterator<Item = (PairKey, Vec<Manifold>)> + 'a {
-    let world_of = |side: Side| match side {
-        Side::Body(body) => step.input.bodies[body as usize].world,
-        Side::Static(body) => step.statics.bodies()[body as usize].world,
-    };
-    step.output.pairs.iter().filter(move |pair| world_of(pair.first) == world).filter_map(|pair| {
+    let pairs = step.output.pairs.iter().filter(move |pair| step.context(pair.first) == world);
+    pairs.filter_map(|pair| {
         let [(handle1, end1), (handle2, end2)] =
             [pair.first, pair.second].map(|side| (step.info(side).collider, step.final_pose(side)));
         let first = medial(colliders.colliders.get(handle1)?)?;

@@ -5,7 +5,7 @@
 //! -- Snapshot      poses and velocities at the start of the step
 //! StepSimulation   rapier solves; the dispatcher answers from the last step's table, or computes
 //! -- Detect        the step of the pipeline from start to solved poses; bodies stop at their first impact; the table for
-//!                  the next step
+//!                  the next step; finer solver steps for fast pairs in contact
 //! -- Report        messages and diagnostics
 //! Writeback
 //! ```
@@ -24,6 +24,7 @@ pub mod query;
 mod rays;
 mod shape;
 mod shape_cast;
+mod substeps;
 mod table;
 
 use bevy::{
@@ -70,7 +71,7 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
                 .in_set(MedialSystems::Attach),
         )
         .add_systems(schedule, (attach::wake_attached, detect::snapshot).chain().in_set(MedialSystems::Snapshot))
-        .add_systems(schedule, detect::detect.in_set(MedialSystems::Detect));
+        .add_systems(schedule, (detect::detect, substeps::refine).chain().in_set(MedialSystems::Detect));
 }
 
 /// Before a world has its first collider: later the pairs that rapier's broad phase knows already would be lost.

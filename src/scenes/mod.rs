@@ -8,7 +8,10 @@ mod monitor;
 use std::time::Duration;
 
 use bevy::{prelude::*, time::TimeUpdateStrategy};
-use bevy_rapier3d::prelude::{Damping, RigidBody, TimestepMode, Velocity};
+use bevy_rapier3d::{
+    plugin::context::{DefaultRapierContext, RapierContextSimulation, RapierRigidBodySet},
+    prelude::{Damping, PhysicsSet, RapierRigidBodyHandle, RigidBody, TimestepMode, Velocity},
+};
 
 use crate::{
     medial_axis::MedialAxis,
@@ -62,6 +65,13 @@ pub const SCENES: &[Scene] = &[
         view: [Vec3::new(5.0, 3.6, 5.6), Vec3::new(0.0, 1.1, 0.0)],
         build: stairs,
     },
+    Scene {
+        name: "bullets",
+        about: "bodies are shot at a thin plate, at resting ones and at each other, at 10 to 1000 m/s",
+        steps: 240,
+        view: [Vec3::new(-5.5, 4.5, 9.5), Vec3::new(0.5, 1.3, 0.0)],
+        build: bullets,
+    },
 ];
 
 impl Scene {
@@ -84,6 +94,11 @@ pub struct SceneEntity;
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Projectile;
 
+/// Marks a body of the scene `bullets`: rapier would hold it to 400 m/s and an eighth of a turn a step, whatever hits it. See
+/// [`lift_speed_limits`].
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Bullet;
+
 /// Beyond this distance from the origin, in metres, a body has escaped.
 pub const WORLD_RADIUS: f32 = 40.0;
 
@@ -100,9 +115,28 @@ pub fn headless_app(dt: f32) -> App {
     .insert_resource(TimestepMode::Fixed { dt, substeps: 1 })
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(dt)));
     add_monitor(&mut app);
+    lift_speed_limits(&mut app);
     app.finish();
     app.cleanup();
     app
+}
+
+/// Lets every [`Bullet`] of an app be as fast as it is.
+pub fn lift_speed_limits(app: &mut App) {
+    app.add_systems(PostUpdate, lift_limits.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation));
+}
+
+fn lift_limits(
+    bullets: Query<&RapierRigidBodyHandle, (With<Bullet>, Added<RapierRigidBodyHandle>)>,
+    context: Single<(&mut RapierContextSimulation, &mut RapierRigidBodySet), With<DefaultRapierContext>>,
+) {
+    let (mut simulation, mut set) = context.into_inner();
+    for handle in &bullets {
+        simulation.integration_parameters.normalized_max_linear_velocity = f32::MAX;
+        if let Some(body) = set.bodies.get_mut(handle.0) {
+            body.set_allow_fast_rotation(true);
+        }
+    }
 }
 
 /// SplitMix64: small, seeded, the same everywhere.
@@ -173,9 +207,13 @@ impl Builder<'_> {
     /// A body of the given model, scaled to fit a ball `size` metres across, so that it can be turned at will.
     fn body(&mut self, model: usize, size: f32, center: Vec3, velocity: Velocity) -> Entity {
         let model = &self.models[model % self.models.len()];
-        let bound = model.axis.bounding_sphere();
+        self.body_of(model.name.clone(), model.axis.clone(), size, center, velocity)
+    }
+
+    /// The same of a shape that is no model.
+    fn body_of(&mut self, name: String, axis: MedialAxis, size: f32, center: Vec3, velocity: Velocity) -> Entity {
+        let bound = axis.bounding_sphere();
         let scale = 0.5 * size / bound.radius;
-        let (name, axis) = (model.name.clone(), model.axis.clone());
         let rotation = self.random.rotation();
         let mesh = self.add(axis);
         let center = center - rotation * bound.center * scale;
@@ -183,6 +221,18 @@ impl Builder<'_> {
         // A little damping stands in for rolling friction, which rapier has not.
         let damping = Damping { linear_damping: 0.1, angular_damping: 1.0 };
         self.world.spawn((SceneEntity, Name::new(name), RigidBody::Dynamic, mesh, transform, velocity, damping)).id()
+    }
+
+    /// A bullet at a place about which it may be up to 10 cm off: a rod for every third number, else a model.
+    fn bullet(&mut self, number: usize, center: Vec3, speed: f32) {
+        let center = center + self.random.vector() * 0.1;
+        let angular = if speed == 0.0 { Vec3::ZERO } else { self.random.vector() * 50.0 };
+        let velocity = Velocity { linear: Vec3::X * speed, angular };
+        let entity = match MedialAxis::capsule(Vec3::X * -0.5, Vec3::X * 0.5, 0.02) {
+            Ok(rod) if number.is_multiple_of(3) => self.body_of("rod".into(), rod, 1.0, center, velocity),
+            _ => self.body(number, 0.9, center, velocity),
+        };
+        self.world.entity_mut(entity).insert(Bullet);
     }
 
     fn model_named(&self, part: &str) -> Option<usize> {
@@ -231,6 +281,25 @@ fn dinosaur(builder: &mut Builder) {
     let velocity = Velocity { linear: Vec3::X * 100.0, angular: spin };
     let entity = builder.body(dinosaur, 1.5, aim, velocity);
     builder.world.entity_mut(entity).insert(Projectile);
+}
+
+fn bullets(builder: &mut Builder) {
+    builder.ground();
+    for side in [-1.0, 1.0] {
+        builder.fixed_box("wall", Vec3::new(side * 20.0, 10.0, 0.0), Vec3::new(0.5, 10.0, 20.0));
+        builder.fixed_box("wall", Vec3::new(0.0, 10.0, side * 20.0), Vec3::new(20.0, 10.0, 0.5));
+    }
+    builder.fixed_box("wall", Vec3::new(0.0, 20.0, 0.0), Vec3::new(20.0, 0.5, 20.0));
+    // 5 cm thick.
+    builder.fixed_box("plate", Vec3::new(4.0, 1.5, -2.4), Vec3::new(0.025, 1.5, 2.4));
+    for (lane, speed) in [10.0, 50.0, 100.0, 300.0, 1000.0].into_iter().enumerate() {
+        let z = 0.95 * lane as f32;
+        builder.bullet(lane, Vec3::new(-5.0, 1.6, z - 4.3), speed);
+        // At resting ones, and the fastest two head-on.
+        let (place, other) = if speed > 200.0 { (9.0, -speed) } else { (2.0, 0.0) };
+        builder.bullet(lane + 1, Vec3::new(-5.0, 1.1, z + 0.8), speed);
+        builder.bullet(lane + 1, Vec3::new(place, 1.1, z + 0.8), other);
+    }
 }
 
 fn tori(builder: &mut Builder) {

@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy_medial::{
     geometry::Sweep,
-    pipeline::{Body, Shape, Side},
+    pipeline::{Body, Side},
     plugin::MedialStep,
     scenes::{Monitor, Projectile, Scene},
 };
@@ -11,62 +11,8 @@ use glam::DVec3;
 
 use crate::{
     common::*,
-    true_motion::{Corners, Motion, MovingPair, corners_of, corners_of_box},
+    true_motion::{Motion, Solid, corners_of_box, distance},
 };
-
-/// All convex parts of a body, or one box, with a sphere around each.
-struct Solid {
-    parts: Vec<(Corners, DVec3, f64)>,
-    motion: Motion,
-}
-
-impl Solid {
-    fn new(parts: impl Iterator<Item = Corners>, motion: Motion) -> Self {
-        let bound = |corners: Corners| {
-            let middle = corners.iter().map(|(center, _)| *center).sum::<DVec3>() / corners.len() as f64;
-            let radius = corners.iter().map(|(center, r)| center.distance(middle) + r).fold(0.0, f64::max);
-            (corners, middle, radius)
-        };
-        Self { parts: parts.map(bound).collect(), motion }
-    }
-
-    fn of_body(body: &Body, origin: DVec3) -> Self {
-        let parts = |shape: &Shape| (0..shape.len() as u32).map(|i| corners_of(shape, i)).collect::<Vec<_>>();
-        Self::new(parts(body.solid.medial().unwrap()).into_iter(), Motion::new(&body.sweep, origin))
-    }
-
-    fn reach(&self) -> f64 {
-        self.parts.iter().map(|(corners, _, _)| self.motion.reach(corners)).fold(0.0, f64::max)
-    }
-}
-
-/// Least distance of two solids at an instant, if it is less than `limit`.
-fn distance(first: &Solid, second: &Solid, fraction: f64, limit: f64) -> f64 {
-    let placed = |solid: &Solid| {
-        let place = |(_, middle, radius): &(Corners, DVec3, f64)| (solid.motion.point(*middle, fraction), *radius);
-        solid.parts.iter().map(place).collect::<Vec<_>>()
-    };
-    let (bounds1, bounds2) = (placed(first), placed(second));
-    let mut order = Vec::new();
-    for (i, (center1, radius1)) in bounds1.iter().enumerate() {
-        for (j, (center2, radius2)) in bounds2.iter().enumerate() {
-            let bound = center1.distance(*center2) - radius1 - radius2;
-            if bound < limit {
-                order.push((bound, i, j));
-            }
-        }
-    }
-    order.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut least = limit;
-    for (bound, i, j) in order {
-        if bound >= least {
-            break;
-        }
-        let sides = [(first.parts[i].0.clone(), first.motion), (second.parts[j].0.clone(), second.motion)];
-        least = least.min(MovingPair { sides }.distance(fraction));
-    }
-    least
-}
 
 /// First fraction at which the solids touch, by steps that cannot pass it.
 fn first_touch(first: &Solid, second: &Solid) -> Option<f64> {
@@ -83,14 +29,18 @@ fn first_touch(first: &Solid, second: &Solid) -> Option<f64> {
     None
 }
 
+fn of_body(body: &Body, origin: DVec3) -> Solid {
+    Solid::of_shape(body.solid.medial().unwrap(), Motion::new(&body.sweep, origin))
+}
+
 /// What the projectile meets in the step, in the order of time: the entity and the fraction.
 fn true_impacts(step: &MedialStep, projectile: u32) -> Vec<(Entity, f64)> {
     let body = &step.input.bodies[projectile as usize];
     let origin = body.sweep.start.translation.as_dvec3();
-    let fast = Solid::of_body(body, origin);
+    let fast = of_body(body, origin);
     let bodies = (0..step.input.bodies.len() as u32)
         .filter(|&other| other != projectile)
-        .map(|other| (step.infos[other as usize].entity, Solid::of_body(&step.input.bodies[other as usize], origin)));
+        .map(|other| (step.infos[other as usize].entity, of_body(&step.input.bodies[other as usize], origin)));
     let statics = step.statics.bodies().iter().zip(&step.static_infos).map(|(body, info)| {
         assert!(body.solid.medial().is_none());
         let still = Motion::new(&Sweep::at_rest(body.pose), origin);

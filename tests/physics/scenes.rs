@@ -44,6 +44,17 @@ fn stairs() {
 }
 
 #[test]
+fn bullets() {
+    let summary = run_scene("bullets", models());
+    println!("{summary:?}");
+    assert_eq!((summary.steps, summary.bodies), (240, 15));
+    assert!(summary.counts.contacts_max > 0, "nothing touches");
+    assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
+    assert!(summary.lowest_y >= -0.01, "sunk to {}", summary.lowest_y);
+    assert!(summary.deepest_overlap_percent < 2.0, "{} %", summary.deepest_overlap_percent);
+}
+
+#[test]
 fn rods_with_shared_models() {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/models/qmat");
     if !folder.is_dir() {

@@ -1,7 +1,7 @@
 //! Distances along the true rigid motion, in f64: no chords, no culling, no closed forms.
 
 use bevy_medial::{
-    geometry::{Obb, Sweep},
+    geometry::{Obb, Pose3, Sweep},
     pipeline::{Hull, Shape},
 };
 use glam::{DQuat, DVec3};
@@ -69,6 +69,12 @@ impl Motion {
         self.center + self.translation * fraction + rotation * (point - self.local_center)
     }
 
+    /// Position and rotation of the body.
+    pub fn pose(&self, fraction: f64) -> Pose3 {
+        let rotation = DQuat::from_scaled_axis(self.spin * fraction) * self.rotation;
+        Pose3::from_parts(self.point(DVec3::ZERO, fraction).as_vec3(), rotation.as_quat())
+    }
+
     /// Longest way that a corner's centre goes about the centre of mass.
     fn swing(&self, corners: &Corners) -> f64 {
         let arm = corners.iter().map(|(corner, _)| corner.distance(self.local_center)).fold(0.0, f64::max);
@@ -114,4 +120,58 @@ impl MovingPair {
             fraction = (fraction + above.max(accuracy) / reach).min(1.0);
         }
     }
+}
+
+/// All convex parts of a body, or one box, with a sphere around each.
+pub struct Solid {
+    pub parts: Vec<(Corners, DVec3, f64)>,
+    pub motion: Motion,
+}
+
+impl Solid {
+    pub fn new(parts: impl Iterator<Item = Corners>, motion: Motion) -> Self {
+        let bound = |corners: Corners| {
+            let middle = corners.iter().map(|(center, _)| *center).sum::<DVec3>() / corners.len() as f64;
+            let radius = corners.iter().map(|(center, r)| center.distance(middle) + r).fold(0.0, f64::max);
+            (corners, middle, radius)
+        };
+        Self { parts: parts.map(bound).collect(), motion }
+    }
+
+    pub fn of_shape(shape: &Shape, motion: Motion) -> Self {
+        Self::new((0..shape.len() as u32).map(|i| corners_of(shape, i)), motion)
+    }
+
+    /// Longest way that a sphere's centre goes.
+    pub fn reach(&self) -> f64 {
+        self.parts.iter().map(|(corners, _, _)| self.motion.reach(corners)).fold(0.0, f64::max)
+    }
+}
+
+/// Least distance of two solids at an instant, if it is less than `limit`.
+pub fn distance(first: &Solid, second: &Solid, fraction: f64, limit: f64) -> f64 {
+    let placed = |solid: &Solid| {
+        let place = |(_, middle, radius): &(Corners, DVec3, f64)| (solid.motion.point(*middle, fraction), *radius);
+        solid.parts.iter().map(place).collect::<Vec<_>>()
+    };
+    let (bounds1, bounds2) = (placed(first), placed(second));
+    let mut order = Vec::new();
+    for (i, (center1, radius1)) in bounds1.iter().enumerate() {
+        for (j, (center2, radius2)) in bounds2.iter().enumerate() {
+            let bound = center1.distance(*center2) - radius1 - radius2;
+            if bound < limit {
+                order.push((bound, i, j));
+            }
+        }
+    }
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut least = limit;
+    for (bound, i, j) in order {
+        if bound >= least {
+            break;
+        }
+        let sides = [(first.parts[i].0.clone(), first.motion), (second.parts[j].0.clone(), second.motion)];
+        least = least.min(MovingPair { sides }.distance(fraction));
+    }
+    least
 }
