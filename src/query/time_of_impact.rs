@@ -25,7 +25,7 @@ pub struct Moving<const N: usize> {
 /// How a time of impact query ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeOfImpactStatus {
-    /// They stay apart. No other field means anything.
+    /// They stay apart. `contact` is their separation at some instant until `max_fraction`, `fraction` means nothing.
     Separated,
     /// They touch first at `fraction`; `contact` is the separation at or right before that.
     Hit,
