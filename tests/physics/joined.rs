@@ -53,7 +53,7 @@ fn a_chain_that_hits_a_wall_at_speed_holds_together_in_front_of_it() {
     for speed in [10.0, 100.0, 300.0] {
         for turn in [0.0, 0.8, 1.5] {
             let mut app = app();
-            app.world_mut().spawn((StaticObb::new(0.05, 20.0, 20.0), Transform::from_xyz(8.0, 0.0, 0.0)));
+            app.world_mut().spawn((StaticObb::new(0.05, 900.0, 900.0), Transform::from_xyz(8.0, 0.0, 0.0)));
             let turn = Quat::from_rotation_z(turn);
             let chain = spawn_chain(&mut app, 4, turn, Vec3::X * speed, false);
             let (mut worst, mut stops) = (0.0f32, 0);
