@@ -61,3 +61,7 @@ pub const STOP_ROUNDINGS: f32 = 4.0;
 
 /// Least overlap that a body may gain, in overlaps that the solver leaves on purpose: a small body sinks in by that much within a few steps.
 pub const STOP_ALLOWED: f32 = 0.05;
+
+/// Largest coordinate of a place, a velocity or an angular velocity, in SI units, that a body may have and be simulated: fourth powers, of which
+/// distances of cones and slabs are made, are finite up to here.
+pub const MAX_MAGNITUDE: f32 = 1.0e9;

@@ -19,6 +19,7 @@ use crate::{
 #[derive(Component, Clone)]
 pub(super) struct Attached {
     asset: AssetId<MedialAxis>,
+    loaded: bool,
     scale: Vec3,
 }
 
@@ -28,7 +29,9 @@ const SCALE_ROUNDING: f32 = 1e-4;
 impl Attached {
     fn is(&self, wanted: &Self) -> bool {
         let difference = (self.scale - wanted.scale).abs().max_element();
-        self.asset == wanted.asset && difference <= SCALE_ROUNDING * wanted.scale.abs().max_element()
+        let same_scale = difference <= SCALE_ROUNDING * wanted.scale.abs().max_element();
+        let both_endless = !self.scale.is_finite() && !wanted.scale.is_finite();
+        self.asset == wanted.asset && self.loaded == wanted.loaded && (same_scale || both_endless)
     }
 }
 
@@ -55,7 +58,7 @@ pub(super) fn attach_shapes(
         } else {
             transform.scale
         };
-        let wanted = Attached { asset: mesh.0.id(), scale };
+        let wanted = Attached { asset: mesh.0.id(), loaded: assets.contains(&mesh.0), scale };
         if attached.is_some_and(|attached| attached.is(&wanted)) && !changed.contains(&wanted.asset) {
             continue;
         }
@@ -68,10 +71,11 @@ pub(super) fn attach_shapes(
             continue;
         };
         entity.try_insert(wanted);
-        if !(scale.min_element() > 0.0 && scale.max_element() <= scale.min_element() * (1.0 + SCALE_ROUNDING)) {
+        let uniform = scale.min_element() > 0.0 && scale.max_element() <= scale.min_element() * (1.0 + SCALE_ROUNDING);
+        if !uniform || !(axis.mass().inertia * scale.x.powi(5)).is_finite() {
             error!(
                 "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \
-                 give it a uniform, positive Transform::scale, or build a mesh of the wanted proportions"
+                 give it a uniform, positive, moderate Transform::scale, or build a mesh of the wanted proportions"
             );
             entity.try_remove::<Collider>();
             continue;

@@ -6,10 +6,11 @@ use bevy::prelude::*;
 use bevy_rapier3d::{
     plugin::context::{
         DefaultRapierContext, RapierContextColliders, RapierContextJoints, RapierContextSimulation, RapierRigidBodySet,
+        SimulationToRenderTime,
     },
     prelude::{
         Collider, ColliderDisabled, CollisionGroups, RapierColliderHandle, RapierConfiguration, RigidBodyDisabled,
-        Sensor, SolverGroups,
+        Sensor, SolverGroups, TimestepMode,
     },
     rapier::{
         dynamics::{RigidBody as RapierBody, RigidBodyHandle},
@@ -29,7 +30,11 @@ use crate::{
 
 /// Where bodies were, and how fast, before rapier's step.
 #[derive(Resource, Default)]
-pub(super) struct Snapshot(HashMap<ColliderHandle, Start>);
+pub(super) struct Snapshot {
+    starts: HashMap<ColliderHandle, Start>,
+    /// How far the simulation was ahead of the time of the last frame, in seconds.
+    ahead: f32,
+}
 
 #[derive(Clone, Copy)]
 struct Start {
@@ -52,10 +57,14 @@ fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
 
 pub(super) fn snapshot(
     mut starts: ResMut<Snapshot>,
-    context: Single<(&RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
+    context: Single<
+        (&RapierRigidBodySet, &RapierContextColliders, &SimulationToRenderTime),
+        With<DefaultRapierContext>,
+    >,
 ) {
-    let (bodies, colliders) = *context;
-    starts.0.clear();
+    let (bodies, colliders, time) = *context;
+    starts.ahead = -time.diff;
+    starts.starts.clear();
     for (handle, collider) in colliders.colliders.iter().filter(|(_, collider)| medial(collider).is_some()) {
         let body = collider.parent().and_then(|parent| bodies.bodies.get(parent));
         let start = Start {
@@ -63,7 +72,7 @@ pub(super) fn snapshot(
             linear: body.map_or(Vec3::ZERO, RapierBody::linvel),
             angular: body.map_or(Vec3::ZERO, RapierBody::angvel),
         };
-        starts.0.insert(handle, start);
+        starts.starts.insert(handle, start);
     }
 }
 
@@ -100,8 +109,14 @@ pub(super) fn gather_statics(
     mut removed: (RemovedComponents<Sensor>, RemovedComponents<ColliderDisabled>, RemovedComponents<RigidBodyDisabled>),
     statics: Query<(Entity, &RapierColliderHandle), With<StaticObb>>,
     mut known: Local<(usize, bool)>,
-    context: Single<(&RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
+    context: Single<(&RapierRigidBodySet, &RapierContextColliders, &RapierConfiguration), With<DefaultRapierContext>>,
 ) {
+    let (bodies, colliders, configuration) = *context;
+    if !configuration.physics_pipeline_active {
+        // The last step's pairs are of the statics of then. Whatever changes meanwhile counts from the next step on.
+        *known = (usize::MAX, true);
+        return;
+    }
     let removals = removed.0.read().count() + removed.1.read().count() + removed.2.read().count();
     let count = statics.iter().len();
     // In a fixed schedule rapier takes over removals at the end of the frame, and they count in the next step.
@@ -109,7 +124,6 @@ pub(super) fn gather_statics(
     if changed.is_empty() && removals == 0 && !removals_before && count == known_count {
         return;
     }
-    let (bodies, colliders) = *context;
     let mut found: Vec<(ColliderHandle, Entity, StaticBody, bool)> = Vec::new();
     for (entity, handle) in &statics {
         let Some(collider) = colliders.colliders.get(handle.0).filter(|collider| collider.is_enabled()) else {
@@ -150,16 +164,22 @@ pub(super) fn detect(
             &RapierContextJoints,
             &RapierContextSimulation,
             &RapierConfiguration,
+            &SimulationToRenderTime,
         ),
         With<DefaultRapierContext>,
     >,
+    (mode, time): (Res<TimestepMode>, Res<Time>),
 ) {
-    let (mut bodies, colliders, joints, simulation, configuration) = context.into_inner();
+    let (mut bodies, colliders, joints, simulation, configuration, ahead) = context.into_inner();
     if !configuration.physics_pipeline_active {
         return;
     }
     let step = step.as_mut();
-    let dt = simulation.integration_parameters.dt;
+    // Rapier may have made none or several steps to keep up with the frame's time.
+    let dt = match *mode {
+        TimestepMode::Interpolated { time_scale, .. } => (time.delta_secs() - starts.ahead - ahead.diff) * time_scale,
+        _ => simulation.integration_parameters.dt,
+    };
     step.settings = *settings;
     step.dt = dt;
     step.input.prediction = simulation.integration_parameters.prediction_distance();
@@ -180,7 +200,7 @@ pub(super) fn detect(
         let body = collider.parent().and_then(|parent| bodies.bodies.get(parent));
         let end = collider_pose(collider, body);
         let start =
-            starts.0.get(&handle).copied().unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
+            starts.starts.get(&handle).copied().unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
         let center = body.map_or(Vec3::ZERO, |body| end.inverse_transform_point(body.center_of_mass()));
         let active = body.is_some_and(|body| body.is_enabled() && !body.is_fixed() && !body.is_sleeping());
         let [groups, stop_groups] = groups(collider);
@@ -198,6 +218,7 @@ pub(super) fn detect(
             entity,
             collider: handle,
             sensor: collider.is_sensor(),
+            asleep: body.is_some_and(|body| body.is_sleeping() && !body.is_fixed()),
             center: start.pose.transform_point(center),
             linear: start.linear,
             angular: start.angular,

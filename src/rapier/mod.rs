@@ -2,12 +2,12 @@
 //!
 //! ```text
 //! SyncBackend      attach: the collider of each loaded shape
-//! -- Snapshot      poses and velocities at the start of the step
+//! -- Snapshot      quarantine of what is not finite; poses and velocities at the start of the step
 //! StepSimulation   rapier solves; the dispatcher answers from the last step's table, or computes
 //! -- Detect        the step of the pipeline from start to solved poses; bodies stop at their first impact; the table for
 //!                  the next step
-//! -- Report        messages and diagnostics
 //! Writeback
+//! -- Report        messages, events and diagnostics
 //! ```
 //!
 //! One pass of the pipeline serves both ends: the impacts of this step, and the contacts of the next, whose start is this end.
@@ -18,6 +18,7 @@ mod cast;
 mod detect;
 mod dispatcher;
 mod parts;
+mod quarantine;
 mod shape;
 mod table;
 
@@ -50,10 +51,8 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
             (
                 MedialSystems::Attach.before(PhysicsSet::SyncBackend),
                 MedialSystems::Snapshot.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation),
-                (MedialSystems::Detect, MedialSystems::Report)
-                    .chain()
-                    .after(PhysicsSet::StepSimulation)
-                    .before(PhysicsSet::Writeback),
+                MedialSystems::Detect.after(PhysicsSet::StepSimulation).before(PhysicsSet::Writeback),
+                MedialSystems::Report.after(PhysicsSet::Writeback).before(TransformSystems::Propagate),
             ),
         )
         // Later than this, the pairs that rapier's broad phase knows already would be lost.
@@ -62,8 +61,16 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
             schedule,
             (attach::detach, attach::attach_shapes, attach::attach_boxes).chain().in_set(MedialSystems::Attach),
         )
-        .add_systems(schedule, (attach::wake_attached, detect::snapshot).chain().in_set(MedialSystems::Snapshot))
-        .add_systems(schedule, (detect::gather_statics, detect::detect).chain().in_set(MedialSystems::Detect));
+        .add_systems(
+            schedule,
+            (attach::wake_attached, quarantine::release, quarantine::isolate, detect::snapshot)
+                .chain()
+                .in_set(MedialSystems::Snapshot),
+        )
+        .add_systems(
+            schedule,
+            (quarantine::isolate, detect::gather_statics, detect::detect).chain().in_set(MedialSystems::Detect),
+        );
 }
 
 fn install_dispatcher(table: Res<ContactTable>, mut contexts: Query<&mut RapierContextSimulation>) {

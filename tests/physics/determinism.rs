@@ -5,9 +5,20 @@ use bevy::{
     tasks::{TaskPool, TaskPoolBuilder},
 };
 use bevy_medial::{
+    medial_axis::MedialAxis,
     pipeline::{Statics, StepInput, StepOutput, step},
     plugin::MedialStep,
+    prelude::*,
     scenes::{SCENES, Scene, SceneEntity},
+};
+use bevy_rapier3d::{
+    plugin::context::{RapierContextColliders, RapierContextJoints, RapierContextSimulation, RapierRigidBodySet},
+    prelude::Velocity,
+    rapier::{
+        dynamics::{CCDSolver, IslandManager},
+        geometry::{DefaultBroadPhase, NarrowPhase},
+        pipeline::PhysicsPipeline,
+    },
 };
 
 use crate::{
@@ -81,11 +92,16 @@ fn outcome(scene: &Scene, steps: u32) -> Vec<String> {
     let mut app = app();
     scene.spawn(app.world_mut(), models(), 7);
     run(&mut app, steps);
+    state(&mut app)
+}
+
+/// Poses and velocities of a scene's bodies, in the order of spawning.
+fn state(app: &mut App) -> Vec<String> {
     let mut bodies = app.world_mut().query_filtered::<Entity, With<SceneEntity>>();
     let mut bodies: Vec<Entity> = bodies.iter(app.world()).collect();
     bodies.sort();
     let mut state = |body: Entity| {
-        let body = rigid(&mut app, body);
+        let body = rigid(app, body);
         format!("{:?} {:?} {}", body.position(), body.vels(), body.is_sleeping())
     };
     bodies.into_iter().map(&mut state).collect()
@@ -97,5 +113,109 @@ fn a_scene_ends_the_same_in_every_run() {
         let expected = outcome(scene, steps);
         assert!(expected.len() > 10);
         assert_eq!(expected, outcome(scene, steps), "{}", scene.name);
+    }
+}
+
+#[test]
+fn bodies_that_come_and_go_elsewhere_change_nothing() {
+    for (scene, steps) in SCENES.iter().zip([200, 120, 150, 150]) {
+        let expected = outcome(scene, steps);
+        let mut app = app();
+        scene.spawn(app.world_mut(), models(), 7);
+        let mut random = Random(2);
+        let ground = (StaticObb::new(20.0, 1.0, 20.0), Transform::from_xyz(300.0, -1.0, 300.0));
+        app.world_mut().spawn(ground);
+        let mut elsewhere: Vec<Entity> = Vec::new();
+        for _ in 0..steps {
+            if elsewhere.len() < 10 || random.below(3) > 0 {
+                let at = Vec3::new(300.0, 1.5, 300.0) + random.vector();
+                let axis = MedialAxis::sphere(0.2).unwrap();
+                elsewhere.push(spawn_body(&mut app, axis, Transform::from_translation(at)));
+            } else {
+                let gone = elsewhere.swap_remove(random.below(elsewhere.len()));
+                app.world_mut().despawn(gone);
+            }
+            app.update();
+        }
+        assert!(elsewhere.len() >= 10);
+        assert!(expected == state(&mut app), "{}", scene.name);
+    }
+}
+
+/// Rapier's context, and of the world what rapier reads back from it. Rapier's pipeline is a workspace that no step depends on.
+struct Saved {
+    bodies: RapierRigidBodySet,
+    colliders: RapierContextColliders,
+    joints: RapierContextJoints,
+    islands: IslandManager,
+    broad_phase: DefaultBroadPhase,
+    narrow_phase: NarrowPhase,
+    ccd_solver: CCDSolver,
+    components: Vec<(Entity, Transform, Option<Velocity>)>,
+}
+
+fn save(app: &mut App) -> Saved {
+    let world = app.world_mut();
+    let mut components = world.query_filtered::<(Entity, &Transform, Option<&Velocity>), With<SceneEntity>>();
+    let components =
+        components.iter(world).map(|(e, transform, velocity)| (e, *transform, velocity.copied())).collect();
+    let mut contexts =
+        world.query::<(&RapierRigidBodySet, &RapierContextColliders, &RapierContextJoints, &RapierContextSimulation)>();
+    let (bodies, colliders, joints, simulation) = contexts.single(world).unwrap();
+    Saved {
+        bodies: bodies.clone(),
+        colliders: colliders.clone(),
+        joints: joints.clone(),
+        islands: simulation.islands.clone(),
+        broad_phase: simulation.broad_phase.clone(),
+        narrow_phase: simulation.narrow_phase.clone(),
+        ccd_solver: simulation.ccd_solver.clone(),
+        components,
+    }
+}
+
+fn restore(app: &mut App, saved: &Saved) {
+    let world = app.world_mut();
+    let mut contexts = world.query::<(
+        &mut RapierRigidBodySet,
+        &mut RapierContextColliders,
+        &mut RapierContextJoints,
+        &mut RapierContextSimulation,
+    )>();
+    let (mut bodies, mut colliders, mut joints, mut simulation) = contexts.single_mut(world).unwrap();
+    *bodies = saved.bodies.clone();
+    *colliders = saved.colliders.clone();
+    *joints = saved.joints.clone();
+    simulation.islands = saved.islands.clone();
+    simulation.broad_phase = saved.broad_phase.clone();
+    simulation.narrow_phase = saved.narrow_phase.clone();
+    simulation.ccd_solver = saved.ccd_solver.clone();
+    simulation.pipeline = PhysicsPipeline::new();
+    for &(entity, transform, velocity) in &saved.components {
+        let mut entity = world.entity_mut(entity);
+        entity.insert(transform);
+        if let Some(velocity) = velocity {
+            entity.insert(velocity);
+        }
+    }
+}
+
+#[test]
+fn a_saved_context_replays_the_same() {
+    for (scene, [before, after]) in SCENES.iter().zip([[150, 100], [60, 40], [100, 60], [100, 60]]) {
+        let mut app = app();
+        scene.spawn(app.world_mut(), models(), 7);
+        run(&mut app, before);
+        let saved = save(&mut app);
+        let start = state(&mut app);
+        run(&mut app, after);
+        let expected = state(&mut app);
+        assert!(start != expected);
+        for _ in 0..2 {
+            restore(&mut app, &saved);
+            assert!(start == state(&mut app), "{}", scene.name);
+            run(&mut app, after);
+            assert!(expected == state(&mut app), "{}", scene.name);
+        }
     }
 }

@@ -9,8 +9,12 @@ mod determinism;
 mod entities;
 mod impacts;
 mod interplay;
+mod life;
+mod log;
 mod messages;
+mod observers;
 mod projectile;
+mod quarantine;
 mod random_steps;
 #[path = "../kernels/reference.rs"]
 #[allow(dead_code)]
@@ -20,3 +24,4 @@ mod scenes;
 mod settling;
 mod statics;
 mod true_motion;
+mod walks;
