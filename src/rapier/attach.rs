@@ -29,9 +29,11 @@ const SCALE_ROUNDING: f32 = 1e-4;
 impl Attached {
     fn is(&self, wanted: &Self) -> bool {
         let difference = (self.scale - wanted.scale).abs().max_element();
-        let same_scale = difference <= SCALE_ROUNDING * wanted.scale.abs().max_element();
-        let both_endless = !self.scale.is_finite() && !wanted.scale.is_finite();
-        self.asset == wanted.asset && self.loaded == wanted.loaded && (same_scale || both_endless)
+        let same_scale = match (self.scale.is_finite(), wanted.scale.is_finite()) {
+            (true, true) => difference <= SCALE_ROUNDING * wanted.scale.abs().max_element(),
+            (finite, wanted_finite) => finite == wanted_finite,
+        };
+        self.asset == wanted.asset && self.loaded == wanted.loaded && same_scale
     }
 }
 
@@ -71,7 +73,8 @@ pub(super) fn attach_shapes(
             continue;
         };
         entity.try_insert(wanted);
-        let uniform = scale.min_element() > 0.0 && scale.max_element() <= scale.min_element() * (1.0 + SCALE_ROUNDING);
+        let least = scale.min_element();
+        let uniform = scale.is_finite() && least > 0.0 && scale.max_element() <= least * (1.0 + SCALE_ROUNDING);
         if !uniform || !(axis.mass().inertia * scale.x.powi(5)).is_finite() {
             error!(
                 "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \

@@ -12,6 +12,21 @@
 //!
 //! One pass of the pipeline serves both ends: the impacts of this step, and the contacts of the next, whose start is this end.
 //! A body that is moved in between is no longer where the table knows it, and its contacts are computed on demand.
+//!
+//! # Values that cannot be computed with
+//!
+//! A body whose transform, velocity or force is not finite, or beyond [`MAX_MAGNITUDE`](crate::constants::MAX_MAGNITUDE), is disabled by a
+//! `RigidBodyDisabled` (a collider without a body of its own by a `ColliderDisabled`), with a warning that names the entity. It comes back when it
+//! is set to finite values. This holds for rapier's own bodies as well, since what they touch would be next.
+//!
+//! # Saving and restoring
+//!
+//! A copy of the context in memory replays to the same bits: clone `RapierRigidBodySet`, `RapierContextColliders`, `RapierContextJoints` and, of
+//! `RapierContextSimulation`, which is no `Clone`, the fields `islands`, `broad_phase`, `narrow_phase` and `ccd_solver`; put them back with a new
+//! `PhysicsPipeline`, and the `Transform` and `Velocity` of each body with them. No entity that has a body may have come or gone in between.
+//! A file cannot hold it: parry reads no custom shape back, and a narrow phase that is read back has lost its dispatcher. There, save the
+//! components (`Transform`, `Velocity`, `MedialMesh` by its path) and spawn them again: contacts then start without what the solver knew of
+//! them.
 
 mod attach;
 mod cast;
@@ -25,10 +40,11 @@ mod table;
 use bevy::{
     ecs::{intern::Interned, schedule::ScheduleLabel},
     prelude::*,
+    transform::{StaticTransformOptimizations, systems::mark_dirty_trees},
 };
 use bevy_rapier3d::{
     parry::query::{DefaultQueryDispatcher, QueryDispatcher},
-    plugin::context::RapierContextSimulation,
+    plugin::{RapierTransformPropagateSet, context::RapierContextSimulation},
     prelude::{NoUserData, PhysicsSet, RapierPhysicsPlugin},
     rapier::geometry::NarrowPhase,
 };
@@ -60,6 +76,14 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
         .add_systems(
             schedule,
             (attach::detach, attach::attach_shapes, attach::attach_boxes).chain().in_set(MedialSystems::Attach),
+        )
+        // Rapier propagates transforms without: what is set on an entity with children would be lost.
+        .add_systems(
+            schedule,
+            mark_dirty_trees
+                .run_if(resource_exists::<StaticTransformOptimizations>)
+                .in_set(PhysicsSet::SyncBackend)
+                .before(RapierTransformPropagateSet),
         )
         .add_systems(
             schedule,

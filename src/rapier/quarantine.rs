@@ -35,7 +35,7 @@ fn is_sound_pose(pose: &Pose3) -> bool {
 }
 
 fn is_sound_body(body: &RapierBody) -> bool {
-    let numbers = [body.gravity_scale(), body.linear_damping(), body.angular_damping(), body.mass()];
+    let numbers = [body.gravity_scale(), body.linear_damping(), body.angular_damping()];
     is_sound_pose(body.position())
         && is_sound_pose(body.next_position())
         && is_bounded(body.linvel())
@@ -97,10 +97,11 @@ pub(super) fn isolate(
 /// Disables a body, with values that harm nothing until it comes back.
 fn put_away(body: &mut RapierBody, colliders: &mut RapierContextColliders) {
     body.set_position(Pose3::IDENTITY, false);
-    // A fixed body has no velocity: the one way to take it from any type.
+    // What becomes fixed loses its velocity: the one way to take it from a body of any type.
     let kind = body.body_type();
-    body.set_body_type(RigidBodyType::Fixed, false);
-    body.set_body_type(kind, false);
+    for kind in [RigidBodyType::Dynamic, RigidBodyType::Fixed, kind] {
+        body.set_body_type(kind, false);
+    }
     body.reset_forces(false);
     body.reset_torques(false);
     body.set_enabled(false);
@@ -168,6 +169,11 @@ pub(super) fn release(
             }
             Quarantined::Collider => {
                 if let Some(collider) = collider.and_then(|handle| colliders.colliders.get_mut(handle.0)) {
+                    let aabb = collider.shape().compute_local_aabb();
+                    if !(aabb.mins.is_finite() && aabb.maxs.is_finite()) {
+                        continue;
+                    }
+                    collider.set_position(pose);
                     collider.set_enabled(true);
                 }
                 commands.entity(entity).try_remove::<(Quarantined, ColliderDisabled)>();

@@ -11,10 +11,9 @@ use bevy_medial::{medial_axis::MedialAxis, plugin::MedialStep, prelude::*, rapie
 use bevy_rapier3d::{
     plugin::context::{RapierContextColliders, RapierContextJoints, RapierContextSimulation, RapierRigidBodySet},
     prelude::{
-        Collider, ColliderDisabled, CollisionGroups, Group, RapierColliderHandle, RapierConfiguration, RigidBody,
-        RigidBodyDisabled, Sleeping, TimestepMode, TransformInterpolation, Velocity,
+        Collider, ColliderDisabled, CollisionGroups, Group, RapierConfiguration, RigidBody, RigidBodyDisabled,
+        TimestepMode, TransformInterpolation, Velocity,
     },
-    rapier::pipeline::PhysicsPipeline,
 };
 
 use crate::{common::*, log};
@@ -318,19 +317,14 @@ fn a_teleport_sweeps_through_nothing() {
                 record.run(&mut app, 10);
                 assert!(
                     (position(&mut app, body).x - x).abs() < 1e-3,
-                    "{kind} {body_kind:?} {}",
+                    "{kind} {body_kind:?} to {x}: {}",
                     position(&mut app, body)
                 );
             }
             // One that is moved by its positions goes all the way.
             let told = usize::from(body_kind == RigidBody::KinematicPositionBased) * 3;
             for (one, other) in [(body, wall), (body, between), (child, wall)] {
-                // A fixed box and what is kinematic touch as well.
-                assert_eq!(
-                    record.counts(one, other),
-                    [told.min(if other == between { 1 } else { 3 }), told.min(if other == between { 1 } else { 3 })],
-                    "{kind} {body_kind:?} {one} {other}"
-                );
+                assert_eq!(record.counts(one, other), [told; 2], "{kind} {body_kind:?} {one} {other}");
             }
             if told == 0 {
                 assert!(record.started.is_empty(), "{kind} {body_kind:?}: {:?}", record.started);
@@ -470,15 +464,15 @@ fn steps_may_change_their_length_and_number() {
 
 #[test]
 fn a_fast_spin_in_slow_motion_or_several_steps_a_frame_is_the_turn_that_it_is() {
-    for (frame, time_scale) in [(DT, 0.05), (4.0 * DT, 1.0)] {
+    for (frame, time_scale, spin) in [(DT, 0.05, 250.0), (12.0 * DT, 1.0, 40.0)] {
         let mut app = app();
         app.insert_resource(TimestepMode::Interpolated { dt: DT, time_scale, substeps: 1 });
         app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(frame)));
-        let velocity = Velocity { linear: Vec3::X, angular: Vec3::Y * 250.0 };
+        let velocity = Velocity { linear: Vec3::X, angular: Vec3::Y * spin };
         let rod = MedialAxis::capsule(Vec3::X * -0.4, Vec3::X * 0.4, 0.05).unwrap();
         spawn_flying(&mut app, rod, Transform::default(), velocity);
         run(&mut app, 5);
-        let expected = 250.0 * frame * time_scale;
+        let expected = spin * frame * time_scale;
         for _ in 0..10 {
             app.update();
             let step = app.world().resource::<MedialStep>();
@@ -518,9 +512,9 @@ fn ten_thousand_spawns_and_despawns_leave_nothing_behind() {
     let before = inventory(&mut app);
     let mut random = Random(8);
     let mut alive = std::collections::VecDeque::new();
-    for _ in 0..1000 {
-        for _ in 0..10 {
-            let at = Transform::from_translation(Vec3::new(2.0, 0.3, 0.0) + random.vector() * 1.5);
+    for _ in 0..250 {
+        for _ in 0..40 {
+            let at = Transform::from_translation(Vec3::new(3.0, 0.3, 0.0) + random.vector() * 2.0);
             // A shape of its own each time, or a static box.
             let entity = if random.below(4) > 0 {
                 spawn_body(&mut app, ball(), at)
@@ -529,12 +523,12 @@ fn ten_thousand_spawns_and_despawns_leave_nothing_behind() {
             };
             alive.push_back(entity);
         }
-        while alive.len() > 30 {
+        while alive.len() > 40 {
             app.world_mut().despawn(alive.pop_front().unwrap());
         }
         record.run(&mut app, 1);
     }
-    assert!(record.started.len() > 10_000, "hardly anything touched: {}", record.started.len());
+    assert!(record.started.len() > 1000, "hardly anything touched: {}", record.started.len());
     alive.into_iter().for_each(|entity| _ = app.world_mut().despawn(entity));
     record.run(&mut app, 200);
     assert_eq!(inventory(&mut app), before);
