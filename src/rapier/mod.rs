@@ -62,6 +62,7 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
     }
     app.init_resource::<ContactTable>()
         .init_resource::<detect::Snapshot>()
+        .init_resource::<quarantine::Running>()
         .configure_sets(
             schedule,
             (
@@ -93,7 +94,7 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
         )
         .add_systems(
             schedule,
-            (quarantine::isolate, detect::gather_statics, detect::detect).chain().in_set(MedialSystems::Detect),
+            (quarantine::isolate_results, detect::gather_statics, detect::detect).chain().in_set(MedialSystems::Detect),
         );
 }
 

@@ -5,7 +5,7 @@
 
 use bevy::prelude::*;
 use bevy_rapier3d::{
-    plugin::context::{RapierContextColliders, RapierContextEntityLink, RapierContextSimulation, RapierRigidBodySet},
+    plugin::context::{RapierContextColliders, RapierContextEntityLink, RapierRigidBodySet},
     prelude::{
         AdditionalMassProperties, Collider, ColliderDisabled, Damping, ExternalForce, GravityScale,
         RapierColliderHandle, RapierRigidBodyHandle, RigidBodyDisabled, Velocity,
@@ -49,49 +49,121 @@ fn is_sound_collider(collider: &RapierCollider) -> bool {
     is_sound_pose(collider.position_wrt_parent().unwrap_or(collider.position()))
 }
 
-/// Takes out what cannot be computed with, and tells so. Runs before rapier's step and after it.
+/// What is in the simulation when rapier's step begins, with the entity of its context: what is disabled after it rapier has taken out.
+#[derive(Resource, Default)]
+pub(super) struct Running {
+    bodies: Vec<(Entity, RigidBodyHandle)>,
+    colliders: Vec<(Entity, ColliderHandle)>,
+}
+
+type Contexts<'w, 's> = Query<'w, 's, (Entity, &'static mut RapierRigidBodySet, &'static mut RapierContextColliders)>;
+
+/// Takes out what cannot be computed with. Right before rapier's step.
 pub(super) fn isolate(
     mut commands: Commands,
-    mut contexts: Query<(&mut RapierRigidBodySet, &mut RapierContextColliders, &RapierContextSimulation)>,
-    names: Query<NameOrEntity, Without<Quarantined>>,
+    mut contexts: Contexts,
+    mut running: ResMut<Running>,
+    names: Query<NameOrEntity>,
 ) {
-    for (mut bodies, mut colliders, simulation) in &mut contexts {
-        let known = simulation.pipeline.quarantine();
-        let is_out = |handle: &&RigidBodyHandle| bodies.bodies.get(**handle).is_some_and(|body| !body.is_enabled());
-        let unsound = bodies.bodies.iter().filter(|(_, body)| body.is_enabled() && !is_sound_body(body));
-        let found: Vec<RigidBodyHandle> =
-            unsound.map(|(handle, _)| handle).chain(known.bodies().iter().filter(is_out).copied()).collect();
-        for handle in found {
-            let entity = bodies.rigid_body_entity(handle);
-            let (Some(entity), Some(body)) = (entity, bodies.bodies.get_mut(handle)) else { continue };
-            put_away(body, &mut colliders);
-            let Ok(name) = names.get(entity) else { continue };
-            warn!(
-                "{name}: its transform, velocity, mass or a force on it is not finite or too large, so its body is disabled; \
-                 set them to finite values, of at most {MAX_MAGNITUDE:e}, and it comes back"
-            );
-            commands.entity(entity).try_insert((Quarantined::Body, RigidBodyDisabled));
-        }
-        let is_out = |handle: &&ColliderHandle| colliders.colliders.get(**handle).is_some_and(|c| !c.is_enabled());
-        let unsound = colliders.colliders.iter().filter(|(_, c)| c.is_enabled() && !is_sound_collider(c));
-        let found: Vec<ColliderHandle> =
-            unsound.map(|(handle, _)| handle).chain(known.colliders().iter().filter(is_out).copied()).collect();
-        for handle in found {
-            let entity = colliders.collider_entity(handle);
-            let (Some(entity), Some(collider)) = (entity, colliders.colliders.get_mut(handle)) else { continue };
-            if !is_sound_collider(collider) {
-                collider.set_position_wrt_parent(Pose3::IDENTITY);
-                collider.set_position(Pose3::IDENTITY);
+    let running = running.as_mut();
+    running.bodies.clear();
+    running.colliders.clear();
+    for (context, mut bodies, mut colliders) in &mut contexts {
+        let mut unsound = Vec::new();
+        for (handle, body) in bodies.bodies.iter().filter(|(_, body)| body.is_enabled()) {
+            if is_sound_body(body) {
+                running.bodies.push((context, handle));
+            } else {
+                unsound.push(handle);
             }
-            collider.set_enabled(false);
-            let Ok(name) = names.get(entity) else { continue };
-            warn!(
-                "{name}: its transform or size is not finite or too large, so its collider is disabled; set them to finite values, \
-                 of at most {MAX_MAGNITUDE:e}, and it comes back"
-            );
-            commands.entity(entity).try_insert((Quarantined::Collider, ColliderDisabled));
+        }
+        for handle in unsound {
+            take_body(handle, &mut bodies, &mut colliders, &names, &mut commands);
+        }
+        let mut unsound = Vec::new();
+        for (handle, collider) in colliders.colliders.iter().filter(|(_, collider)| collider.is_enabled()) {
+            if is_sound_collider(collider) {
+                running.colliders.push((context, handle));
+            }
+            if !is_sound_pose(collider.position()) || !is_sound_collider(collider) {
+                unsound.push(handle);
+            }
+        }
+        for handle in unsound {
+            let collider = &colliders.colliders[handle];
+            let parent = collider.parent().and_then(|parent| bodies.bodies.get(parent));
+            match (parent, collider.position_wrt_parent()) {
+                // Made while its body was spoiled.
+                (Some(body), Some(local)) if is_sound_pose(local) => {
+                    let pose = body.position() * local;
+                    colliders.colliders[handle].set_position(pose);
+                }
+                _ => take_collider(handle, &mut colliders, &names, &mut commands),
+            }
         }
     }
+}
+
+/// Takes out what cannot be computed with any more, and tells of what rapier has taken out. Right after rapier's step.
+pub(super) fn isolate_results(
+    mut commands: Commands,
+    mut contexts: Contexts,
+    running: Res<Running>,
+    names: Query<NameOrEntity>,
+) {
+    for &(context, handle) in &running.bodies {
+        let Ok((_, mut bodies, mut colliders)) = contexts.get_mut(context) else { continue };
+        if bodies.bodies.get(handle).is_some_and(|body| !(body.is_enabled() && is_sound_body(body))) {
+            take_body(handle, &mut bodies, &mut colliders, &names, &mut commands);
+        }
+    }
+    for &(context, handle) in &running.colliders {
+        let Ok((_, bodies, mut colliders)) = contexts.get_mut(context) else { continue };
+        let Some(collider) = colliders.colliders.get(handle).filter(|collider| !collider.is_enabled()) else {
+            continue;
+        };
+        if collider.parent().and_then(|parent| bodies.bodies.get(parent)).is_none_or(RapierBody::is_enabled) {
+            take_collider(handle, &mut colliders, &names, &mut commands);
+        }
+    }
+}
+
+fn take_body(
+    handle: RigidBodyHandle,
+    bodies: &mut RapierRigidBodySet,
+    colliders: &mut RapierContextColliders,
+    names: &Query<NameOrEntity>,
+    commands: &mut Commands,
+) {
+    let entity = bodies.rigid_body_entity(handle);
+    put_away(&mut bodies.bodies[handle], colliders);
+    let Some(name) = entity.and_then(|entity| names.get(entity).ok()) else { return };
+    warn!(
+        "{name}: its transform, velocity, mass or a force on it is not finite or too large, so its body is disabled; \
+         set them to finite values, of at most {MAX_MAGNITUDE:e}, and it comes back"
+    );
+    commands.entity(name.entity).try_insert((Quarantined::Body, RigidBodyDisabled));
+}
+
+fn take_collider(
+    handle: ColliderHandle,
+    colliders: &mut RapierContextColliders,
+    names: &Query<NameOrEntity>,
+    commands: &mut Commands,
+) {
+    let entity = colliders.collider_entity(handle);
+    let collider = &mut colliders.colliders[handle];
+    if !is_sound_collider(collider) {
+        collider.set_position_wrt_parent(Pose3::IDENTITY);
+        collider.set_position(Pose3::IDENTITY);
+    }
+    collider.set_enabled(false);
+    let Some(name) = entity.and_then(|entity| names.get(entity).ok()) else { return };
+    warn!(
+        "{name}: its transform or size is not finite or too large, so its collider is disabled; set them to finite values, \
+         of at most {MAX_MAGNITUDE:e}, and it comes back"
+    );
+    commands.entity(name.entity).try_insert((Quarantined::Collider, ColliderDisabled));
 }
 
 /// Disables a body, with values that harm nothing until it comes back.

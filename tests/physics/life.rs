@@ -535,3 +535,26 @@ fn ten_thousand_spawns_and_despawns_leave_nothing_behind() {
     assert!(is_at_rest(&mut app, kept));
     assert_eq!(record.started.len(), record.ended.len() + 1);
 }
+
+#[test]
+fn a_shape_that_comes_to_a_disabled_body_collides_with_nothing() {
+    let mut app = app();
+    let ground = spawn_ground(&mut app);
+    let mesh = MedialMesh(app.world().resource::<Assets<MedialAxis>>().reserve_handle());
+    let at = Transform::from_xyz(0.0, 0.5, 0.0);
+    let disabled = app.world_mut().spawn((RigidBody::Dynamic, RigidBodyDisabled, mesh.clone(), at)).id();
+    run(&mut app, 5);
+    app.world_mut().resource_mut::<Assets<MedialAxis>>().insert(&mesh.0, plate()).unwrap();
+    run(&mut app, 5);
+    assert!(app.world().get::<Collider>(disabled).is_some());
+    let falling = spawn_body(&mut app, plate(), Transform::from_xyz(0.0, 1.0, 0.0));
+    let mut record = Record::default();
+    record.run(&mut app, 200);
+    assert!((position(&mut app, falling).y - 0.1).abs() < 3e-3, "{}", position(&mut app, falling));
+    assert_eq!(record.counts(falling, disabled), [0, 0]);
+    app.world_mut().entity_mut(disabled).remove::<RigidBodyDisabled>();
+    record.run(&mut app, 200);
+    assert!((position(&mut app, disabled).y - 0.3).abs() < 3e-3, "{}", position(&mut app, disabled));
+    assert_eq!(record.counts(falling, disabled), [1, 0]);
+    assert_eq!(record.counts(falling, ground), [1, 0]);
+}

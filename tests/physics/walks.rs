@@ -388,6 +388,16 @@ impl Walk {
             with_body += usize::from(body.is_some());
             assert_eq!(collider.is_some(), handle.is_some(), "{entity}");
             spoiled += usize::from(!transform.is_finite());
+            if !self.paused
+                && let Some(handle) = handle
+            {
+                // What is disabled says so.
+                let collider = &colliders.colliders[handle.0];
+                let body = collider.parent().map(|parent| bodies.rigid_body_entity(parent).unwrap());
+                let disabled = world.get::<ColliderDisabled>(entity).is_some()
+                    || body.is_some_and(|body| world.get::<RigidBodyDisabled>(body).is_some());
+                assert_eq!(collider.is_enabled(), !disabled, "{entity}");
+            }
             if let Some(body) = body {
                 let body = &bodies.bodies[body.0];
                 let finite = body.position().is_finite() && body.linvel().is_finite() && body.angvel().is_finite();
@@ -404,15 +414,7 @@ impl Walk {
                 && assets.contains(&mesh.0)
                 && uniform
             {
-                let collider = &colliders.colliders[handle
-                    .unwrap_or_else(|| {
-                        panic!(
-                            "{entity} has no collider {transform:?} {global:?} child {} box {is_static} disabled {}",
-                            world.get::<ChildOf>(entity).is_some(),
-                            world.get::<RigidBodyDisabled>(entity).is_some()
-                        )
-                    })
-                    .0];
+                let collider = &colliders.colliders[handle.unwrap_or_else(|| panic!("{entity} has no collider")).0];
                 let shape = collider.shape().as_shape::<MedialShape>().expect("a medial shape");
                 assert!((shape.shape.scale / scale.x - 1.0).abs() < 1e-3, "{entity}: {scale}");
                 medial += usize::from(collider.is_enabled() && !is_static);
