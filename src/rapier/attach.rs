@@ -126,8 +126,7 @@ pub(super) fn attach_boxes(
     }
 }
 
-/// A body without a collider has no mass and falls asleep; it does not wake up by getting one, nor by getting another. And a disabled body
-/// does not disable one that it gets.
+/// A body without a collider has no mass and falls asleep; it does not wake up by getting one, nor by getting another.
 pub(super) fn wake_attached(
     attached: Query<&RapierColliderHandle, (Or<(Added<RapierColliderHandle>, Changed<Collider>)>, With<MedialMesh>)>,
     context: Single<(&mut RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
@@ -136,13 +135,7 @@ pub(super) fn wake_attached(
     for handle in &attached {
         let parent = colliders.colliders.get(handle.0).and_then(RapierCollider::parent);
         if let Some(body) = parent.and_then(|parent| bodies.bodies.get_mut(parent)) {
-            if body.is_enabled() {
-                body.wake_up(true);
-            } else {
-                // Rapier disables the colliders of a body when it becomes disabled, and this one is new.
-                body.set_enabled(true);
-                body.set_enabled(false);
-            }
+            body.wake_up(true);
         }
     }
 }

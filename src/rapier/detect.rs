@@ -95,6 +95,7 @@ pub(super) fn gather_statics(
         (
             With<StaticObb>,
             Or<(
+                Changed<StaticObb>,
                 Changed<GlobalTransform>,
                 Changed<RapierColliderHandle>,
                 Changed<Collider>,

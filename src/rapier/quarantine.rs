@@ -82,6 +82,15 @@ pub(super) fn isolate(
         }
         let mut unsound = Vec::new();
         for (handle, collider) in colliders.colliders.iter().filter(|(_, collider)| collider.is_enabled()) {
+            if let Some(parent) = collider.parent()
+                && let Some(body) = bodies.bodies.get(parent)
+                && !body.is_enabled()
+            {
+                // Rapier disables colliders with their body when that is disabled, and not those that come, or are enabled, later.
+                let body = &mut bodies.bodies[parent];
+                body.set_enabled(true);
+                body.set_enabled(false);
+            }
             if is_sound_collider(collider) {
                 running.colliders.push((context, handle));
             }
@@ -93,9 +102,10 @@ pub(super) fn isolate(
             let collider = &colliders.colliders[handle];
             let parent = collider.parent().and_then(|parent| bodies.bodies.get(parent));
             match (parent, collider.position_wrt_parent()) {
-                // Made while its body was spoiled.
+                // The body's place was spoiled when it was made, or is and the body is disabled for that.
                 (Some(body), Some(local)) if is_sound_pose(local) => {
                     let pose = body.position() * local;
+                    let pose = if is_sound_pose(&pose) { pose } else { Pose3::IDENTITY };
                     colliders.colliders[handle].set_position(pose);
                 }
                 _ => take_collider(handle, &mut colliders, &names, &mut commands),
@@ -210,8 +220,10 @@ pub(super) fn release(
             Changed<Damping>,
             Changed<AdditionalMassProperties>,
             Changed<Collider>,
+            Without<RigidBodyDisabled>,
         )>,
     >,
+    disabled: Query<(), With<ColliderDisabled>>,
 ) {
     for (entity, quarantined, link, transform, body, collider, velocity, force) in &changed {
         let Ok((mut bodies, mut colliders)) = contexts.get_mut(link.0) else { continue };
@@ -219,26 +231,40 @@ pub(super) fn release(
         let pose = Pose3::from_parts(translation, rotation);
         let velocity = velocity.copied().unwrap_or_default();
         let force = force.copied().unwrap_or_default();
-        if !is_sound_pose(&pose)
-            || !(is_bounded(velocity.linear) && is_bounded(velocity.angular))
-            || !(force.force.is_finite() && force.torque.is_finite())
-        {
-            continue;
-        }
+        let sound = is_sound_pose(&pose)
+            && is_bounded(velocity.linear)
+            && is_bounded(velocity.angular)
+            && force.force.is_finite()
+            && force.torque.is_finite();
         match quarantined {
             Quarantined::Body => {
                 if let Some(body) = body.and_then(|handle| bodies.bodies.get_mut(handle.0)) {
-                    body.set_position(pose, true);
-                    body.set_linvel(velocity.linear, true);
-                    body.set_angvel(velocity.angular, true);
-                    body.set_enabled(true);
-                    if !is_sound_body(body) {
-                        put_away(body, &mut colliders);
+                    if sound {
+                        body.set_position(pose, true);
+                        body.set_linvel(velocity.linear, true);
+                        body.set_angvel(velocity.angular, true);
+                        body.set_enabled(true);
+                    }
+                    if !sound || !is_sound_body(body) {
+                        // It may have been enabled as it is.
+                        if body.is_enabled() {
+                            put_away(body, &mut colliders);
+                            commands.entity(entity).try_insert(RigidBodyDisabled);
+                        }
                         continue;
+                    }
+                    // Rapier may have taken out one by one those that were as spoiled.
+                    for &handle in body.colliders() {
+                        if !colliders.collider_entity(handle).is_some_and(|entity| disabled.contains(entity))
+                            && let Some(collider) = colliders.colliders.get_mut(handle)
+                        {
+                            collider.set_enabled(true);
+                        }
                     }
                 }
                 commands.entity(entity).try_remove::<(Quarantined, RigidBodyDisabled)>();
             }
+            Quarantined::Collider if !sound => {}
             Quarantined::Collider => {
                 if let Some(collider) = collider.and_then(|handle| colliders.colliders.get_mut(handle.0)) {
                     let aabb = collider.shape().compute_local_aabb();

@@ -558,3 +558,22 @@ fn a_shape_that_comes_to_a_disabled_body_collides_with_nothing() {
     assert_eq!(record.counts(falling, disabled), [1, 0]);
     assert_eq!(record.counts(falling, ground), [1, 0]);
 }
+
+#[test]
+fn a_static_may_take_the_place_of_another_within_a_frame() {
+    let mut app = app();
+    let old = app.world_mut().spawn((StaticObb::new(0.05, 2.0, 2.0), Transform::from_xyz(4.0, 0.0, 0.0))).id();
+    let wall = MedialAxis::rounded_box(Vec3::new(0.05, 2.0, 2.0), 0.02).unwrap();
+    let new = spawn_body(&mut app, wall, Transform::from_xyz(8.0, 0.0, 0.0));
+    app.world_mut().entity_mut(new).insert(RigidBody::Fixed);
+    run(&mut app, 5);
+    app.world_mut().despawn(old);
+    app.world_mut().entity_mut(new).insert(StaticObb::default());
+    let body = spawn_flying(&mut app, ball(), Transform::default(), Velocity::linear(Vec3::X * 200.0));
+    let mut record = Record::default();
+    record.run(&mut app, 20);
+    assert_eq!(record.counts(body, old), [0, 0]);
+    assert_eq!(record.counts(body, new)[0], 1);
+    let step = app.world().resource::<MedialStep>();
+    assert_eq!(step.static_infos.iter().map(|info| info.entity).collect::<Vec<_>>(), [new]);
+}

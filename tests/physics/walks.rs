@@ -45,6 +45,8 @@ struct Walk {
     strays: HashSet<Entity>,
     touching: BTreeSet<(Entity, Entity)>,
     paused: bool,
+    /// What was done, and to whom, for whoever looks into a failure.
+    history: Vec<String>,
     /// How often each operation was done, touches that started, entities that were spoiled at the end of a step.
     done: [usize; OPERATIONS.len()],
     touches: usize,
@@ -170,6 +172,7 @@ impl Walk {
             strays: HashSet::new(),
             touching: BTreeSet::new(),
             paused: false,
+            history: Vec::new(),
             done: [0; OPERATIONS.len()],
             touches: 0,
             spoiled: 0,
@@ -236,6 +239,7 @@ impl Walk {
             self.things.iter().copied().filter(|&entity| filter(world.entity(entity))).collect();
         if !candidates.is_empty() {
             let entity = candidates[self.random.below(candidates.len())];
+            self.history.push(format!("to {entity}"));
             edit(self, entity);
         }
     }
@@ -322,6 +326,7 @@ impl Walk {
                 self.random.below(OPERATIONS.len())
             };
             self.done[number] += 1;
+            self.history.push(OPERATIONS[number].0.to_string());
             OPERATIONS[number].1(self);
         }
         self.update();
@@ -396,7 +401,7 @@ impl Walk {
                 let body = collider.parent().map(|parent| bodies.rigid_body_entity(parent).unwrap());
                 let disabled = world.get::<ColliderDisabled>(entity).is_some()
                     || body.is_some_and(|body| world.get::<RigidBodyDisabled>(body).is_some());
-                assert_eq!(collider.is_enabled(), !disabled, "{entity}");
+                assert_eq!(collider.is_enabled(), !disabled, "{entity} of {body:?}");
             }
             if let Some(body) = body {
                 let body = &bodies.bodies[body.0];
@@ -469,7 +474,7 @@ fn walk(seed: u64, steps: usize) -> Walk {
     for step in 0..steps {
         let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| walk.step()));
         if let Err(panic) = result {
-            eprintln!("seed {seed}, step {step}");
+            eprintln!("seed {seed}, step {step}: {:?}", &walk.history[walk.history.len().saturating_sub(200)..]);
             std::panic::resume_unwind(panic);
         }
     }
