@@ -76,3 +76,7 @@ pub const SUBSTEP_WAY: f32 = 0.1;
 
 /// Greatest number of substeps.
 pub const MAX_SUBSTEPS: usize = 1000;
+
+/// Largest coordinate of a place, a velocity or an angular velocity, in SI units, that a body may have and be simulated: fourth powers, of which
+/// distances of cones and slabs are made, are finite up to here.
+pub const MAX_MAGNITUDE: f32 = 1.0e9;

@@ -28,7 +28,7 @@
 //! | 3 | mid | `pipeline/mid_phase.rs` | primitive BVH against primitive BVH or box | candidate primitive pairs |
 //! | 4 | narrow | `pipeline/narrow_phase.rs`, `stop.rs` | time of impact, distance | impacts, stops, raw contacts |
 //! | 5 | reduce | `pipeline/reduce.rs` | raw contacts | a few manifolds per pair |
-//! | 6 | write back | `rapier/table.rs`, `plugin/report.rs` | [`StepOutput`](pipeline::StepOutput) | contact table, messages, diagnostics |
+//! | 6 | write back | `rapier/table.rs`, `plugin/report.rs` | [`StepOutput`](pipeline::StepOutput) | contact table, messages and events, diagnostics |
 //! | 7 | response | rapier | the table, by `rapier/dispatcher.rs` | new poses |
 //!
 //! Stages 2 to 5 are one function on plain data, [`pipeline::step`]. It runs once a step, right *after* rapier's solver: the motion of each body is

@@ -19,13 +19,43 @@ pub struct TouchPoint {
     pub primitive2: u32,
 }
 
-/// Two bodies have begun to touch: written once, in the step in which they first come within
+impl TouchPoint {
+    /// The same from the second entity's side.
+    pub(crate) fn swapped(self) -> Self {
+        Self { normal: -self.normal, primitive1: self.primitive2, primitive2: self.primitive1, ..self }
+    }
+}
+
+/// Two bodies have begun to touch: told once, in the step in which they first come within
 /// [`TOUCH_DISTANCE`](crate::constants::TOUCH_DISTANCE) of each other or have an impact, however short.
-#[derive(Message, Clone, Copy, Debug, PartialEq, Reflect)]
+///
+/// It is written as a message once for the pair, and triggered as an event on each of the two entities, on which it has the observed entity
+/// first. Observers run after rapier has written back poses and velocities, so what they change holds in the next step.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_medial::prelude::*;
+/// # use bevy_rapier3d::prelude::RigidBody;
+/// fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
+///     commands
+///         .spawn((RigidBody::Dynamic, MedialMesh(assets.load("models/bear.ma"))))
+///         .observe(|started: On<MedialContactStarted>| {
+///             info!("the bear hit {} at {} m/s", started.entity2, started.touch.approach_speed);
+///         });
+/// }
+///
+/// fn read(mut started: MessageReader<MedialContactStarted>) {
+///     for started in started.read() {
+///         info!("{} touches {}", started.entity1, started.entity2);
+///     }
+/// }
+/// ```
+#[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Reflect)]
 pub struct MedialContactStarted {
-    /// The first entity: a body with a medial mesh.
+    /// The first entity: a body with a medial mesh. To an observer: the entity that it observes.
+    #[event_target]
     pub entity1: Entity,
-    /// The second: another such body, or a static.
+    /// The second: another such body, or a static. To an observer: the other one.
     pub entity2: Entity,
     /// Where and how.
     pub touch: TouchPoint,
@@ -33,12 +63,20 @@ pub struct MedialContactStarted {
     pub sensor: bool,
 }
 
-/// Two bodies have ceased to touch: they are farther apart than the prediction distance, or one of them is gone. Written once for
-/// each [`MedialContactStarted`].
-#[derive(Message, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+impl MedialContactStarted {
+    /// The same from the second entity's side.
+    pub(crate) fn swapped(self) -> Self {
+        Self { entity1: self.entity2, entity2: self.entity1, touch: self.touch.swapped(), ..self }
+    }
+}
+
+/// Two bodies have ceased to touch: they are farther apart than the prediction distance, may not collide any more, or one of them is gone.
+/// Told once for each [`MedialContactStarted`], as a message and as an event on those of the two entities that still exist.
+#[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 pub struct MedialContactEnded {
-    /// The first entity. It may have been despawned.
+    /// The first entity. It may have been despawned. To an observer: the entity that it observes.
+    #[event_target]
     pub entity1: Entity,
-    /// The second. It may have been despawned.
+    /// The second. It may have been despawned. To an observer: the other one.
     pub entity2: Entity,
 }

@@ -7,7 +7,7 @@
 //! | [`StaticObb`] | component: a static box, or what makes a medial mesh static |
 //! | [`MedialCcd`] | component: whether a body stops at its first impact |
 //! | [`MedialSettings`] | resource: what holds for all |
-//! | [`MedialContactStarted`], [`MedialContactEnded`] | messages |
+//! | [`MedialContactStarted`], [`MedialContactEnded`] | messages, and events for observers of the entities |
 //! | [`MedialSystems`] | system sets to order against |
 //! | [`MedialStep`] | resource: input and output of the last step |
 
@@ -80,7 +80,7 @@ pub enum MedialSystems {
     Snapshot,
     /// The pipeline runs, fast bodies stop at impacts. Right after rapier's step.
     Detect,
-    /// Messages and diagnostics are written. Before rapier writes back poses.
+    /// Messages and diagnostics are written, observers run. Right after rapier has written back poses.
     Report,
 }
 
@@ -96,7 +96,7 @@ impl Plugin for MedialPhysicsPlugin {
             .init_resource::<MedialStep>()
             .add_message::<MedialContactStarted>()
             .add_message::<MedialContactEnded>()
-            .add_systems(self.schedule, (report::write_messages, diagnostics::measure).in_set(MedialSystems::Report));
+            .add_systems(self.schedule, (report::tell_contacts, diagnostics::measure).in_set(MedialSystems::Report));
         diagnostics::register(app);
         #[cfg(feature = "rapier")]
         crate::rapier::add_systems(app, self.schedule);

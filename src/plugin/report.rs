@@ -1,16 +1,23 @@
-use std::collections::{BTreeSet, HashSet};
+use std::collections::{BTreeMap, HashMap};
 
 use bevy::prelude::*;
 
 use super::{MedialContactEnded, MedialContactStarted, MedialStep, TouchPoint};
 use crate::{constants::TOUCH_DISTANCE, pipeline::Pair};
 
-/// The entities that touch.
-type Touching = BTreeSet<(Entity, Entity)>;
+/// The entities that touch, the lesser first: which of a pair is told first may change while they touch. With the order as told.
+type Touching = BTreeMap<[Entity; 2], [Entity; 2]>;
 
-/// Writes a message for each pair that has begun or ceased to touch in the last step.
-pub(super) fn write_messages(
+fn key(entities: [Entity; 2]) -> [Entity; 2] {
+    let [a, b] = entities;
+    [a.min(b), a.max(b)]
+}
+
+/// Writes a message and triggers events for each pair that has begun or ceased to touch in the last step.
+pub(super) fn tell_contacts(
+    mut commands: Commands,
     step: Res<MedialStep>,
+    existing: Query<()>,
     mut touching: Local<Touching>,
     mut started: MessageWriter<MedialContactStarted>,
     mut ended: MessageWriter<MedialContactEnded>,
@@ -18,38 +25,45 @@ pub(super) fn write_messages(
     let mut now = Touching::new();
     for pair in &step.output.pairs {
         let (info1, info2) = (step.info(pair.first), step.info(pair.second));
-        let entities = (info1.entity, info2.entity);
+        let entities = [info1.entity, info2.entity];
         let Some(touch) = touch_point(&step, pair) else { continue };
-        let known = touching.contains(&entities);
-        if known || pair.impact.is_some() || touch.separation <= TOUCH_DISTANCE {
-            now.insert(entities);
-            if !known {
-                let sensor = info1.sensor || info2.sensor;
-                started.write(MedialContactStarted { entity1: entities.0, entity2: entities.1, touch, sensor });
+        let known = touching.get(&key(entities)).copied();
+        if known.is_none() && pair.impact.is_none() && touch.separation > TOUCH_DISTANCE {
+            continue;
+        }
+        now.insert(key(entities), known.unwrap_or(entities));
+        if known.is_none() {
+            let [entity1, entity2] = entities;
+            let message = MedialContactStarted { entity1, entity2, touch, sensor: info1.sensor || info2.sensor };
+            started.write(message);
+            [message, message.swapped()].into_iter().for_each(|event| commands.trigger(event));
+        }
+    }
+    // A sleeping body is not looked at unless the other side moves, and touches as before.
+    let bodies = step.input.bodies.iter().zip(&step.infos);
+    let states: HashMap<Entity, (bool, bool)> = bodies
+        .map(|(body, info)| (info.entity, (body.active, info.asleep)))
+        .chain(step.static_infos.iter().map(|info| (info.entity, (false, false))))
+        .collect();
+    for (&key, &[entity1, entity2]) in touching.iter() {
+        if now.contains_key(&key) {
+            continue;
+        }
+        if let [Some(&(active1, asleep1)), Some(&(active2, asleep2))] = key.map(|entity| states.get(&entity))
+            && (asleep1 || asleep2)
+            && !(active1 || active2)
+        {
+            now.insert(key, [entity1, entity2]);
+            continue;
+        }
+        ended.write(MedialContactEnded { entity1, entity2 });
+        for (entity1, entity2) in [(entity1, entity2), (entity2, entity1)] {
+            if existing.contains(entity1) {
+                commands.trigger(MedialContactEnded { entity1, entity2 });
             }
         }
     }
-    // Pairs at rest are not looked at and touch as before.
-    let active: HashSet<Entity> = active_entities(&step);
-    let all: HashSet<Entity> = step.infos.iter().chain(&step.static_infos).map(|info| info.entity).collect();
-    for &(entity1, entity2) in touching.iter() {
-        let gone = !all.contains(&entity1) || !all.contains(&entity2);
-        let looked_at = active.contains(&entity1) || active.contains(&entity2);
-        if now.contains(&(entity1, entity2)) {
-            continue;
-        }
-        if gone || looked_at {
-            ended.write(MedialContactEnded { entity1, entity2 });
-        } else {
-            now.insert((entity1, entity2));
-        }
-    }
     *touching = now;
-}
-
-fn active_entities(step: &MedialStep) -> HashSet<Entity> {
-    let bodies = step.input.bodies.iter().zip(&step.infos);
-    bodies.filter(|(body, _)| body.active).map(|(_, info)| info.entity).collect()
 }
 
 /// The first impact of the pair, or else its deepest contact.

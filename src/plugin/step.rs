@@ -34,6 +34,8 @@ pub struct BodyInfo {
     pub collider: ColliderHandle,
     /// True if it has no response.
     pub sensor: bool,
+    /// True if it sleeps.
+    pub asleep: bool,
     /// Centre of mass at the start of the step, in the world.
     pub center: Vec3,
     /// Velocity of the centre of mass before the step, in metres per second.
@@ -50,6 +52,7 @@ impl BodyInfo {
             #[cfg(feature = "rapier")]
             collider,
             sensor: false,
+            asleep: false,
             center: Vec3::ZERO,
             linear: Vec3::ZERO,
             angular: Vec3::ZERO,

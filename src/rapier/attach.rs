@@ -8,7 +8,7 @@ use std::{
 use bevy::{asset::LoadState, prelude::*};
 use bevy_rapier3d::{
     parry::shape::{Compound, SharedShape},
-    plugin::context::{DefaultRapierContext, RapierContextColliders, RapierRigidBodySet},
+    plugin::context::{RapierContextColliders, RapierContextEntityLink, RapierRigidBodySet},
     prelude::{Collider, ColliderScale, RapierColliderHandle, RigidBody},
     rapier::geometry::Collider as RapierCollider,
 };
@@ -24,6 +24,7 @@ use crate::{
 #[derive(Component, Clone)]
 pub(super) struct Attached {
     asset: AssetId<MedialAxis>,
+    loaded: bool,
     scale: Vec3,
 }
 
@@ -33,7 +34,11 @@ const SCALE_ROUNDING: f32 = 1e-4;
 impl Attached {
     fn is(&self, wanted: &Self) -> bool {
         let difference = (self.scale - wanted.scale).abs().max_element();
-        self.asset == wanted.asset && difference <= SCALE_ROUNDING * wanted.scale.abs().max_element()
+        let same_scale = match (self.scale.is_finite(), wanted.scale.is_finite()) {
+            (true, true) => difference <= SCALE_ROUNDING * wanted.scale.abs().max_element(),
+            (finite, wanted_finite) => finite == wanted_finite,
+        };
+        self.asset == wanted.asset && self.loaded == wanted.loaded && same_scale
     }
 }
 
@@ -62,7 +67,7 @@ pub(super) fn attach_shapes(
         } else {
             transform.scale
         };
-        let wanted = Attached { asset: mesh.0.id(), scale };
+        let wanted = Attached { asset: mesh.0.id(), loaded: assets.contains(&mesh.0), scale };
         if attached.is_some_and(|attached| attached.is(&wanted)) && !changed.contains(&wanted.asset) {
             continue;
         }
@@ -75,10 +80,12 @@ pub(super) fn attach_shapes(
             continue;
         };
         entity.try_insert(wanted);
-        if !(scale.min_element() > 0.0 && scale.max_element() <= scale.min_element() * (1.0 + SCALE_ROUNDING)) {
+        let least = scale.min_element();
+        let uniform = scale.is_finite() && least > 0.0 && scale.max_element() <= least * (1.0 + SCALE_ROUNDING);
+        if !uniform || !(axis.mass().inertia * scale.x.powi(5)).is_finite() {
             error!(
                 "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \
-                 give it a uniform, positive Transform::scale, or build a mesh of the wanted proportions"
+                 give it a uniform, positive, moderate Transform::scale, or build a mesh of the wanted proportions"
             );
             entity.try_remove::<Collider>();
             continue;
@@ -144,11 +151,14 @@ pub(super) fn attach_boxes(
 
 /// A body without a collider has no mass and falls asleep; it does not wake up by getting one, nor by getting another.
 pub(super) fn wake_attached(
-    attached: Query<&RapierColliderHandle, (Or<(Added<RapierColliderHandle>, Changed<Collider>)>, With<MedialMesh>)>,
-    context: Single<(&mut RapierRigidBodySet, &RapierContextColliders), With<DefaultRapierContext>>,
+    attached: Query<
+        (&RapierColliderHandle, &RapierContextEntityLink),
+        (Or<(Added<RapierColliderHandle>, Changed<Collider>)>, With<MedialMesh>),
+    >,
+    mut contexts: Query<(&mut RapierRigidBodySet, &RapierContextColliders)>,
 ) {
-    let (mut bodies, colliders) = context.into_inner();
-    for handle in &attached {
+    for (handle, link) in &attached {
+        let Ok((mut bodies, colliders)) = contexts.get_mut(link.0) else { continue };
         let parent = colliders.colliders.get(handle.0).and_then(RapierCollider::parent);
         if let Some(body) = parent.and_then(|parent| bodies.bodies.get_mut(parent)) {
             body.wake_up(true);

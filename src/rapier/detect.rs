@@ -158,6 +158,11 @@ pub(super) fn detect(
     mut contexts: Query<Context>,
     mut known: Local<Vec<Fixed>>,
 ) {
+    // While all is halted the last step holds, and whatever changes counts from the next step on.
+    let running = |context: ContextReadOnlyItem| context.configuration.physics_pipeline_active;
+    if !contexts.iter().any(running) {
+        return;
+    }
     let step = step.as_mut();
     step.settings = *settings;
     step.input.prediction = 0.0;
@@ -219,6 +224,8 @@ pub(super) fn detect(
                 entity,
                 collider: handle,
                 sensor,
+                // In a world that is halted nothing is looked at, either.
+                asleep: !running || body.is_sleeping(),
                 center: start.pose.transform_point(center),
                 linear: start.linear,
                 angular: start.angular,

@@ -2,16 +2,31 @@
 //!
 //! ```text
 //! SyncBackend      attach: the collider of each loaded shape
-//! -- Snapshot      poses and velocities at the start of the step
+//! -- Snapshot      quarantine of what is not finite; poses and velocities at the start of the step
 //! StepSimulation   rapier solves; the dispatcher answers from the last step's table, or computes
 //! -- Detect        the step of the pipeline from start to solved poses; bodies stop at their first impact; the table for
 //!                  the next step; finer solver steps for fast pairs in contact
-//! -- Report        messages and diagnostics
 //! Writeback
+//! -- Report        messages, events and diagnostics
 //! ```
 //!
 //! One pass of the pipeline serves both ends: the impacts of this step, and the contacts of the next, whose start is this end.
 //! A body that is moved in between is no longer where the table knows it, and its contacts are computed on demand.
+//!
+//! # Values that cannot be computed with
+//!
+//! A body whose transform, velocity or force is not finite, or beyond [`MAX_MAGNITUDE`](crate::constants::MAX_MAGNITUDE), is disabled by a
+//! `RigidBodyDisabled` (a collider without a body of its own by a `ColliderDisabled`), with a warning that names the entity. It comes back when it
+//! is set to finite values. This holds for rapier's own bodies as well, since what they touch would be next.
+//!
+//! # Saving and restoring
+//!
+//! A copy of the context in memory replays to the same bits: clone `RapierRigidBodySet`, `RapierContextColliders`, `RapierContextJoints` and, of
+//! `RapierContextSimulation`, which is no `Clone`, the fields `islands`, `broad_phase`, `narrow_phase` and `ccd_solver`; put them back with a new
+//! `PhysicsPipeline`, and the `Transform` and `Velocity` of each body with them. No entity that has a body may have come or gone in between.
+//! A file cannot hold it: parry reads no custom shape back, and a narrow phase that is read back has lost its dispatcher. There, save the
+//! components (`Transform`, `Velocity`, `MedialMesh` by its path) and spawn them again: contacts then start without what the solver knew of
+//! them.
 
 mod attach;
 mod detect;
@@ -20,6 +35,7 @@ mod joints;
 mod parts;
 mod points;
 mod primitive;
+mod quarantine;
 pub mod query;
 mod rays;
 mod shape;
@@ -30,10 +46,11 @@ mod table;
 use bevy::{
     ecs::{intern::Interned, schedule::ScheduleLabel},
     prelude::*,
+    transform::{StaticTransformOptimizations, systems::mark_dirty_trees},
 };
 use bevy_rapier3d::{
     parry::query::{DefaultQueryDispatcher, QueryDispatcher},
-    plugin::context::RapierContextSimulation,
+    plugin::{RapierTransformPropagateSet, context::RapierContextSimulation},
     prelude::{CollisionEvent, NoUserData, PhysicsSet, RapierPhysicsPlugin},
     rapier::geometry::NarrowPhase,
 };
@@ -53,15 +70,14 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
     }
     app.init_resource::<ContactTable>()
         .init_resource::<detect::Snapshot>()
+        .init_resource::<quarantine::Running>()
         .configure_sets(
             schedule,
             (
                 MedialSystems::Attach.before(PhysicsSet::SyncBackend),
                 MedialSystems::Snapshot.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation),
-                (MedialSystems::Detect, MedialSystems::Report)
-                    .chain()
-                    .after(PhysicsSet::StepSimulation)
-                    .before(PhysicsSet::Writeback),
+                MedialSystems::Detect.after(PhysicsSet::StepSimulation).before(PhysicsSet::Writeback),
+                MedialSystems::Report.after(PhysicsSet::Writeback).before(TransformSystems::Propagate),
             ),
         )
         .add_systems(
@@ -70,8 +86,24 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
                 .chain()
                 .in_set(MedialSystems::Attach),
         )
-        .add_systems(schedule, (attach::wake_attached, detect::snapshot).chain().in_set(MedialSystems::Snapshot))
-        .add_systems(schedule, (detect::detect, substeps::refine).chain().in_set(MedialSystems::Detect));
+        // Rapier propagates transforms without: what is set on an entity with children would be lost.
+        .add_systems(
+            schedule,
+            mark_dirty_trees
+                .run_if(resource_exists::<StaticTransformOptimizations>)
+                .in_set(PhysicsSet::SyncBackend)
+                .before(RapierTransformPropagateSet),
+        )
+        .add_systems(
+            schedule,
+            (attach::wake_attached, quarantine::release, quarantine::isolate, detect::snapshot)
+                .chain()
+                .in_set(MedialSystems::Snapshot),
+        )
+        .add_systems(
+            schedule,
+            (quarantine::isolate_results, detect::detect, substeps::refine).chain().in_set(MedialSystems::Detect),
+        );
 }
 
 /// Before a world has its first collider: later the pairs that rapier's broad phase knows already would be lost.

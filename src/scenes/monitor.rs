@@ -160,7 +160,7 @@ pub fn add_monitor(app: &mut App) {
         (
             begin_response.after(MedialSystems::Snapshot).before(PhysicsSet::StepSimulation),
             end_response.after(PhysicsSet::StepSimulation).before(MedialSystems::Detect),
-            watch.after(MedialSystems::Report).before(PhysicsSet::Writeback),
+            watch.after(MedialSystems::Report),
         ),
     );
 }

@@ -1,0 +1,281 @@
+//! Bodies that cannot be computed with leave the simulation, and come back when they are set to what can: the rest goes on.
+//!
+//! Rapier takes out what is not finite at the start or at the end of its step. Here that is told, and found before the step where rapier would
+//! find it after: in a force, say, whose contacts have it by then. What is finite and too large for the kernels goes the same way.
+
+use bevy::prelude::*;
+use bevy_rapier3d::{
+    plugin::context::{RapierContextColliders, RapierContextEntityLink, RapierRigidBodySet},
+    prelude::{
+        AdditionalMassProperties, Collider, ColliderDisabled, Damping, ExternalForce, GravityScale,
+        RapierColliderHandle, RapierRigidBodyHandle, RigidBodyDisabled, Velocity,
+    },
+    rapier::{
+        dynamics::{RigidBody as RapierBody, RigidBodyHandle, RigidBodyType},
+        geometry::{Collider as RapierCollider, ColliderHandle},
+    },
+};
+
+use crate::{constants::MAX_MAGNITUDE, geometry::Pose3};
+
+/// Marks an entity whose body, or whose collider alone, is out of the simulation.
+#[derive(Component, Clone, Copy)]
+pub(super) enum Quarantined {
+    Body,
+    Collider,
+}
+
+/// False for what is not a number, too.
+fn is_bounded(v: Vec3) -> bool {
+    v.abs().cmple(Vec3::splat(MAX_MAGNITUDE)).all()
+}
+
+fn is_sound_pose(pose: &Pose3) -> bool {
+    is_bounded(pose.translation) && pose.rotation.is_finite()
+}
+
+fn is_sound_body(body: &RapierBody) -> bool {
+    let numbers = [body.gravity_scale(), body.linear_damping(), body.angular_damping()];
+    is_sound_pose(body.position())
+        && is_sound_pose(body.next_position())
+        && is_bounded(body.linvel())
+        && is_bounded(body.angvel())
+        && body.user_force().is_finite()
+        && body.user_torque().is_finite()
+        && numbers.into_iter().all(f32::is_finite)
+}
+
+fn is_sound_collider(collider: &RapierCollider) -> bool {
+    is_sound_pose(collider.position_wrt_parent().unwrap_or(collider.position()))
+}
+
+/// What is in the simulation when rapier's step begins, with the entity of its context: what is disabled after it rapier has taken out.
+#[derive(Resource, Default)]
+pub(super) struct Running {
+    bodies: Vec<(Entity, RigidBodyHandle)>,
+    colliders: Vec<(Entity, ColliderHandle)>,
+}
+
+type Contexts<'w, 's> = Query<'w, 's, (Entity, &'static mut RapierRigidBodySet, &'static mut RapierContextColliders)>;
+
+/// Takes out what cannot be computed with. Right before rapier's step.
+pub(super) fn isolate(
+    mut commands: Commands,
+    mut contexts: Contexts,
+    mut running: ResMut<Running>,
+    names: Query<NameOrEntity>,
+) {
+    let running = running.as_mut();
+    running.bodies.clear();
+    running.colliders.clear();
+    for (context, mut bodies, mut colliders) in &mut contexts {
+        let mut unsound = Vec::new();
+        for (handle, body) in bodies.bodies.iter().filter(|(_, body)| body.is_enabled()) {
+            if is_sound_body(body) {
+                running.bodies.push((context, handle));
+            } else {
+                unsound.push(handle);
+            }
+        }
+        for handle in unsound {
+            take_body(handle, &mut bodies, &mut colliders, &names, &mut commands);
+        }
+        let mut unsound = Vec::new();
+        for (handle, collider) in colliders.colliders.iter().filter(|(_, collider)| collider.is_enabled()) {
+            if let Some(parent) = collider.parent()
+                && let Some(body) = bodies.bodies.get(parent)
+                && !body.is_enabled()
+            {
+                // Rapier disables colliders with their body when that is disabled, and not those that come, or are enabled, later.
+                let body = &mut bodies.bodies[parent];
+                body.set_enabled(true);
+                body.set_enabled(false);
+            }
+            if is_sound_collider(collider) {
+                running.colliders.push((context, handle));
+            }
+            if !is_sound_pose(collider.position()) || !is_sound_collider(collider) {
+                unsound.push(handle);
+            }
+        }
+        for handle in unsound {
+            let collider = &colliders.colliders[handle];
+            let parent = collider.parent().and_then(|parent| bodies.bodies.get(parent));
+            match (parent, collider.position_wrt_parent()) {
+                // The body's place was spoiled when it was made, or is and the body is disabled for that.
+                (Some(body), Some(local)) if is_sound_pose(local) => {
+                    let pose = body.position() * local;
+                    let pose = if is_sound_pose(&pose) { pose } else { Pose3::IDENTITY };
+                    colliders.colliders[handle].set_position(pose);
+                }
+                _ => take_collider(handle, &mut colliders, &names, &mut commands),
+            }
+        }
+    }
+}
+
+/// Takes out what cannot be computed with any more, and tells of what rapier has taken out. Right after rapier's step.
+pub(super) fn isolate_results(
+    mut commands: Commands,
+    mut contexts: Contexts,
+    running: Res<Running>,
+    names: Query<NameOrEntity>,
+) {
+    for &(context, handle) in &running.bodies {
+        let Ok((_, mut bodies, mut colliders)) = contexts.get_mut(context) else { continue };
+        if bodies.bodies.get(handle).is_some_and(|body| !(body.is_enabled() && is_sound_body(body))) {
+            take_body(handle, &mut bodies, &mut colliders, &names, &mut commands);
+        }
+    }
+    for &(context, handle) in &running.colliders {
+        let Ok((_, bodies, mut colliders)) = contexts.get_mut(context) else { continue };
+        let Some(collider) = colliders.colliders.get(handle).filter(|collider| !collider.is_enabled()) else {
+            continue;
+        };
+        if collider.parent().and_then(|parent| bodies.bodies.get(parent)).is_none_or(RapierBody::is_enabled) {
+            take_collider(handle, &mut colliders, &names, &mut commands);
+        }
+    }
+}
+
+fn take_body(
+    handle: RigidBodyHandle,
+    bodies: &mut RapierRigidBodySet,
+    colliders: &mut RapierContextColliders,
+    names: &Query<NameOrEntity>,
+    commands: &mut Commands,
+) {
+    let entity = bodies.rigid_body_entity(handle);
+    put_away(&mut bodies.bodies[handle], colliders);
+    let Some(name) = entity.and_then(|entity| names.get(entity).ok()) else { return };
+    warn!(
+        "{name}: its transform, velocity, mass or a force on it is not finite or too large, so its body is disabled; \
+         set them to finite values, of at most {MAX_MAGNITUDE:e}, and it comes back"
+    );
+    commands.entity(name.entity).try_insert((Quarantined::Body, RigidBodyDisabled));
+}
+
+fn take_collider(
+    handle: ColliderHandle,
+    colliders: &mut RapierContextColliders,
+    names: &Query<NameOrEntity>,
+    commands: &mut Commands,
+) {
+    let entity = colliders.collider_entity(handle);
+    let collider = &mut colliders.colliders[handle];
+    if !is_sound_collider(collider) {
+        collider.set_position_wrt_parent(Pose3::IDENTITY);
+        collider.set_position(Pose3::IDENTITY);
+    }
+    collider.set_enabled(false);
+    let Some(name) = entity.and_then(|entity| names.get(entity).ok()) else { return };
+    warn!(
+        "{name}: its transform or size is not finite or too large, so its collider is disabled; set them to finite values, \
+         of at most {MAX_MAGNITUDE:e}, and it comes back"
+    );
+    commands.entity(name.entity).try_insert((Quarantined::Collider, ColliderDisabled));
+}
+
+/// Disables a body, with values that harm nothing until it comes back.
+fn put_away(body: &mut RapierBody, colliders: &mut RapierContextColliders) {
+    body.set_position(Pose3::IDENTITY, false);
+    // What becomes fixed loses its velocity: the one way to take it from a body of any type.
+    let kind = body.body_type();
+    for kind in [RigidBodyType::Dynamic, RigidBodyType::Fixed, kind] {
+        body.set_body_type(kind, false);
+    }
+    body.reset_forces(false);
+    body.reset_torques(false);
+    body.set_enabled(false);
+    for &handle in body.colliders() {
+        // One that has just been made has its place by the body's.
+        if let Some(collider) = colliders.colliders.get_mut(handle)
+            && let Some(&local) = collider.position_wrt_parent()
+        {
+            collider.set_position(local);
+        }
+    }
+}
+
+/// Takes back what has been set to finite values.
+pub(super) fn release(
+    mut commands: Commands,
+    mut contexts: Query<(&mut RapierRigidBodySet, &mut RapierContextColliders)>,
+    changed: Query<
+        (
+            Entity,
+            &Quarantined,
+            &RapierContextEntityLink,
+            &GlobalTransform,
+            Option<&RapierRigidBodyHandle>,
+            Option<&RapierColliderHandle>,
+            Option<&Velocity>,
+            Option<&ExternalForce>,
+        ),
+        Or<(
+            Changed<GlobalTransform>,
+            Changed<Velocity>,
+            Changed<ExternalForce>,
+            Changed<GravityScale>,
+            Changed<Damping>,
+            Changed<AdditionalMassProperties>,
+            Changed<Collider>,
+            Without<RigidBodyDisabled>,
+        )>,
+    >,
+    disabled: Query<(), With<ColliderDisabled>>,
+) {
+    for (entity, quarantined, link, transform, body, collider, velocity, force) in &changed {
+        let Ok((mut bodies, mut colliders)) = contexts.get_mut(link.0) else { continue };
+        let (_, rotation, translation) = transform.to_scale_rotation_translation();
+        let pose = Pose3::from_parts(translation, rotation);
+        let velocity = velocity.copied().unwrap_or_default();
+        let force = force.copied().unwrap_or_default();
+        let sound = is_sound_pose(&pose)
+            && is_bounded(velocity.linear)
+            && is_bounded(velocity.angular)
+            && force.force.is_finite()
+            && force.torque.is_finite();
+        match quarantined {
+            Quarantined::Body => {
+                if let Some(body) = body.and_then(|handle| bodies.bodies.get_mut(handle.0)) {
+                    if sound {
+                        body.set_position(pose, true);
+                        body.set_linvel(velocity.linear, true);
+                        body.set_angvel(velocity.angular, true);
+                        body.set_enabled(true);
+                    }
+                    if !sound || !is_sound_body(body) {
+                        // It may have been enabled as it is.
+                        if body.is_enabled() {
+                            put_away(body, &mut colliders);
+                            commands.entity(entity).try_insert(RigidBodyDisabled);
+                        }
+                        continue;
+                    }
+                    // Rapier may have taken out one by one those that were as spoiled.
+                    for &handle in body.colliders() {
+                        if !colliders.collider_entity(handle).is_some_and(|entity| disabled.contains(entity))
+                            && let Some(collider) = colliders.colliders.get_mut(handle)
+                        {
+                            collider.set_enabled(true);
+                        }
+                    }
+                }
+                commands.entity(entity).try_remove::<(Quarantined, RigidBodyDisabled)>();
+            }
+            Quarantined::Collider if !sound => {}
+            Quarantined::Collider => {
+                if let Some(collider) = collider.and_then(|handle| colliders.colliders.get_mut(handle.0)) {
+                    let aabb = collider.shape().compute_local_aabb();
+                    if !(aabb.mins.is_finite() && aabb.maxs.is_finite()) {
+                        continue;
+                    }
+                    collider.set_position(pose);
+                    collider.set_enabled(true);
+                }
+                commands.entity(entity).try_remove::<(Quarantined, ColliderDisabled)>();
+            }
+        }
+    }
+}
