@@ -66,7 +66,42 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<
     if input.culling == Culling::None {
         return all_pairs(input, statics);
     }
-    let spheres = parallel::map(pool, &input.bodies, 256, |_, body| SweptSphere::new(body, input.prediction));
+    let mut spheres = parallel::map(pool, &input.bodies, 256, |_, body| SweptSphere::new(body, input.prediction));
+    let mut pairs = near(input, statics, &spheres, pool);
+    // What a body carries along leaves its own way, and so does what that carries in turn.
+    let mut carries: Vec<f32> = input.bodies.iter().map(carrying_reach).collect();
+    while let Some(carried) = carried(input, &pairs, &mut carries) {
+        carried.into_iter().for_each(|(body, reach)| spheres[body as usize].sphere.radius += reach);
+        pairs = near(input, statics, &spheres, pool);
+    }
+    pairs
+}
+
+/// How far a body can carry along what it hits, in metres: 0 for those that stop themselves.
+fn carrying_reach(body: &Body) -> f32 {
+    let bound = body.solid.bounding_sphere();
+    let radius = bound.center.distance(body.sweep.local_center) + bound.radius;
+    if body.stops || body.passes { 0.0 } else { body.sweep.reach(radius) }
+}
+
+/// The bodies that, by these pairs, may be carried farther than is known, and by how much more.
+fn carried(input: &StepInput, pairs: &[BodyPair], carries: &mut [f32]) -> Option<Vec<(u32, f32)>> {
+    let mut farther = Vec::new();
+    for pair in pairs.iter().filter(|_| input.stop_at_impact) {
+        let (Some(a), Some(b)) = (pair.first.body(), pair.second.body()) else { continue };
+        for (body, other) in [(a, b), (b, a)] {
+            let (reach, known) = (carries[other as usize], carries[body as usize]);
+            if reach > known && input.bodies[body as usize].stops {
+                carries[body as usize] = reach;
+                farther.push((body, reach - known));
+            }
+        }
+    }
+    (!farther.is_empty()).then_some(farther)
+}
+
+/// The pairs whose swept spheres, or sphere and box, come within the prediction distance.
+fn near(input: &StepInput, statics: &Statics, spheres: &[SweptSphere], pool: &TaskPool) -> Vec<BodyPair> {
     let boxes: Vec<Aabb> = spheres.iter().map(SweptSphere::aabb).collect();
     let bvh = Bvh::new(&boxes);
     let found = parallel::map(pool, &input.bodies, 64, |i, body| {

@@ -208,10 +208,11 @@ fn a_body_that_starts_within_a_floor_gets_out() {
             let plate = MedialAxis::rounded_box(Vec3::new(0.5, 0.2, 0.5), 0.05).unwrap();
             let body = spawn_body(&mut app, plate, Transform::from_xyz(0.0, 0.2 - depth, 0.0));
             damp(&mut app, body);
-            run(&mut app, 600);
+            // On a round floor it rocks for long, and may end a little aside.
+            let round = matches!(kind, "ball" | "capsule");
+            let (steps, tolerance) = if round { (2400, 1e-2) } else { (600, 2e-3) };
+            run(&mut app, steps);
             let found = position(&mut app, body).y;
-            // On a round floor it may have rolled a little aside.
-            let tolerance = if matches!(kind, "ball" | "capsule") { 1e-2 } else { 2e-3 };
             assert!((found - 0.2).abs() < tolerance, "{kind} {depth}: {found}");
             assert!(is_at_rest(&mut app, body), "{kind} {depth}: {:?}", rigid(&mut app, body).vels());
         }
