@@ -270,7 +270,8 @@ fn set_statics(step: &mut MedialStep, contexts: &Query<Context>, worlds: &[(Enti
 }
 
 /// Moves bodies back to where they stop, with the velocities that they have there: the next step then resolves a true contact at a
-/// true pose. Gravity has not acted on them for the rest of the step; left in, it would feed bodies that rock to and fro.
+/// true pose. Gravity has not acted on them for the rest of the step, as far as it has shown in their velocity at all: left in, it would feed
+/// bodies that rock to and fro, and so would taking it from what a contact holds up.
 fn stop_bodies(step: &MedialStep, world: u32, dt: f32, context: ContextItem) {
     let ContextItem { mut bodies, colliders, configuration, .. } = context;
     // The shapes of one body stop together, and it is moved once.
@@ -289,8 +290,10 @@ fn stop_bodies(step: &MedialStep, world: u32, dt: f32, context: ContextItem) {
             body.set_position(stop.pose * local.inverse(), true);
             // Nor has it acted along locked axes at all.
             let free = Vec3::select(body.mass_properties().effective_inv_mass.cmpgt(Vec3::ZERO), Vec3::ONE, Vec3::ZERO);
-            let early = free * configuration.gravity * body.gravity_scale() * (1.0 - stop.fraction) * dt;
-            body.set_linvel(body.linvel() - early, true);
+            let fall = free * configuration.gravity * body.gravity_scale() * dt;
+            let gained = (body.linvel() - step.infos[stop.body as usize].linear).dot(fall) / fall.length_squared();
+            let shown = if gained > 0.0 { gained.min(1.0) } else { 0.0 };
+            body.set_linvel(body.linvel() - fall * shown * (1.0 - stop.fraction), true);
         }
     }
 }
