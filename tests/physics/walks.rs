@@ -508,11 +508,11 @@ fn walks(seeds: std::ops::Range<u64>, steps: usize) {
 
 #[test]
 fn random_walks_lose_nothing_and_tell_everything_once() {
-    walks(0..10, 1000);
+    walks(0..6, 1000);
 }
 
 #[test]
-#[ignore = "a minute or two"]
+#[ignore = "some minutes"]
 fn long_random_walks_lose_nothing_and_tell_everything_once() {
     walks(100..150, 2000);
 }
