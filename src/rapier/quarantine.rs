@@ -30,8 +30,9 @@ fn is_bounded(v: Vec3) -> bool {
     v.abs().cmple(Vec3::splat(MAX_MAGNITUDE)).all()
 }
 
+/// An uneven scale of a turned parent shears: what is left of the rotation is none.
 fn is_sound_pose(pose: &Pose3) -> bool {
-    is_bounded(pose.translation) && pose.rotation.is_finite()
+    is_bounded(pose.translation) && (pose.rotation.length_squared() - 1.0).abs() < 1e-2
 }
 
 fn is_sound_body(body: &RapierBody) -> bool {
@@ -149,7 +150,7 @@ fn take_body(
     put_away(&mut bodies.bodies[handle], colliders);
     let Some(name) = entity.and_then(|entity| names.get(entity).ok()) else { return };
     warn!(
-        "{name}: its transform, velocity, mass or a force on it is not finite or too large, so its body is disabled; \
+        "{name}: its transform, velocity, mass or a force on it is not finite, too large or sheared, so its body is disabled; \
          set them to finite values, of at most {MAX_MAGNITUDE:e}, and it comes back"
     );
     commands.entity(name.entity).try_insert((Quarantined::Body, RigidBodyDisabled));
@@ -170,7 +171,7 @@ fn take_collider(
     collider.set_enabled(false);
     let Some(name) = entity.and_then(|entity| names.get(entity).ok()) else { return };
     warn!(
-        "{name}: its transform or size is not finite or too large, so its collider is disabled; set them to finite values, \
+        "{name}: its transform or size is not finite, too large or sheared, so its collider is disabled; set them to finite values, \
          of at most {MAX_MAGNITUDE:e}, and it comes back"
     );
     commands.entity(name.entity).try_insert((Quarantined::Collider, ColliderDisabled));
@@ -243,6 +244,10 @@ pub(super) fn release(
                         body.set_position(pose, true);
                         body.set_linvel(velocity.linear, true);
                         body.set_angvel(velocity.angular, true);
+                        body.reset_forces(true);
+                        body.reset_torques(true);
+                        body.add_force(force.force, true);
+                        body.add_torque(force.torque, true);
                         body.set_enabled(true);
                     }
                     if !sound || !is_sound_body(body) {

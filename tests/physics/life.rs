@@ -511,14 +511,15 @@ fn ten_thousand_spawns_and_despawns_leave_nothing_behind() {
     let mut record = Record::default();
     record.run(&mut app, 200);
     let before = inventory(&mut app);
+    let shape = ball();
     let mut random = Random(8);
     let mut alive = std::collections::VecDeque::new();
     for _ in 0..250 {
         for _ in 0..40 {
             let at = Transform::from_translation(Vec3::new(3.0, 0.3, 0.0) + random.vector() * 2.0);
-            // A shape of its own each time, or a static box.
+            // An asset of its own each time, or a static box.
             let entity = if random.below(4) > 0 {
-                spawn_body(&mut app, ball(), at)
+                spawn_body(&mut app, shape.clone(), at)
             } else {
                 app.world_mut().spawn((StaticObb::new(0.1, 0.1, 0.1), at)).id()
             };

@@ -162,6 +162,7 @@ impl Walk {
                 walls.push(app.world_mut().spawn((StaticObb { half_extents: half }, at)).id());
             }
         }
+        app.update();
         Self {
             app,
             random: Random(seed),
@@ -400,7 +401,9 @@ impl Walk {
                 let body = collider.parent().map(|parent| bodies.rigid_body_entity(parent).unwrap());
                 let disabled = world.get::<ColliderDisabled>(entity).is_some()
                     || body.is_some_and(|body| world.get::<RigidBodyDisabled>(body).is_some());
-                assert_eq!(collider.is_enabled(), !disabled, "{entity} of {body:?}");
+                // A collider is disabled a step after its body.
+                let parent = collider.parent().is_none_or(|parent| bodies.bodies[parent].is_enabled());
+                assert_eq!(collider.is_enabled() && parent, !disabled, "{entity} of {body:?}");
             }
             if let Some(body) = body {
                 let body = &bodies.bodies[body.0];
@@ -506,11 +509,11 @@ fn walks(seeds: std::ops::Range<u64>, steps: usize) {
 
 #[test]
 fn random_walks_lose_nothing_and_tell_everything_once() {
-    walks(0..10, 1000);
+    walks(0..6, 1000);
 }
 
 #[test]
-#[ignore = "a minute or two"]
+#[ignore = "some minutes"]
 fn long_random_walks_lose_nothing_and_tell_everything_once() {
     walks(100..150, 2000);
 }
