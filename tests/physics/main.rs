@@ -17,6 +17,7 @@ mod random_steps;
 mod reference;
 mod routes;
 mod scenes;
+mod seams;
 mod settling;
 mod statics;
 mod true_motion;
