@@ -61,3 +61,9 @@ pub const STOP_ROUNDINGS: f32 = 4.0;
 
 /// Least overlap that a body may gain, in overlaps that the solver leaves on purpose: a small body sinks in by that much within a few steps.
 pub const STOP_ALLOWED: f32 = 0.05;
+
+/// Parts of a body that meet within this many metres go on without a step: about as much as rapier lets bodies overlap.
+pub const SEAM: f32 = 1.0e-3;
+
+/// Cosine of the angle up to which a seam's contact pushes the same way as its neighbour's (a quarter of a degree).
+pub const SEAM_COSINE: f32 = 1.0 - 1.0e-5;

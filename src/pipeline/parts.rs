@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::{Hull, with_spheres};
 use crate::{
     geometry::{Aabb, Pose3, Sphere, part_within},
-    query::{Cuboid, SupportShape},
+    query::{Cuboid, Separation, Support, SupportShape, separation},
 };
 
 /// A collider that is made of convex parts: one box, the triangles of a terrain.
@@ -59,6 +59,17 @@ impl Part<'_> {
             Core::Support(shape) => shape.aabb(),
         };
         core.inflated(self.rounding)
+    }
+
+    /// How a point and the part lie to each other, both in the collider's frame.
+    pub(super) fn separation_from(&self, point: Vec3) -> Separation {
+        let point = [Sphere::new(self.pose.inverse_transform_point(point), self.rounding)];
+        let found = match &self.core {
+            Core::Cuboid(half) => separation(&point, &Cuboid { half: *half }, 0),
+            Core::Hull(hull) => with_spheres!(*hull, |spheres| separation(&point, &spheres, 0)),
+            Core::Support(shape) => separation(&point, &Support(&**shape), 0),
+        };
+        Separation { normal: self.pose.rotation * found.normal, ..found }
     }
 }
 

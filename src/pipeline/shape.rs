@@ -3,6 +3,7 @@ use glam::Vec3;
 use crate::{
     geometry::{Aabb, Bvh, Placement, Primitive, Sphere},
     medial_axis::MedialAxis,
+    query::{Separation, separation},
 };
 
 /// A medial axis at a uniform scale.
@@ -60,6 +61,11 @@ impl Shape {
     pub(crate) fn radius_about(&self, point: Vec3) -> f32 {
         let bound = self.bounding_sphere();
         bound.center.distance(point) + bound.radius
+    }
+
+    /// How a point and a primitive lie to each other.
+    pub(super) fn separation_from(&self, primitive: u32, point: Vec3) -> Separation {
+        with_spheres!(self.hull(primitive), |spheres| separation(&[Sphere::new(point, 0.0)], &spheres, 0))
     }
 
     /// Spheres of a primitive.

@@ -115,7 +115,8 @@ fn spawn_floor(app: &mut App, kind: &str) {
         "height field" => {
             let (rows, columns) = (13, 53);
             let field = Collider::heightfield(vec![0.0; rows * columns], rows, columns, Vec3::new(LENGTH, 1.0, 2.0 * SIDE));
-            Collider::compound(vec![(Vec3::X * (0.5 * LENGTH - BACK), Quat::IDENTITY, field)])
+            app.world_mut().spawn((RigidBody::Fixed, field, Transform::from_xyz(0.5 * LENGTH - BACK, 0.0, 0.0)));
+            return;
         }
         "voxels" => {
             let range = |from: f32, to: f32| (from * 4.0) as i32..(to * 4.0) as i32;
