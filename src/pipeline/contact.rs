@@ -90,8 +90,10 @@ pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, con
             for part in &parts {
                 collect_part(shape1, part, pose12, prediction, contacts);
             }
-            let second = |id: u32, point: Vec3| parts.iter().find(|part| part.id == id).map(|part| part.separation_from(point));
-            seams::remove(contacts, pose12.rotation, [&|id, point| Some(shape1.separation_from(id, point)), &second]);
+            let second = |id: u32, point: Vec3, offset: Vec3| {
+                parts.iter().find(|part| part.id == id).map(|part| part.separation_from(point, offset))
+            };
+            seams::remove(contacts, pose12.rotation, [&primitives(shape1), &second]);
         }
     }
 }
@@ -145,8 +147,11 @@ pub(super) fn collect(
             with_spheres!(shape2.hull(primitive2), |second| two_sided(&first, &second, prediction, &mut push))
         });
     }
-    let [first, second] = [shape1, shape2].map(|shape| move |id: u32, point: Vec3| Some(shape.separation_from(id, point)));
-    seams::remove(contacts, pose12.rotation, [&first, &second]);
+    seams::remove(contacts, pose12.rotation, [&primitives(shape1), &primitives(shape2)]);
+}
+
+fn primitives(shape: &Shape) -> impl Fn(u32, Vec3, Vec3) -> Option<Separation> {
+    |id, point, offset| Some(shape.hull(id).separation_from(point, [Sphere::new(offset, 0.0)]))
 }
 
 /// Contacts within `prediction` of a convex part of another collider.

@@ -61,13 +61,15 @@ impl Part<'_> {
         core.inflated(self.rounding)
     }
 
-    /// How a point and the part lie to each other, both in the collider's frame.
-    pub(super) fn separation_from(&self, point: Vec3) -> Separation {
-        let point = [Sphere::new(self.pose.inverse_transform_point(point), self.rounding)];
+    /// How the point `point + offset` and the part lie to each other, all in the collider's frame.
+    pub(super) fn separation_from(&self, point: Vec3, offset: Vec3) -> Separation {
+        let turn = self.pose.rotation.inverse();
+        let (local, offset) = (self.pose.inverse_transform_point(point), turn * offset);
+        let sphere = |center: Vec3| [Sphere::new(center, self.rounding)];
         let found = match &self.core {
-            Core::Cuboid(half) => separation(&point, &Cuboid { half: *half }, 0),
-            Core::Hull(hull) => with_spheres!(*hull, |spheres| separation(&point, &spheres, 0)),
-            Core::Support(shape) => separation(&point, &Support(&**shape), 0),
+            Core::Cuboid(half) => separation(&sphere(local + offset), &Cuboid { half: *half }, 0),
+            Core::Hull(hull) => hull.separation_from(local, sphere(offset)),
+            Core::Support(shape) => separation(&sphere(local + offset), &Support(&**shape), 0),
         };
         Separation { normal: self.pose.rotation * found.normal, ..found }
     }

@@ -1,8 +1,8 @@
 //! Seams: where the parts of a body meet, its surface goes on, and no edge or side of a part there is the body's own.
 //!
-//! A ball on a plain of triangles touches the one beneath it, and is near the edges of the next. Their contacts, which push it back, are not
-//! those of the plain. What they touch belongs to the first triangle as well, which has another normal there; and what they would hold back
-//! slides over them. The same goes for boxes side by side, and for the primitives of a medial mesh.
+//! A ball on a plain of triangles touches the one beneath it, and is near the edges of the next. Contacts with those would push it back, yet
+//! it slides over them. They show: where such a contact touches, the surface of another part passes, and the contact's normal leans over it.
+//! The same goes for boxes side by side, and for the primitives of a medial mesh.
 
 use glam::{Quat, Vec3};
 
@@ -12,61 +12,72 @@ use crate::{
     query::Separation,
 };
 
-/// One side of a pair: how a point and a part of it lie to each other, in that side's frame.
-pub(super) type Side<'a> = &'a dyn Fn(u32, Vec3) -> Option<Separation>;
+/// One side of a pair: how the point `point + offset` and a part of it lie to each other, in that side's frame.
+pub(super) type Side<'a> = &'a dyn Fn(u32, Vec3, Vec3) -> Option<Separation>;
 
-/// A piece of a body's surface: a part of it near a point, with the outward normal there.
-#[derive(Clone, Copy)]
-struct Patch {
-    part: u32,
-    point: Vec3,
-    normal: Vec3,
-}
-
-/// Removes contacts with what other parts cover, the deepest contacts first; leaves the others sorted by depth.
+/// Removes contacts with edges and sides that parts with deeper contacts cover; leaves the others sorted by depth.
 ///
 /// `rotation12`: rotation of body 2 in the frame of body 1.
 pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side; 2]) {
     contacts.sort_by(Contact::order);
     let rotation21 = rotation12.inverse();
-    let mut known: Vec<[Patch; 2]> = Vec::with_capacity(contacts.len());
-    contacts.retain(|contact| {
-        let touched = [
-            Patch { part: contact.primitive1, point: contact.point1, normal: contact.normal1 },
-            Patch { part: contact.primitive2, point: contact.point2, normal: rotation21 * -contact.normal1 },
-        ];
-        for i in 0..2 {
-            if let Some(patch) = known.iter().find_map(|patches| patches[i].continued(&touched[i], sides[i])) {
-                let mut patches = touched;
-                patches[i] = patch;
-                patches[1 - i].normal = if i == 0 { rotation21 * -patch.normal } else { rotation12 * -patch.normal };
-                known.push(patches);
-                return false;
+    let touched = |contact: &Contact| {
+        [
+            Touch { part: contact.primitive1, point: contact.point1, normal: contact.normal1 },
+            Touch { part: contact.primitive2, point: contact.point2, normal: rotation21 * -contact.normal1 },
+        ]
+    };
+    let mut kept: Vec<Contact> = Vec::with_capacity(contacts.len());
+    let mut parts: [Vec<u32>; 2] = Default::default();
+    for contact in contacts.iter() {
+        let touches = touched(contact);
+        for (parts, touch) in parts.iter_mut().zip(&touches) {
+            if !parts.contains(&touch.part) {
+                parts.push(touch.part);
             }
         }
-        known.push(touched);
-        true
-    });
+        let known = kept.iter().any(|other| other.normal1.dot(contact.normal1) >= SEAM_COSINE);
+        let is_covered = |i: usize| parts[i].iter().any(|part| touches[i].is_covered(*part, sides[i]));
+        if known || kept.is_empty() || !(is_covered(0) || is_covered(1)) {
+            kept.push(*contact);
+        }
+    }
+    // Of contacts about as deep, any may come first.
+    for i in (0..kept.len()).rev() {
+        let touches = touched(&kept[i]);
+        let is_covered = kept.iter().any(|other| {
+            other.normal1.dot(kept[i].normal1) < SEAM_COSINE
+                && other.distance <= kept[i].distance + SEAM
+                && (0..2).any(|side| touches[side].is_covered(touched(other)[side].part, sides[side]))
+        });
+        if is_covered {
+            kept.remove(i);
+        }
+    }
+    *contacts = kept;
 }
 
-impl Patch {
-    /// The touched part as a continuation of this surface, if it is one: this part is there too, goes on to where the normal
-    /// leans, and the touched part does not rise above it.
-    fn continued(&self, touched: &Patch, side: Side) -> Option<Patch> {
-        let height = (touched.point - self.point).dot(self.normal);
-        if self.part == touched.part || height > SEAM || self.normal.dot(touched.normal) >= SEAM_COSINE {
-            return None;
+/// Where a part of one side is touched, and its outward normal there.
+struct Touch {
+    part: u32,
+    point: Vec3,
+    normal: Vec3,
+}
+
+impl Touch {
+    /// True if the surface of `other` passes here with another normal, and the touched part does not rise above it.
+    fn is_covered(&self, other: u32, side: Side) -> bool {
+        let reach = 4.0 * SEAM;
+        let Some(s) = side(other, self.point, self.normal * reach) else { return false };
+        let up = -s.normal;
+        let cosine = up.dot(self.normal);
+        let height = s.distance - reach * cosine;
+        if height > SEAM || !(-0.01..SEAM_COSINE).contains(&cosine) {
+            return false;
         }
-        let along = touched.normal.reject_from_normalized(self.normal).try_normalize()?;
-        let reaches = |part: u32, point: Vec3| side(part, point).filter(|s| s.distance <= SEAM);
-        let level = touched.point - self.normal * height.max(0.0);
-        reaches(self.part, level)?;
-        reaches(self.part, level + along * (2.0 * SEAM))?;
-        let above = touched.point + self.normal * (2.0 * SEAM - height);
-        if reaches(touched.part, above).is_some() {
-            return None;
+        if other == self.part {
+            return s.distance > 0.8 * reach;
         }
-        let beyond = side(touched.part, above - along * (2.0 * SEAM))?;
-        Some(Patch { normal: -beyond.normal, ..*touched })
+        side(self.part, self.point, up * (2.0 * SEAM - height)).is_none_or(|s| s.distance > SEAM)
     }
 }

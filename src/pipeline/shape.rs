@@ -63,11 +63,6 @@ impl Shape {
         bound.center.distance(point) + bound.radius
     }
 
-    /// How a point and a primitive lie to each other.
-    pub(super) fn separation_from(&self, primitive: u32, point: Vec3) -> Separation {
-        with_spheres!(self.hull(primitive), |spheres| separation(&[Sphere::new(point, 0.0)], &spheres, 0))
-    }
-
     /// Spheres of a primitive.
     pub fn hull(&self, primitive: u32) -> Hull {
         let spheres = self.axis.spheres();
@@ -100,6 +95,13 @@ impl Hull {
             Hull::Cone(s) => Hull::Cone(s.map(place)),
             Hull::Slab(s) => Hull::Slab(s.map(place)),
         }
+    }
+
+    /// How a sphere and the primitive lie to each other, the sphere relative to `origin`, a point nearby.
+    pub(super) fn separation_from(&self, origin: Vec3, sphere: [Sphere; 1]) -> Separation {
+        with_spheres!(*self, |spheres| {
+            separation(&sphere, &spheres.map(|s| Sphere::new(s.center - origin, s.radius)), 0)
+        })
     }
 }
 

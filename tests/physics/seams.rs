@@ -215,6 +215,16 @@ fn slide(floor: &str, slider: &Slider, height: f32, speed: f32, heading: f32, tu
         slide.up = slide.up.max(way.y * 1e3);
         slide.down = slide.down.min(way.y * 1e3);
         slide.aside = slide.aside.max(way.reject_from(forward).with_y(0.0).length() * 1e3);
+        if std::env::var("DUMP").is_ok() {
+            let output = &app.world().resource::<MedialStep>().output;
+            let v = rigid(&mut app, body).linvel();
+            let output = &app.world().resource::<MedialStep>().output;
+            if output.manifolds.iter().any(|m| m.normal1.y.abs() < 0.99998) || !output.stops.is_empty() {
+                println!("x {} z {} v {v} stops {:?}", start.x + way.x, start.z + way.z, output.stops.iter().map(|s| s.fraction).collect::<Vec<_>>());
+                for pair in &output.pairs { if let Some(i) = pair.impact { println!("    {i:?}"); } }
+                for m in &output.manifolds { for c in m.contacts() { println!("    n {:.4} p1 {:.5} p2 {:.5} d {:.6} [{} {}]", m.normal1, c.point1, c.point2, c.distance, c.primitive1, c.primitive2); } }
+            }
+        }
         slide.stops += usize::from(!app.world().resource::<MedialStep>().output.stops.is_empty());
     }
     let rigid = rigid(&mut app, body);
@@ -234,11 +244,11 @@ fn nothing_trips_at_a_seam() {
             continue;
         }
         for (name, slider, height) in sliders() {
-            if only(name, "SLIDER") {
+            if only(name, "SLIDER") || (name.contains("rapier") && std::env::var("RAPIER").is_err()) {
                 continue;
             }
             let mut worst = Slide::default();
-            for speed in [1.0, 3.0, 10.0] {
+            for speed in std::env::var("SPEED").map_or(vec![1.0, 3.0, 10.0], |s| vec![s.parse().unwrap()]) {
                 for (heading, turns) in [(0.0, false), (0.07, false), (0.0, true)] {
                     let slide = slide(floor, &slider, height, speed, heading, turns);
                     if std::env::var("EACH").is_ok() {
