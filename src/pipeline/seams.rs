@@ -23,8 +23,8 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side
     let rotation21 = rotation12.inverse();
     let touched = |contact: &Contact| {
         [
-            Touch { part: contact.primitive1, point: contact.point1, normal: contact.normal1 },
-            Touch { part: contact.primitive2, point: contact.point2, normal: rotation21 * -contact.normal1 },
+            Touch { part: contact.primitive1, point: contact.point1, normal: contact.normal1, distance: contact.distance },
+            Touch { part: contact.primitive2, point: contact.point2, normal: rotation21 * -contact.normal1, distance: contact.distance },
         ]
     };
     let mut kept: Vec<Contact> = Vec::with_capacity(contacts.len());
@@ -62,6 +62,7 @@ struct Touch {
     part: u32,
     point: Vec3,
     normal: Vec3,
+    distance: f32,
 }
 
 impl Touch {
@@ -76,7 +77,7 @@ impl Touch {
             return false;
         }
         if other == self.part {
-            return s.distance > 0.8 * reach;
+            return self.distance > 0.0 || s.distance > 0.5 * reach;
         }
         side(self.part, self.point, up * (2.0 * SEAM - height)).is_none_or(|s| s.distance > SEAM)
     }
