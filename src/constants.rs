@@ -62,8 +62,11 @@ pub const STOP_ROUNDINGS: f32 = 4.0;
 /// Least overlap that a body may gain, in overlaps that the solver leaves on purpose: a small body sinks in by that much within a few steps.
 pub const STOP_ALLOWED: f32 = 0.05;
 
-/// Parts of a body that meet within this many metres go on without a step: about as much as rapier lets bodies overlap.
-pub const SEAM: f32 = 1.0e-3;
+/// How far around a contact, in metres, the surfaces of other parts are looked at: several times what rapier lets bodies overlap.
+pub const SEAM_REACH: f32 = 4.0e-3;
 
-/// Cosine of the angle up to which a seam's contact pushes the same way as its neighbour's (a quarter of a degree).
+/// Height in metres up to which a part that goes on from another one makes no step.
+pub const FLUSH: f32 = 1.0e-4;
+
+/// Cosine of the angle up to which contacts push the same way (a quarter of a degree).
 pub const SEAM_COSINE: f32 = 1.0 - 1.0e-5;

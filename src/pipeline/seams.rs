@@ -8,47 +8,50 @@ use glam::{Quat, Vec3};
 
 use super::contact::Contact;
 use crate::{
-    constants::{SEAM, SEAM_COSINE},
+    constants::{FLUSH, SEAM_COSINE, SEAM_REACH},
     query::Separation,
 };
 
-/// One side of a pair: how the point `point + offset` and a part of it lie to each other, in that side's frame.
+/// One side of a pair: how the point `point + offset` and a part of it lie to each other, in that side's frame. None if there is no such part.
 pub(super) type Side<'a> = &'a dyn Fn(u32, Vec3, Vec3) -> Option<Separation>;
 
-/// Removes contacts with edges and sides that parts with deeper contacts cover; leaves the others sorted by depth.
+/// Removes contacts with edges and sides of parts that other parts cover, which are in deeper contact or about as deep; leaves the others
+/// sorted by depth.
 ///
 /// `rotation12`: rotation of body 2 in the frame of body 1.
 pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side; 2]) {
     contacts.sort_by(Contact::order);
     let rotation21 = rotation12.inverse();
-    let touched = |contact: &Contact| {
+    let touches = |contact: &Contact| {
+        let Contact { point1, point2, normal1, distance, primitive1, primitive2 } = *contact;
         [
-            Touch { part: contact.primitive1, point: contact.point1, normal: contact.normal1, distance: contact.distance },
-            Touch { part: contact.primitive2, point: contact.point2, normal: rotation21 * -contact.normal1, distance: contact.distance },
+            Touch { part: primitive1, point: point1, normal: normal1, distance },
+            Touch { part: primitive2, point: point2, normal: rotation21 * -normal1, distance },
         ]
     };
     let mut kept: Vec<Contact> = Vec::with_capacity(contacts.len());
     let mut parts: [Vec<u32>; 2] = Default::default();
     for contact in contacts.iter() {
-        let touches = touched(contact);
+        let touches = touches(contact);
         for (parts, touch) in parts.iter_mut().zip(&touches) {
             if !parts.contains(&touch.part) {
                 parts.push(touch.part);
             }
         }
-        let known = kept.iter().any(|other| other.normal1.dot(contact.normal1) >= SEAM_COSINE);
         let is_covered = |i: usize| parts[i].iter().any(|part| touches[i].is_covered(*part, sides[i]));
-        if known || kept.is_empty() || !(is_covered(0) || is_covered(1)) {
+        // The deepest is there to stay, and what pushes the same way does no harm.
+        let harmless = kept.is_empty() || kept.iter().any(|other| contact.pushes_as(other));
+        if harmless || !(is_covered(0) || is_covered(1)) {
             kept.push(*contact);
         }
     }
-    // Of contacts about as deep, any may come first.
+    // Of contacts about as deep, rounding says which comes first.
     for i in (0..kept.len()).rev() {
-        let touches = touched(&kept[i]);
+        let (contact, touched) = (kept[i], touches(&kept[i]));
         let is_covered = kept.iter().any(|other| {
-            other.normal1.dot(kept[i].normal1) < SEAM_COSINE
-                && other.distance <= kept[i].distance + SEAM
-                && (0..2).any(|side| touches[side].is_covered(touched(other)[side].part, sides[side]))
+            !contact.pushes_as(other)
+                && other.distance <= contact.distance + 0.25 * SEAM_REACH
+                && touches(other).iter().zip(&touched).zip(sides).any(|((a, b), side)| b.is_covered(a.part, side))
         });
         if is_covered {
             kept.remove(i);
@@ -57,7 +60,13 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side
     *contacts = kept;
 }
 
-/// Where a part of one side is touched, and its outward normal there.
+impl Contact {
+    fn pushes_as(&self, other: &Self) -> bool {
+        self.normal1.dot(other.normal1) >= SEAM_COSINE
+    }
+}
+
+/// Where a part of one side is touched, its outward normal there, and the contact's distance.
 struct Touch {
     part: u32,
     point: Vec3,
@@ -66,19 +75,25 @@ struct Touch {
 }
 
 impl Touch {
-    /// True if the surface of `other` passes here with another normal, and the touched part does not rise above it.
+    /// True if the surface of `other`, which may be the same part, passes here with another normal, and the touched part does not rise
+    /// above it.
     fn is_covered(&self, other: u32, side: Side) -> bool {
-        let reach = 4.0 * SEAM;
-        let Some(s) = side(other, self.point, self.normal * reach) else { return false };
+        // Straight above the place: nothing of a part that ends here with this normal is nearer than the place itself.
+        let Some(s) = side(other, self.point, self.normal * SEAM_REACH) else { return false };
         let up = -s.normal;
         let cosine = up.dot(self.normal);
-        let height = s.distance - reach * cosine;
-        if height > SEAM || !(-0.01..SEAM_COSINE).contains(&cosine) {
+        // How high the place is over the surface, and how high the surface over the plane that is touched there.
+        let height = s.distance - SEAM_REACH * cosine;
+        let rise = SEAM_REACH - s.distance * cosine;
+        // Overlaps that lean only a little carry the body as well.
+        let most = if self.distance > 0.0 { SEAM_COSINE } else { 0.5 };
+        if height > FLUSH || rise < 2.0e-4 * SEAM_REACH || !(-0.01..most).contains(&cosine) {
             return false;
         }
         if other == self.part {
-            return self.distance > 0.0 || s.distance > 0.5 * reach;
+            return self.distance > 0.25 * SEAM_REACH;
         }
-        side(self.part, self.point, up * (2.0 * SEAM - height)).is_none_or(|s| s.distance > SEAM)
+        let above = side(self.part, self.point, up * (0.5 * SEAM_REACH - height));
+        above.is_none_or(|s| s.distance > 0.25 * SEAM_REACH)
     }
 }

@@ -60,10 +60,8 @@ impl Grid {
     }
 }
 
-/// What bodies slide on. Those up to `SEAMLESS` have no seam, those from `SEPARATE` on are several bodies.
+/// What bodies slide on.
 const FLOORS: &[&str] = &[
-    "one box",
-    "one cuboid",
     "mesh /",
     "mesh \\",
     "coarse mesh",
@@ -75,46 +73,27 @@ const FLOORS: &[&str] = &[
     "compound",
     "medial plate",
     "shaken medial plate",
-    "boxes",
-    "cuboids",
 ];
 
 fn spawn_floor(app: &mut App, kind: &str) {
     let columns = |size: f32| (0..(LENGTH / size) as u32).map(move |i| (i as f32 + 0.5) * size - BACK);
     let collider = match kind {
-        "one box" => {
-            app.world_mut().spawn((StaticObb::new(20.0, 0.5, 20.0), Transform::from_xyz(0.0, -0.5, 0.0)));
-            return;
-        }
-        "boxes" => {
-            for x in columns(0.5) {
-                app.world_mut().spawn((StaticObb::new(0.25, 0.5, SIDE), Transform::from_xyz(x, -0.5, 0.0)));
-            }
-            return;
-        }
-        "cuboids" => {
-            for x in columns(0.5) {
-                let cuboid = Collider::cuboid(0.25, 0.5, SIDE);
-                app.world_mut().spawn((RigidBody::Fixed, cuboid, Transform::from_xyz(x, -0.5, 0.0)));
-            }
-            return;
-        }
         "medial plate" | "shaken medial plate" => {
             let by = if kind == "medial plate" { 0.0 } else { 0.05 };
             let mesh = mesh(app, Grid::new([0.25, 0.25], true).shaken(by).plate(0.1));
             app.world_mut().spawn((RigidBody::Fixed, mesh, StaticObb::default(), Transform::IDENTITY));
             return;
         }
-        "one cuboid" => Collider::compound(vec![(Vec3::NEG_Y * 0.5, Quat::IDENTITY, Collider::cuboid(20.0, 0.5, 20.0))]),
         "mesh /" => Grid::new([0.25, 0.25], true).mesh(),
         "mesh \\" => Grid::new([0.25, 0.25], false).mesh(),
         "coarse mesh" => Grid::new([1.0, 1.0], true).mesh(),
-        "long triangles" => Grid::new([LENGTH, 0.05], true).mesh(),
+        "long triangles" => Grid::new([2.0, 0.05], true).mesh(),
         "wide triangles" => Grid::new([0.05, 2.0 * SIDE], true).mesh(),
         "shaken mesh" => Grid::new([0.25, 0.25], true).shaken(0.1).mesh(),
         "height field" => {
             let (rows, columns) = (13, 53);
-            let field = Collider::heightfield(vec![0.0; rows * columns], rows, columns, Vec3::new(LENGTH, 1.0, 2.0 * SIDE));
+            let field =
+                Collider::heightfield(vec![0.0; rows * columns], rows, columns, Vec3::new(LENGTH, 1.0, 2.0 * SIDE));
             app.world_mut().spawn((RigidBody::Fixed, field, Transform::from_xyz(0.5 * LENGTH - BACK, 0.0, 0.0)));
             return;
         }
@@ -135,13 +114,12 @@ fn spawn_floor(app: &mut App, kind: &str) {
 }
 
 /// What slides.
-#[derive(Clone)]
 enum Slider {
     Medial(MedialAxis),
     Rapier(Collider),
 }
 
-/// Sliders and the height at which their origin is over the floor. Those of rapier's own are there to compare with.
+/// Sliders and the height at which their origin is over the floor.
 fn sliders() -> Vec<(&'static str, Slider, f32)> {
     let capsule = |half: Vec3| Slider::Medial(MedialAxis::capsule(-half, half, 0.1).unwrap());
     let rounded = |radius: f32| Slider::Medial(MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.2), radius).unwrap());
@@ -154,111 +132,158 @@ fn sliders() -> Vec<(&'static str, Slider, f32)> {
         ("sharp box", rounded(0.0), 0.1),
         ("torus", Slider::Medial(MedialAxis::torus(0.3, 0.08, 24).unwrap()), 0.08),
         ("model torus", Slider::Medial(model("torus")), 0.0525),
-        ("rapier ball", Slider::Rapier(Collider::ball(0.2)), 0.2),
-        ("rapier capsule", Slider::Rapier(Collider::capsule_z(0.3, 0.1)), 0.1),
-        ("rapier cuboid", Slider::Rapier(Collider::cuboid(0.3, 0.1, 0.2)), 0.1),
     ]
 }
 
 /// What came of a slide.
 #[derive(Clone, Copy, Debug, Default)]
 struct Slide {
-    /// Speed lost along its way, in percent a metre.
+    /// Speed lost in percent a metre.
     speed: f32,
-    /// Way lost, in percent.
+    /// Way lost in percent.
     way: f32,
-    /// Farthest up and down from where it lay, in millimetres.
+    /// Farthest up from where it lay, in metres.
     up: f32,
-    down: f32,
-    /// Farthest off its line, in millimetres.
-    aside: f32,
-    /// Steps in which it was stopped.
-    stops: usize,
-}
-
-impl Slide {
-    fn worst(self, other: Self) -> Self {
-        Self {
-            speed: self.speed.max(other.speed),
-            way: self.way.max(other.way),
-            up: self.up.max(other.up),
-            down: self.down.min(other.down),
-            aside: self.aside.max(other.aside),
-            stops: self.stops.max(other.stops),
-        }
-    }
 }
 
 /// Lays a slider on the floor, gives it speed and watches it for a second.
-fn slide(floor: &str, slider: &Slider, height: f32, speed: f32, heading: f32, turns: bool) -> Slide {
-    let mut app = app();
-    spawn_floor(&mut app, floor);
-    let turn = Quat::from_rotation_y(heading);
+fn slide(app: &mut App, slider: Slider, height: f32, speed: f32, turns: bool) -> Slide {
+    // Not along the grid.
+    let turn = Quat::from_rotation_y(0.07);
     let at = Transform::from_xyz(-0.413, height, 0.019).with_rotation(turn);
     let body = match slider {
-        Slider::Medial(axis) => spawn_body(&mut app, axis.clone(), at),
-        Slider::Rapier(collider) => app.world_mut().spawn((RigidBody::Dynamic, collider.clone(), at)).id(),
+        Slider::Medial(axis) => spawn_body(app, axis, at),
+        Slider::Rapier(collider) => app.world_mut().spawn((RigidBody::Dynamic, collider, at)).id(),
     };
     let locked = if turns { LockedAxes::empty() } else { LockedAxes::ROTATION_LOCKED };
     let friction = Friction { coefficient: 0.0, combine_rule: CoefficientCombineRule::Min };
     let restitution = Restitution { coefficient: 0.0, combine_rule: CoefficientCombineRule::Min };
-    app.world_mut().entity_mut(body).insert((locked, friction, restitution, Sleeping::disabled(), Velocity::zero()));
-    run(&mut app, 30);
-    let start = position(&mut app, body);
+    app.world_mut().entity_mut(body).insert((locked, friction, restitution, Sleeping::disabled()));
+    run(app, 30);
+    let start = position(app, body);
     let forward = turn * Vec3::X;
     app.world_mut().entity_mut(body).insert(Velocity::linear(forward * speed));
-    let mut slide = Slide::default();
     let steps = 60;
+    let mut up = 0.0f32;
     for _ in 0..steps {
         app.update();
-        let way = position(&mut app, body) - start;
-        slide.up = slide.up.max(way.y * 1e3);
-        slide.down = slide.down.min(way.y * 1e3);
-        slide.aside = slide.aside.max(way.reject_from(forward).with_y(0.0).length() * 1e3);
-        if std::env::var("DUMP").is_ok() {
-            let output = &app.world().resource::<MedialStep>().output;
-            let v = rigid(&mut app, body).linvel();
-            let output = &app.world().resource::<MedialStep>().output;
-            if output.manifolds.iter().any(|m| m.normal1.y.abs() < 0.99998) || !output.stops.is_empty() {
-                println!("x {} z {} v {v} stops {:?}", start.x + way.x, start.z + way.z, output.stops.iter().map(|s| s.fraction).collect::<Vec<_>>());
-                for pair in &output.pairs { if let Some(i) = pair.impact { println!("    {i:?}"); } }
-                for m in &output.manifolds { for c in m.contacts() { println!("    n {:.4} p1 {:.5} p2 {:.5} d {:.6} [{} {}]", m.normal1, c.point1, c.point2, c.distance, c.primitive1, c.primitive2); } }
-            }
-        }
-        slide.stops += usize::from(!app.world().resource::<MedialStep>().output.stops.is_empty());
+        up = up.max(position(app, body).y - start.y);
     }
-    let rigid = rigid(&mut app, body);
+    let rigid = rigid(app, body);
     let (way, end) = ((rigid.translation() - start).dot(forward), rigid.linvel().dot(forward));
     let expected = speed * steps as f32 * DT;
-    slide.speed = (1.0 - end / speed) * 100.0 / expected;
-    slide.way = (1.0 - way / expected) * 100.0;
-    slide
+    Slide { speed: (1.0 - end / speed) * 100.0 / expected, way: (1.0 - way / expected) * 100.0, up }
+}
+
+fn assert_smooth(slide: Slide, what: &str) {
+    assert!(slide.speed.abs() < 0.2 && slide.way.abs() < 0.2 && slide.up < 1e-3, "{what}: {slide:?}");
 }
 
 #[test]
 fn nothing_trips_at_a_seam() {
-    let only = |name: &str, variable: &str| std::env::var(variable).is_ok_and(|wanted| !name.contains(&wanted));
-    println!("{:20} {:15} {:>8} {:>8} {:>7} {:>7} {:>7} {:>5}", "floor", "slider", "speed%/m", "way%", "up mm", "down", "aside", "stops");
-    for floor in FLOORS {
-        if only(floor, "FLOOR") {
-            continue;
+    let mut slides = 0;
+    for (i, floor) in FLOORS.iter().enumerate() {
+        for (j, (name, slider, height)) in sliders().into_iter().enumerate() {
+            let speed = [1.0, 3.0, 10.0][(i + j) % 3];
+            let mut app = app();
+            spawn_floor(&mut app, floor);
+            let slide = slide(&mut app, slider, height, speed, (i + j) % 2 == 0);
+            if std::env::var_os("PRINT").is_some() {
+                println!("{floor:20} {name:15} {speed:4} m/s {slide:?}");
+            }
+            assert_smooth(slide, &format!("{name} on {floor} at {speed} m/s"));
+            slides += 1;
         }
-        for (name, slider, height) in sliders() {
-            if only(name, "SLIDER") || (name.contains("rapier") && std::env::var("RAPIER").is_err()) {
-                continue;
+    }
+    assert_eq!(slides, 88);
+}
+
+#[test]
+fn rapiers_own_shapes_slide_over_a_medial_mesh() {
+    let shapes = [
+        ("ball", Collider::ball(0.2), 0.2),
+        ("capsule", Collider::capsule_z(0.3, 0.1), 0.1),
+        ("cuboid", Collider::cuboid(0.3, 0.1, 0.2), 0.1),
+    ];
+    for (name, collider, height) in shapes {
+        for speed in [1.0, 3.0, 10.0] {
+            let mut app = app();
+            spawn_floor(&mut app, "medial plate");
+            let slide = slide(&mut app, Slider::Rapier(collider.clone()), height, speed, false);
+            assert_smooth(slide, &format!("{name} at {speed} m/s"));
+        }
+    }
+    // On a mesh of triangles, which is rapier's own affair, they do trip: so these slides tell.
+    let mut app = app();
+    spawn_floor(&mut app, "mesh /");
+    let slide = slide(&mut app, Slider::Rapier(Collider::ball(0.2)), 0.2, 3.0, false);
+    assert!(slide.speed > 1.0, "{slide:?}");
+}
+
+#[test]
+fn the_seams_of_a_body_do_not_trip_it() {
+    let plate = || Grid::new([0.25, 0.25], true).plate(0.1);
+    for speed in [1.0, 3.0, 10.0] {
+        // Rows of balls and of capsules under it, as close to each other as not to let it tip.
+        for collider in [Collider::ball(0.3), Collider::capsule_z(0.4, 0.3)] {
+            let mut app = app();
+            for x in 0..24 {
+                let at = Transform::from_xyz(x as f32, -0.3, 0.1);
+                app.world_mut().spawn((RigidBody::Fixed, collider.clone(), at));
             }
-            let mut worst = Slide::default();
-            for speed in std::env::var("SPEED").map_or(vec![1.0, 3.0, 10.0], |s| vec![s.parse().unwrap()]) {
-                for (heading, turns) in [(0.0, false), (0.07, false), (0.0, true)] {
-                    let slide = slide(floor, &slider, height, speed, heading, turns);
-                    if std::env::var("EACH").is_ok() {
-                        println!("{speed} {heading} {turns} {slide:?}");
-                    }
-                    worst = worst.worst(slide);
+            let slide = slide(&mut app, Slider::Medial(plate()), 0.0, speed, false);
+            assert_smooth(slide, &format!("{speed} m/s"));
+        }
+    }
+}
+
+#[test]
+fn what_stands_on_a_floor_is_no_seam() {
+    let half = Vec3::new(0.3, 0.1, 0.2);
+    let wall = 2.0;
+    let tall = |app: &mut App| {
+        let Grid { mut points, mut triangles } = Grid::new([0.25, 0.25], true);
+        let first = points.len() as u32;
+        let corners = [(0.0, -SIDE), (0.0, SIDE), (1.0, SIDE), (1.0, -SIDE)];
+        points.extend(corners.map(|(y, z)| Vec3::new(wall, y, z)));
+        triangles.extend([[0, 1, 2], [0, 2, 3]].map(|triangle| triangle.map(|i: u32| first + i)));
+        app.world_mut().spawn((RigidBody::Fixed, Collider::trimesh(points, triangles).unwrap()));
+    };
+    // As low as to be under the middle of what comes.
+    let curb = |app: &mut App| {
+        let part = |x: f32, y: f32| (Vec3::new(x, y - 0.5, 0.0), Quat::IDENTITY, Collider::cuboid(0.5, 0.5, SIDE));
+        let parts = (-1..6).map(|i| part(i as f32 + 0.5, if i as f32 >= wall { 0.01 } else { 0.0 })).collect();
+        app.world_mut().spawn((RigidBody::Fixed, Collider::compound(parts)));
+    };
+    let floors: [(&str, &dyn Fn(&mut App)); 2] = [("wall", &tall), ("curb", &curb)];
+    for (floor, spawn) in floors {
+        let mut sliders = vec![("sharp box", MedialAxis::rounded_box(half, 0.0).unwrap(), 0.1, 0.3)];
+        if floor == "wall" {
+            sliders.push(("ball", MedialAxis::sphere(0.2).unwrap(), 0.2, 0.2));
+            // Its sharp edge comes along the floor, into the edge of the wall.
+            let [tip, back] = [Vec3::X * 0.3, Vec3::new(-0.3, 0.1, 0.0)];
+            let spheres = [tip - Vec3::Z * 0.2, tip + Vec3::Z * 0.2, back].map(|center| Sphere::new(center, 0.0));
+            let feet = [Vec3::new(-0.3, 0.0, -0.2), Vec3::new(-0.3, 0.0, 0.2)].map(|center| Sphere::new(center, 0.0));
+            let slabs = [[0, 1, 2], [0, 3, 4], [0, 1, 4], [2, 3, 4]].map(Primitive::Slab);
+            let wedge = MedialAxis::new(spheres.into_iter().chain(feet).collect(), slabs.into()).unwrap().0;
+            sliders.push(("wedge", wedge, 0.0, 0.3));
+        }
+        for (name, axis, height, reach) in sliders {
+            for speed in [1.0, 3.0, 10.0] {
+                let mut app = app();
+                spawn(&mut app);
+                let body = spawn_body(&mut app, axis.clone(), Transform::from_xyz(0.4, height, 0.019));
+                let friction = Friction { coefficient: 0.0, combine_rule: CoefficientCombineRule::Min };
+                app.world_mut().entity_mut(body).insert((LockedAxes::ROTATION_LOCKED, friction, Sleeping::disabled()));
+                run(&mut app, 30);
+                app.world_mut().entity_mut(body).insert(Velocity::linear(Vec3::X * speed));
+                let mut farthest = 0.0f32;
+                for _ in 0..150 {
+                    app.update();
+                    farthest = farthest.max(position(&mut app, body).x + reach);
                 }
+                assert!((farthest - wall).abs() < 5e-3, "{name} at {floor}, {speed} m/s: {farthest}");
             }
-            let Slide { speed, way, up, down, aside, stops } = worst;
-            println!("{floor:20} {name:15} {speed:8.3} {way:8.3} {up:7.3} {down:7.3} {aside:7.3} {stops:5}");
         }
     }
 }
