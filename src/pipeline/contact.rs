@@ -9,7 +9,7 @@ use glam::Vec3;
 
 use super::{ConvexParts, Core, Part, Shape, reduce::reduce, seams, with_spheres};
 use crate::{
-    constants::VERTEX_NORMAL_COSINE,
+    constants::{FLUSH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, Support, separation},
 };
@@ -93,7 +93,7 @@ pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, con
             let second = |id: u32, point: Vec3, offset: Vec3| {
                 parts.iter().find(|part| part.id == id).map(|part| part.separation_from(point, offset))
             };
-            seams::remove(contacts, pose12.rotation, [&primitives(shape1), &second]);
+            seams::remove(contacts, pose12.rotation, [&primitives(shape1), &second], FLUSH);
         }
     }
 }
@@ -147,7 +147,7 @@ pub(super) fn collect(
             with_spheres!(shape2.hull(primitive2), |second| two_sided(&first, &second, prediction, &mut push))
         });
     }
-    seams::remove(contacts, pose12.rotation, [&primitives(shape1), &primitives(shape2)]);
+    seams::remove(contacts, pose12.rotation, [&primitives(shape1), &primitives(shape2)], 0.0);
 }
 
 fn primitives(shape: &Shape) -> impl Fn(u32, Vec3, Vec3) -> Option<Separation> {
