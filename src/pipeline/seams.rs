@@ -42,8 +42,9 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side
             }
         }
         let is_covered = |i: usize| parts[i].iter().any(|other| touches[i].is_covered(other, sides[i]));
-        // The deepest is there to stay, and what pushes the same way does no harm.
-        let harmless = kept.is_empty() || kept.iter().any(|other| contact.pushes_as(other));
+        // The deepest is there to stay, as is what has to be pushed out first, and what pushes the same way does no harm.
+        let harmless =
+            kept.is_empty() || contact.distance < -SEAM_REACH || kept.iter().any(|other| contact.pushes_as(other));
         if harmless || !(is_covered(0) || is_covered(1)) {
             kept.push(*contact);
         }
@@ -51,6 +52,9 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side
     // Of contacts about as deep, rounding says which comes first.
     for i in (0..kept.len()).rev() {
         let (contact, touched) = (kept[i], touches(&kept[i]));
+        if contact.distance < -SEAM_REACH {
+            break;
+        }
         let is_covered = kept.iter().any(|other| {
             !contact.pushes_as(other)
                 && other.distance <= contact.distance + 0.25 * SEAM_REACH
@@ -86,14 +90,14 @@ impl Touch {
         // Straight above the place: nothing of a part that ends here with this normal is nearer than the place itself.
         let Some(s) = side(other.part, self.point, self.normal * SEAM_REACH) else { return false };
         // In the plane of a triangle both of its sides are as near; it is known which one is touched.
-        let turned = s.distance.abs() < FLUSH && other.normal.dot(s.normal) > 0.0;
+        let turned = s.distance.abs() < FLUSH && other.normal.dot(s.normal) > 0.5;
         let up = if turned { s.normal } else { -s.normal };
         let cosine = up.dot(self.normal);
         // How high the place is over the surface, and how high the surface over the plane that is touched there.
         let height = s.distance - SEAM_REACH * cosine;
         let rise = SEAM_REACH - s.distance * cosine;
         let most = if self.carries { 0.5 } else { SEAM_COSINE };
-        if height > FLUSH || rise < 2.0e-4 * SEAM_REACH || !(-0.01..most).contains(&cosine) {
+        if height > FLUSH || rise < 2.0e-4 * SEAM_REACH || !(-0.1..most).contains(&cosine) {
             return false;
         }
         if other.part == self.part {
