@@ -115,7 +115,8 @@ impl MedialShape {
                 planes.push(Outside { normal: touch.normal, offset: touch.normal.dot(touch.point1) });
             });
             let next = nearest_beyond(&planes, point);
-            if !(next.distance(point) < way - WAY_OUT_ACCURACY * size) {
+            let gained = next.distance(point) < way - WAY_OUT_ACCURACY * size;
+            if !gained {
                 break;
             }
             exit = next;

@@ -295,7 +295,8 @@ impl Walk {
             let velocity =
                 entity.get::<Velocity>().is_some_and(|v| !(v.linear.length() + v.angular.length()).is_finite());
             !transform.is_finite()
-                || !(transform.translation.length() < ROOM)
+                || transform.translation.is_nan()
+                || transform.translation.length() >= ROOM
                 || force
                 || velocity
                 || transform.scale.min_element() <= 0.0
