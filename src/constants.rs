@@ -80,3 +80,12 @@ pub const MAX_SUBSTEPS: usize = 1000;
 /// Largest coordinate of a place, a velocity or an angular velocity, in SI units, that a body may have and be simulated: fourth powers, of which
 /// distances of cones and slabs are made, are finite up to here.
 pub const MAX_MAGNITUDE: f32 = 1.0e9;
+
+/// How far around a contact, in metres, the surfaces of other parts are looked at: several times what rapier lets bodies overlap.
+pub const SEAM_REACH: f32 = 4.0e-3;
+
+/// Height in metres up to which a part that goes on from another one makes no step.
+pub const FLUSH: f32 = 1.0e-4;
+
+/// Cosine of the angle up to which contacts push the same way (a quarter of a degree).
+pub const SEAM_COSINE: f32 = 1.0 - 1.0e-5;

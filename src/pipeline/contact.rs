@@ -3,11 +3,13 @@
 //! The narrow phase and rapier's dispatcher both call it, so a contact that the step has found and one that is computed on
 //! demand are the same to the bit.
 
+use std::cmp::Ordering;
+
 use glam::Vec3;
 
-use super::{ConvexParts, Core, Part, Shape, reduce::reduce, with_spheres};
+use super::{ConvexParts, Core, Part, Shape, reduce::reduce, seams, with_spheres};
 use crate::{
-    constants::VERTEX_NORMAL_COSINE,
+    constants::{FLUSH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, Support, separation},
 };
@@ -36,6 +38,14 @@ pub struct Contact {
     pub primitive1: u32,
     /// Primitive of the second, or its part.
     pub primitive2: u32,
+}
+
+impl Contact {
+    /// The deepest first, in an order that depends on the contacts alone.
+    pub(super) fn order(&self, other: &Self) -> Ordering {
+        let parts = |contact: &Self| (contact.primitive1, contact.primitive2);
+        self.distance.total_cmp(&other.distance).then(parts(self).cmp(&parts(other)))
+    }
 }
 
 /// Up to four contacts that share a normal.
@@ -76,9 +86,14 @@ pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, con
         }
         Second::Parts(parts) => {
             let reach = shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(prediction);
-            for part in parts.within(&reach) {
-                collect_part(shape1, &part, pose12, prediction, contacts);
+            let parts = parts.within(&reach);
+            for part in &parts {
+                collect_part(shape1, part, pose12, prediction, contacts);
             }
+            let second = |id: u32, point: Vec3, offset: Vec3| {
+                parts.iter().find(|part| part.id == id).map(|part| part.separation_from(point, offset))
+            };
+            seams::remove(contacts, pose12.rotation, [&primitives(shape1), &second], FLUSH);
         }
     }
 }
@@ -132,6 +147,11 @@ pub(super) fn collect(
             with_spheres!(shape2.hull(primitive2), |second| two_sided(&first, &second, prediction, &mut push))
         });
     }
+    seams::remove(contacts, pose12.rotation, [&primitives(shape1), &primitives(shape2)], 0.0);
+}
+
+fn primitives(shape: &Shape) -> impl Fn(u32, Vec3, Vec3) -> Option<Separation> {
+    |id, point, offset| Some(shape.hull(id).separation_from(point, [Sphere::new(offset, 0.0)]))
 }
 
 /// Contacts within `prediction` of a convex part of another collider.

@@ -20,6 +20,7 @@ mod narrow_phase;
 mod parallel;
 mod parts;
 mod reduce;
+mod seams;
 mod shape;
 mod stop;
 

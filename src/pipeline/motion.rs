@@ -34,6 +34,8 @@ pub(super) struct PairMotion<'a> {
     size: f32,
     /// Overlap that the pair may gain, in metres.
     pub slop: f32,
+    /// Overlap that the solver leaves on purpose, in metres.
+    pub allowed: f32,
 }
 
 impl<'a> PairMotion<'a> {
@@ -74,6 +76,7 @@ impl<'a> PairMotion<'a> {
                     arms: [shape1.arm(sweep1.local_center), shape2.arm(sweep2.local_center)],
                     size,
                     slop: slop(size, 0.0),
+                    allowed: input.allowed_overlap,
                 }]
             }
             Second::Parts(parts) => {
@@ -96,6 +99,7 @@ impl<'a> PairMotion<'a> {
                         arms,
                         size,
                         slop: slop(size, rounding),
+                        allowed: input.allowed_overlap,
                     }
                 };
                 parts.within(&reach(shape1, &sweep1, &sweep2, arm2)).into_iter().map(motion).collect()

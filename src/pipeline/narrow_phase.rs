@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     geometry::Sphere,
-    query::{Chords, Cuboid, Support, TimeOfImpact, TimeOfImpactStatus, rigid_impact},
+    query::{Chords, Cuboid, Support, TimeOfImpact, TimeOfImpactStatus, rigid_impact, rigid_overlap},
 };
 
 /// The first impact of a pair, and what it took to find.
@@ -70,16 +70,27 @@ pub(super) fn contacts(
 /// The earliest impact of the candidates of a pair's motions: where an overlap grows by more than a slop, which contacts never do that the
 /// solver knows about; for primitives that are apart before that, where they touch. None where what is left of the motion is less than a
 /// slop itself: a pile that settles must come to rest.
+///
+/// What slides over a seam takes the overlap that it has along to the next part.
 pub(super) fn first_impact<'a>(
-    motions: impl Iterator<Item = (&'a PairMotion<'a>, &'a Vec<PrimitivePair>)>,
+    motions: impl Iterator<Item = (&'a PairMotion<'a>, &'a Vec<PrimitivePair>)> + Clone,
 ) -> ImpactResult {
     let mut result = ImpactResult::default();
+    let mut carried = None;
+    let all = motions.clone();
     for (motion, candidates) in motions.filter(|(_, candidates)| !candidates.is_empty()) {
         let chords = motion.chords();
         for &[primitive1, primitive2] in candidates {
             let limit = result.impact.map_or(1.0, |impact| impact.fraction);
-            let toi = time_of_impact(motion, [primitive1, primitive2], &chords, limit);
+            let mut toi = time_of_impact(motion, [primitive1, primitive2], &chords, limit, 0.0);
             result.toi_tests += 1;
+            if toi.status != TimeOfImpactStatus::Separated {
+                let carried = *carried.get_or_insert_with(|| starting_overlap(all.clone()));
+                if carried > 0.0 {
+                    toi = time_of_impact(motion, [primitive1, primitive2], &chords, limit, carried);
+                    result.toi_tests += 1;
+                }
+            }
             result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
             let earlier = result.impact.is_none_or(|first| toi.fraction < first.fraction);
             if toi.status == TimeOfImpactStatus::Separated
@@ -101,14 +112,40 @@ pub(super) fn first_impact<'a>(
     result
 }
 
+/// The deepest overlap at the start, up to what the solver leaves.
+fn starting_overlap<'a>(motions: impl Iterator<Item = (&'a PairMotion<'a>, &'a Vec<PrimitivePair>)>) -> f32 {
+    let mut deepest = 0.0f32;
+    for (motion, candidates) in motions.filter(|(_, candidates)| !candidates.is_empty()) {
+        let chords = motion.chords();
+        for &[primitive1, primitive2] in candidates {
+            let overlap = with_spheres!(motion.shape1.hull(primitive1), |first| match &motion.facing {
+                Facing::Shape(shape2) => {
+                    with_spheres!(shape2.hull(primitive2), |second| rigid_overlap(&first, &second, &chords))
+                }
+                Facing::Part(part) => {
+                    let first = first.map(|s| Sphere::new(s.center, s.radius + part.rounding));
+                    match &part.core {
+                        Core::Cuboid(half) => rigid_overlap(&first, &Cuboid { half: *half }, &chords),
+                        Core::Support(shape) => rigid_overlap(&first, &Support(&**shape), &chords),
+                        Core::Hull(hull) => with_spheres!(*hull, |second| rigid_overlap(&first, &second, &chords)),
+                    }
+                }
+            });
+            deepest = deepest.max(overlap.min(motion.allowed));
+        }
+    }
+    deepest
+}
+
 /// The impact of two primitives, or of a primitive and a part, up to a fraction of the step.
 fn time_of_impact(
     motion: &PairMotion,
     [primitive1, primitive2]: PrimitivePair,
     chords: &Chords,
     limit: f32,
+    carried: f32,
 ) -> TimeOfImpact {
-    let slop = motion.slop;
+    let slop = [carried, motion.slop];
     with_spheres!(motion.shape1.hull(primitive1), |first| match &motion.facing {
         Facing::Shape(shape2) => {
             with_spheres!(shape2.hull(primitive2), |second| rigid_impact(&first, &second, chords, limit, slop))

@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::{Hull, with_spheres};
 use crate::{
     geometry::{Aabb, Pose3, Sphere, part_within},
-    query::{Cuboid, SupportShape},
+    query::{Cuboid, Separation, Support, SupportShape, separation},
 };
 
 /// A collider that is made of convex parts: one box, the triangles of a terrain.
@@ -59,6 +59,19 @@ impl Part<'_> {
             Core::Support(shape) => shape.aabb(),
         };
         core.inflated(self.rounding)
+    }
+
+    /// How the point `point + offset` and the part lie to each other, all in the collider's frame.
+    pub(super) fn separation_from(&self, point: Vec3, offset: Vec3) -> Separation {
+        let turn = self.pose.rotation.inverse();
+        let (local, offset) = (self.pose.inverse_transform_point(point), turn * offset);
+        let sphere = |center: Vec3| [Sphere::new(center, self.rounding)];
+        let found = match &self.core {
+            Core::Cuboid(half) => separation(&sphere(local + offset), &Cuboid { half: *half }, 0),
+            Core::Hull(hull) => hull.separation_from(local, sphere(offset)),
+            Core::Support(shape) => separation(&sphere(local + offset), &Support(&**shape), 0),
+        };
+        Separation { normal: self.pose.rotation * found.normal, ..found }
     }
 }
 

@@ -23,9 +23,7 @@ pub(super) fn run(
 
 /// Groups contacts by normal, the deepest contact of each group giving its normal, and keeps up to four of each group.
 pub(super) fn reduce(contacts: &mut [Contact], manifolds: &mut Vec<Manifold>) {
-    contacts.sort_by(|a, b| {
-        (a.distance.total_cmp(&b.distance)).then((a.primitive1, a.primitive2).cmp(&(b.primitive1, b.primitive2)))
-    });
+    contacts.sort_by(Contact::order);
     let mut groups: Vec<Vec<Contact>> = Vec::new();
     for contact in contacts.iter() {
         let alignment = |i: &usize| groups[*i][0].normal1.dot(contact.normal1);

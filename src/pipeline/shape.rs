@@ -3,6 +3,7 @@ use glam::Vec3;
 use crate::{
     geometry::{Aabb, Bvh, Placement, Primitive, Sphere},
     medial_axis::MedialAxis,
+    query::{Separation, separation},
 };
 
 /// A medial axis at a uniform scale.
@@ -94,6 +95,13 @@ impl Hull {
             Hull::Cone(s) => Hull::Cone(s.map(place)),
             Hull::Slab(s) => Hull::Slab(s.map(place)),
         }
+    }
+
+    /// How a sphere and the primitive lie to each other, the sphere relative to `origin`, a point nearby.
+    pub(super) fn separation_from(&self, origin: Vec3, sphere: [Sphere; 1]) -> Separation {
+        with_spheres!(*self, |spheres| {
+            separation(&sphere, &spheres.map(|s| Sphere::new(s.center - origin, s.radius)), 0)
+        })
     }
 }
 

@@ -4,7 +4,9 @@ use glam::Vec3;
 
 use super::{
     separation::Cuboid,
-    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_depth, time_of_impact},
+    time_of_impact::{
+        Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, depth_at_start, time_of_depth, time_of_impact,
+    },
 };
 use crate::{
     constants::MAX_CHORDS,
@@ -59,6 +61,17 @@ impl Chords {
     }
 }
 
+impl Chords {
+    /// Two primitives along a chord, the first enlarged by the deviation.
+    #[inline]
+    fn along<const N: usize, B: Rigid>(&self, i: usize, first: &[Sphere; N], second: &B) -> (Moving<N>, B::Moving) {
+        let [start, end] = [&self.placements[i], &self.placements[i + 1]];
+        let mut moving1 = first.along([&start[0], &end[0]]);
+        moving1.start.iter_mut().for_each(|sphere| sphere.radius += self.deviation);
+        (moving1, second.along([&start[1], &end[1]]))
+    }
+}
+
 fn instants(count: u32) -> impl Iterator<Item = f32> {
     (0..=count).map(move |i| i as f32 / count as f32)
 }
@@ -93,8 +106,14 @@ impl Rigid for Cuboid {
     }
 }
 
+/// How deep two primitives of rigid bodies overlap at the start of the step, in metres; 0 if they are apart.
+pub fn rigid_overlap<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chords: &Chords) -> f32 {
+    let (moving1, moving2) = chords.along(0, first, second);
+    depth_at_start(&moving1, &moving2)
+}
+
 /// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by more than `slop` metres beyond what
-/// they do at its start; if they are apart before that, the fraction at which they touch.
+/// they do at its start, and beyond `least` metres; if they are apart before that, the fraction at which they touch.
 ///
 /// Both in the frames of their bodies; the contact is in the frame of the chords. The first side is larger by the chords' deviation, so an
 /// impact is early by twice as much at most, and never late.
@@ -103,16 +122,11 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
     second: &B,
     chords: &Chords,
     max_fraction: f32,
-    slop: f32,
+    [least, slop]: [f32; 2],
 ) -> TimeOfImpact {
     let count = (chords.placements.len() - 1) as f32;
     let max_fraction = max_fraction.min(1.0);
-    let along = |i: usize| {
-        let [start, end] = [&chords.placements[i], &chords.placements[i + 1]];
-        let mut moving1 = first.along([&start[0], &end[0]]);
-        moving1.start.iter_mut().for_each(|sphere| sphere.radius += chords.deviation);
-        (moving1, second.along([&start[1], &end[1]]))
-    };
+    let along = |i: usize| chords.along(i, first, second);
     let mut chord = 0;
     let mut rounds = 0;
     let mut depth = None;
@@ -120,7 +134,7 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
         let (moving1, moving2) = along(chord);
         let limit = max_fraction * count - chord as f32;
         // The first chord sets the depth for all: what is gained chord by chord is gained within the step.
-        let found = time_of_depth(&moving1, &moving2, limit.min(1.0), slop, &mut depth);
+        let found = time_of_depth(&moving1, &moving2, limit.min(1.0), [least, slop], &mut depth);
         rounds += found.rounds;
         if found.status != TimeOfImpactStatus::Separated {
             break found;

@@ -329,21 +329,27 @@ pub fn time_of_overlap<const N: usize, B: MovingConvex>(
     max_fraction: f32,
     slop: f32,
 ) -> TimeOfImpact {
-    time_of_depth(first, second, max_fraction, slop, &mut None)
+    time_of_depth(first, second, max_fraction, [0.0, slop], &mut None)
 }
 
-/// First fraction at which they overlap by more than `depth` metres; if that is not known yet, by more than [`time_of_overlap`] allows.
+/// How deep they overlap at the start, in metres; 0 if they are apart.
+pub(super) fn depth_at_start<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B) -> f32 {
+    (-Pair { first, second, target: 0.0 }.at(0.0, 0).separation.distance).max(0.0)
+}
+
+/// First fraction at which they overlap by more than `depth` metres; if that is not known yet, by more than [`time_of_overlap`] allows for
+/// a pair that starts with an overlap of `least` or more.
 pub(super) fn time_of_depth<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
     max_fraction: f32,
-    slop: f32,
+    [least, slop]: [f32; 2],
     depth: &mut Option<f32>,
 ) -> TimeOfImpact {
     let mut pair = Pair { first, second, target: 0.0 };
     let start = pair.at(0.0, 0);
     let depth = depth.get_or_insert_with(|| {
-        let depth = (-start.separation.distance).max(0.0);
+        let depth = (-start.separation.distance).max(least);
         depth + slop * (1.0 - depth / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH)
     });
     pair.target = -*depth;

@@ -27,6 +27,7 @@ mod random_steps;
 mod reference;
 mod routes;
 mod scenes;
+mod seams;
 mod settling;
 mod solver;
 mod statics;

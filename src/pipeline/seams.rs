@@ -1,0 +1,109 @@
+//! Seams: where the parts of a body meet, its surface goes on, and no edge or side of a part there is the body's own.
+//!
+//! A ball on a plain of triangles touches the one beneath it, and is near the edges of the next. Contacts with those would push it back, yet
+//! it slides over them. They show: where such a contact touches, the surface of another part passes, and the contact's normal leans over it.
+//! The same goes for boxes side by side, and for the primitives of a medial mesh.
+
+use glam::{Quat, Vec3};
+
+use super::contact::Contact;
+use crate::{
+    constants::{FLUSH, SEAM_COSINE, SEAM_REACH},
+    query::Separation,
+};
+
+/// One side of a pair: how the point `point + offset` and a part of it lie to each other, in that side's frame. None if there is no such part.
+pub(super) type Side<'a> = &'a dyn Fn(u32, Vec3, Vec3) -> Option<Separation>;
+
+/// Removes contacts with edges and sides of parts that other parts cover, which are in deeper contact or about as deep; leaves the others
+/// sorted by depth.
+///
+/// `rotation12`: rotation of body 2 in the frame of body 1. `carrying`: overlap in metres from which on a contact that leans only a little
+/// carries the body as well, and stays.
+pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side; 2], carrying: f32) {
+    contacts.sort_by(Contact::order);
+    let rotation21 = rotation12.inverse();
+    let touches = |contact: &Contact| {
+        let Contact { point1, point2, normal1, distance, primitive1, primitive2 } = *contact;
+        let carries = distance <= -carrying;
+        [
+            Touch { part: primitive1, point: point1, normal: normal1, distance, carries },
+            Touch { part: primitive2, point: point2, normal: rotation21 * -normal1, distance, carries },
+        ]
+    };
+    let mut kept: Vec<Contact> = Vec::with_capacity(contacts.len());
+    // The deepest touch of each part of either side.
+    let mut parts: [Vec<Touch>; 2] = Default::default();
+    for contact in contacts.iter() {
+        let touches = touches(contact);
+        for (parts, touch) in parts.iter_mut().zip(touches) {
+            if parts.iter().all(|other| other.part != touch.part) {
+                parts.push(touch);
+            }
+        }
+        let is_covered = |i: usize| parts[i].iter().any(|other| touches[i].is_covered(other, sides[i]));
+        // The deepest is there to stay, as is what has to be pushed out first, and what pushes the same way does no harm.
+        let harmless =
+            kept.is_empty() || contact.distance < -SEAM_REACH || kept.iter().any(|other| contact.pushes_as(other));
+        if harmless || !(is_covered(0) || is_covered(1)) {
+            kept.push(*contact);
+        }
+    }
+    // Of contacts about as deep, rounding says which comes first.
+    for i in (0..kept.len()).rev() {
+        let (contact, touched) = (kept[i], touches(&kept[i]));
+        if contact.distance < -SEAM_REACH {
+            break;
+        }
+        let is_covered = kept.iter().any(|other| {
+            !contact.pushes_as(other)
+                && other.distance <= contact.distance + 0.25 * SEAM_REACH
+                && touches(other).iter().zip(&touched).zip(sides).any(|((a, b), side)| b.is_covered(a, side))
+        });
+        if is_covered {
+            kept.remove(i);
+        }
+    }
+    *contacts = kept;
+}
+
+impl Contact {
+    fn pushes_as(&self, other: &Self) -> bool {
+        self.normal1.dot(other.normal1) >= SEAM_COSINE
+    }
+}
+
+/// Where a part of one side is touched, its outward normal there, and the contact's distance.
+#[derive(Clone, Copy)]
+struct Touch {
+    part: u32,
+    point: Vec3,
+    normal: Vec3,
+    distance: f32,
+    carries: bool,
+}
+
+impl Touch {
+    /// True if the surface of `other`, which may be the same part, passes here with another normal, and the touched part does not rise
+    /// above it.
+    fn is_covered(&self, other: &Touch, side: Side) -> bool {
+        // Straight above the place: nothing of a part that ends here with this normal is nearer than the place itself.
+        let Some(s) = side(other.part, self.point, self.normal * SEAM_REACH) else { return false };
+        // In the plane of a triangle both of its sides are as near; it is known which one is touched.
+        let turned = s.distance.abs() < FLUSH && other.normal.dot(s.normal) > 0.5;
+        let up = if turned { s.normal } else { -s.normal };
+        let cosine = up.dot(self.normal);
+        // How high the place is over the surface, and how high the surface over the plane that is touched there.
+        let height = s.distance - SEAM_REACH * cosine;
+        let rise = SEAM_REACH - s.distance * cosine;
+        let most = if self.carries { 0.5 } else { SEAM_COSINE };
+        if height > FLUSH || rise < 2.0e-4 * SEAM_REACH || !(-0.1..most).contains(&cosine) {
+            return false;
+        }
+        if other.part == self.part {
+            return self.distance > 0.25 * SEAM_REACH;
+        }
+        let above = side(self.part, self.point, up * (0.5 * SEAM_REACH - height));
+        above.is_none_or(|s| s.distance > 0.25 * SEAM_REACH)
+    }
+}
