@@ -24,6 +24,11 @@ impl Sphere {
         reach >= 0.0 && self.center.as_dvec3().distance_squared(other.center.as_dvec3()) <= reach * reach
     }
 
+    /// Distance from `point` to the farthest point of the sphere.
+    pub fn farthest(&self, point: Vec3) -> f32 {
+        self.center.distance(point) + self.radius
+    }
+
     /// The sphere on the way from `self` (`t = 0`) to `other` (`t = 1`).
     pub fn lerp(&self, other: &Sphere, t: f32) -> Sphere {
         Sphere::new(self.center.lerp(other.center, t), self.radius + (other.radius - self.radius) * t)

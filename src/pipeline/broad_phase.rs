@@ -79,8 +79,7 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<
 
 /// How far a body can carry along what it hits, in metres: 0 for those that stop themselves.
 fn carrying_reach(body: &Body) -> f32 {
-    let bound = body.solid.bounding_sphere();
-    let radius = bound.center.distance(body.sweep.local_center) + bound.radius;
+    let radius = body.solid.bounding_sphere().farthest(body.sweep.local_center);
     if body.stops || body.passes { 0.0 } else { body.sweep.reach(radius) }
 }
 

@@ -81,7 +81,7 @@ impl<'a> PairMotion<'a> {
             }
             Second::Parts(parts) => {
                 let bound = parts.bounding_sphere();
-                let arm2 = bound.center.distance(sweep2.local_center) + bound.radius;
+                let arm2 = bound.farthest(sweep2.local_center);
                 let arms = [shape1.arm(sweep1.local_center), arm2];
                 let size = radius1.min(bound.radius);
                 let motion = |part: Part<'a>| {

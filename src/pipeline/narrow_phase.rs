@@ -17,6 +17,29 @@ use crate::{
     query::{Chords, Cuboid, Support, TimeOfImpact, TimeOfImpactStatus, rigid_impact, rigid_overlap},
 };
 
+/// Runs an expression with a primitive of the first body and what it faces: another, or a part, by whose rounding the first is larger.
+macro_rules! with_sides {
+    ($motion:expr, [$primitive1:expr, $primitive2:expr], |$first:ident, $second:ident| $body:expr) => {
+        with_spheres!($motion.shape1.hull($primitive1), |$first| match &$motion.facing {
+            Facing::Shape(shape2) => with_spheres!(&shape2.hull($primitive2), |$second| $body),
+            Facing::Part(part) => {
+                let $first = $first.map(|s| Sphere::new(s.center, s.radius + part.rounding));
+                match &part.core {
+                    Core::Cuboid(half) => {
+                        let $second = &Cuboid { half: *half };
+                        $body
+                    }
+                    Core::Support(shape) => {
+                        let $second = &Support(&**shape);
+                        $body
+                    }
+                    Core::Hull(hull) => with_spheres!(hull, |$second| $body),
+                }
+            }
+        })
+    };
+}
+
 /// The first impact of a pair, and what it took to find.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ImpactResult {
@@ -118,18 +141,8 @@ fn starting_overlap<'a>(motions: impl Iterator<Item = (&'a PairMotion<'a>, &'a V
     for (motion, candidates) in motions.filter(|(_, candidates)| !candidates.is_empty()) {
         let chords = motion.chords();
         for &[primitive1, primitive2] in candidates {
-            let overlap = with_spheres!(motion.shape1.hull(primitive1), |first| match &motion.facing {
-                Facing::Shape(shape2) => {
-                    with_spheres!(shape2.hull(primitive2), |second| rigid_overlap(&first, &second, &chords))
-                }
-                Facing::Part(part) => {
-                    let first = first.map(|s| Sphere::new(s.center, s.radius + part.rounding));
-                    match &part.core {
-                        Core::Cuboid(half) => rigid_overlap(&first, &Cuboid { half: *half }, &chords),
-                        Core::Support(shape) => rigid_overlap(&first, &Support(&**shape), &chords),
-                        Core::Hull(hull) => with_spheres!(*hull, |second| rigid_overlap(&first, &second, &chords)),
-                    }
-                }
+            let overlap = with_sides!(motion, [primitive1, primitive2], |first, second| {
+                rigid_overlap(&first, second, &chords)
             });
             deepest = deepest.max(overlap.min(motion.allowed));
         }
@@ -146,19 +159,5 @@ fn time_of_impact(
     carried: f32,
 ) -> TimeOfImpact {
     let slop = [carried, motion.slop];
-    with_spheres!(motion.shape1.hull(primitive1), |first| match &motion.facing {
-        Facing::Shape(shape2) => {
-            with_spheres!(shape2.hull(primitive2), |second| rigid_impact(&first, &second, chords, limit, slop))
-        }
-        Facing::Part(part) => {
-            let first = first.map(|s| Sphere::new(s.center, s.radius + part.rounding));
-            match &part.core {
-                Core::Cuboid(half) => rigid_impact(&first, &Cuboid { half: *half }, chords, limit, slop),
-                Core::Support(shape) => rigid_impact(&first, &Support(&**shape), chords, limit, slop),
-                Core::Hull(hull) => {
-                    with_spheres!(*hull, |second| rigid_impact(&first, &second, chords, limit, slop))
-                }
-            }
-        }
-    })
+    with_sides!(motion, [primitive1, primitive2], |first, second| rigid_impact(&first, second, chords, limit, slop))
 }

@@ -59,8 +59,7 @@ impl Shape {
 
     /// Distance from `point` to the farthest point of the shape, or a little more.
     pub(crate) fn radius_about(&self, point: Vec3) -> f32 {
-        let bound = self.bounding_sphere();
-        bound.center.distance(point) + bound.radius
+        self.bounding_sphere().farthest(point)
     }
 
     /// Spheres of a primitive.

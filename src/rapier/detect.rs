@@ -83,6 +83,7 @@ fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
 pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, contexts: Query<Context>) {
     let snapshot = snapshot.as_mut();
     snapshot.starts.clear();
+    snapshot.leads.clear();
     for context in contexts.iter().filter(|context| context.is_medial()) {
         snapshot.leads.insert(context.entity, context.lead.diff);
         for (handle, collider) in context.colliders.colliders.iter() {
@@ -117,11 +118,11 @@ fn owner(world: u32, body: RigidBodyHandle) -> u64 {
     u64::from(world) << 32 | u64::from(body.into_raw_parts().0)
 }
 
-/// What a collider is made of. None for a shape that nothing is known about.
-fn solid(collider: &RapierCollider) -> Option<Solid> {
-    match medial(collider) {
+/// What a shape is made of. None for one that nothing is known about.
+fn solid(shape: &SharedShape) -> Option<Solid> {
+    match shape.as_shape::<MedialShape>() {
         Some(medial) => Some(medial.shape.clone().into()),
-        None => is_known(collider.shape()).then(|| Solid::Parts(Arc::new(collider.shared_shape().clone()))),
+        None => is_known(&**shape).then(|| Solid::Parts(Arc::new(shape.clone()))),
     }
 }
 
@@ -200,7 +201,7 @@ pub(super) fn detect(
                 fixed.push(Fixed { entity, collider: handle, shape, pose: end, groups, world, sensor, passes });
                 continue;
             };
-            let Some(solid) = solid(collider) else { continue };
+            let Some(solid) = solid(collider.shared_shape()) else { continue };
             let start = snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
             let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
             let center = end.inverse_transform_point(body.center_of_mass());
@@ -235,7 +236,7 @@ pub(super) fn detect(
     step.worlds = worlds.iter().map(|(entity, _)| *entity).collect();
     step.dt = worlds.first().map_or(0.0, |(_, dt)| *dt);
     if fixed != *known {
-        set_statics(step, &contexts, &worlds, &fixed);
+        set_statics(step, &fixed);
         *known = fixed;
     }
     step.run();
@@ -254,13 +255,11 @@ pub(super) fn detect(
 }
 
 /// Rebuilds the statics: one of them has come, gone or changed.
-fn set_statics(step: &mut MedialStep, contexts: &Query<Context>, worlds: &[(Entity, f32)], fixed: &[Fixed]) {
+fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
     let mut bodies = Vec::new();
     step.static_infos.clear();
     for item in fixed {
-        let context = contexts.get(worlds[item.world as usize].0).ok();
-        let collider = context.and_then(|context| context.colliders.colliders.get(item.collider));
-        let Some(solid) = collider.and_then(solid) else { continue };
+        let Some(solid) = solid(&item.shape) else { continue };
         let [groups, stop_groups] = item.groups;
         let (world, passes) = (item.world, item.passes);
         bodies.push(StaticBody { groups, stop_groups, world, passes, ..StaticBody::new(solid, item.pose) });
