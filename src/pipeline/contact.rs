@@ -64,6 +64,19 @@ impl Manifold {
         Self { normal1: contacts[0].normal1, points, len: contacts.len().min(4) as u8 }
     }
 
+    /// Drops contacts that are farther apart; false if none is left.
+    pub(crate) fn keep_within(&mut self, distance: f32) -> bool {
+        let mut len = 0;
+        for i in 0..usize::from(self.len) {
+            if self.points[i].distance <= distance {
+                self.points[len] = self.points[i];
+                len += 1;
+            }
+        }
+        self.len = len as u8;
+        len > 0
+    }
+
     /// The contacts, the deepest first.
     pub fn contacts(&self) -> &[Contact] {
         &self.points[..usize::from(self.len)]

@@ -412,7 +412,7 @@ pub fn step(input: &StepInput, statics: &Statics, pool: &TaskPool) -> StepOutput
         bodies: input.bodies.len(),
         primitive_pairs: broad_phase::primitive_pairs(input, statics),
         body_pairs: pairs.len(),
-        candidates: candidates.iter().map(Vec::len).sum(),
+        candidates: candidates.iter().flatten().map(Vec::len).sum(),
         toi_tests: results.iter().map(|r| r.toi_tests).sum(),
         unresolved: results.iter().map(|r| r.unresolved).sum(),
         contacts: 0,

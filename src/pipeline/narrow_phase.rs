@@ -14,14 +14,15 @@ use super::{
 };
 use crate::{
     geometry::Sphere,
-    query::{Chords, Cuboid, Support, TimeOfImpact, TimeOfImpactStatus, rigid_impact, rigid_overlap},
+    query::{Cuboid, Support, TimeOfImpactStatus, rigid_impact, rigid_start},
 };
 
 /// Runs an expression with a primitive of the first body and what it faces: another, or a part, by whose rounding the first is larger.
 macro_rules! with_sides {
-    ($motion:expr, [$primitive1:expr, $primitive2:expr], |$first:ident, $second:ident| $body:expr) => {
-        with_spheres!($motion.shape1.hull($primitive1), |$first| match &$motion.facing {
-            Facing::Shape(shape2) => with_spheres!(&shape2.hull($primitive2), |$second| $body),
+    ($motion:expr, $primitives:expr, |$first:ident, $second:ident| $body:expr) => {{
+        let [primitive1, primitive2] = $primitives;
+        with_spheres!($motion.shape1.hull(primitive1), |$first| match &$motion.facing {
+            Facing::Shape(shape2) => with_spheres!(&shape2.hull(primitive2), |$second| $body),
             Facing::Part(part) => {
                 let $first = $first.map(|s| Sphere::new(s.center, s.radius + part.rounding));
                 match &part.core {
@@ -37,7 +38,7 @@ macro_rules! with_sides {
                 }
             }
         })
-    };
+    }};
 }
 
 /// The first impact of a pair, and what it took to find.
@@ -96,24 +97,33 @@ pub(super) fn contacts(
 ///
 /// What slides over a seam takes the overlap that it has along to the next part.
 pub(super) fn first_impact<'a>(
-    motions: impl Iterator<Item = (&'a PairMotion<'a>, &'a Vec<PrimitivePair>)> + Clone,
+    motions: impl Iterator<Item = (&'a PairMotion<'a>, &'a Vec<PrimitivePair>)>,
 ) -> ImpactResult {
     let mut result = ImpactResult::default();
-    let mut carried = None;
-    let all = motions.clone();
+    let mut carried = 0.0f32;
+    let mut approaching = Vec::new();
     for (motion, candidates) in motions.filter(|(_, candidates)| !candidates.is_empty()) {
         let chords = motion.chords();
-        for &[primitive1, primitive2] in candidates {
-            let limit = result.impact.map_or(1.0, |impact| impact.fraction);
-            let mut toi = time_of_impact(motion, [primitive1, primitive2], &chords, limit, 0.0);
-            result.toi_tests += 1;
-            if toi.status != TimeOfImpactStatus::Separated {
-                let carried = *carried.get_or_insert_with(|| starting_overlap(all.clone()));
-                if carried > 0.0 {
-                    toi = time_of_impact(motion, [primitive1, primitive2], &chords, limit, carried);
-                    result.toi_tests += 1;
-                }
+        result.toi_tests += candidates.len();
+        let mut starts = Vec::new();
+        for &pair in candidates {
+            let start = with_sides!(motion, pair, |first, second| rigid_start(&first, second, &chords));
+            if let Some(start) = start {
+                carried = carried.max(start.overlap().min(motion.allowed));
+                starts.push((pair, start));
             }
+        }
+        if !starts.is_empty() {
+            approaching.push((motion, chords, starts));
+        }
+    }
+    for (motion, chords, starts) in &approaching {
+        let slop = [carried, motion.slop];
+        for (pair, start) in starts {
+            let limit = result.impact.map_or(1.0, |impact| impact.fraction);
+            let toi = with_sides!(motion, *pair, |first, second| {
+                rigid_impact(&first, second, chords, start, limit, slop)
+            });
             result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
             let earlier = result.impact.is_none_or(|first| toi.fraction < first.fraction);
             if toi.status == TimeOfImpactStatus::Separated
@@ -125,39 +135,12 @@ pub(super) fn first_impact<'a>(
             let frame = motion.frame_at(toi.fraction);
             let normal = frame.rotation * toi.contact.normal;
             let (primitive2, rounding) = match &motion.facing {
-                Facing::Shape(_) => (primitive2, 0.0),
+                Facing::Shape(_) => (pair[1], 0.0),
                 Facing::Part(part) => (part.id, part.rounding),
             };
             let point = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5) - normal * rounding;
-            result.impact = Some(Impact { fraction: toi.fraction, point, normal, primitive1, primitive2 });
+            result.impact = Some(Impact { fraction: toi.fraction, point, normal, primitive1: pair[0], primitive2 });
         }
     }
     result
-}
-
-/// The deepest overlap at the start, up to what the solver leaves.
-fn starting_overlap<'a>(motions: impl Iterator<Item = (&'a PairMotion<'a>, &'a Vec<PrimitivePair>)>) -> f32 {
-    let mut deepest = 0.0f32;
-    for (motion, candidates) in motions.filter(|(_, candidates)| !candidates.is_empty()) {
-        let chords = motion.chords();
-        for &[primitive1, primitive2] in candidates {
-            let overlap = with_sides!(motion, [primitive1, primitive2], |first, second| {
-                rigid_overlap(&first, second, &chords)
-            });
-            deepest = deepest.max(overlap.min(motion.allowed));
-        }
-    }
-    deepest
-}
-
-/// The impact of two primitives, or of a primitive and a part, up to a fraction of the step.
-fn time_of_impact(
-    motion: &PairMotion,
-    [primitive1, primitive2]: PrimitivePair,
-    chords: &Chords,
-    limit: f32,
-    carried: f32,
-) -> TimeOfImpact {
-    let slop = [carried, motion.slop];
-    with_sides!(motion, [primitive1, primitive2], |first, second| rigid_impact(&first, second, chords, limit, slop))
 }

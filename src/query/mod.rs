@@ -20,7 +20,7 @@ mod time_of_impact;
 
 pub use alternating::alternating;
 pub use ray::{RayHit, ray_cast};
-pub use rigid::{Chords, Rigid, rigid_impact, rigid_overlap};
+pub use rigid::{Chords, Rigid, RigidStart, rigid_impact, rigid_start};
 pub use separation::{Convex, Cuboid, Separation, separation};
 pub use support::{Support, SupportShape};
-pub use time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact, time_of_overlap};
+pub use time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact};

@@ -3,13 +3,11 @@
 use glam::Vec3;
 
 use super::{
-    separation::Cuboid,
-    time_of_impact::{
-        Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, depth_at_start, time_of_depth, time_of_impact,
-    },
+    separation::{Cuboid, Separation},
+    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, start, time_of_depth, time_of_impact},
 };
 use crate::{
-    constants::MAX_CHORDS,
+    constants::{LEAST_GROWTH, MAX_CHORDS, OVERLAP_LIMIT},
     geometry::{Placement, Sphere, Sweep},
 };
 
@@ -62,6 +60,10 @@ impl Chords {
 }
 
 impl Chords {
+    fn count(&self) -> usize {
+        self.placements.len() - 1
+    }
+
     /// Two primitives along a chord, the first enlarged by the deviation.
     #[inline]
     fn along<const N: usize, B: Rigid>(&self, i: usize, first: &[Sphere; N], second: &B) -> (Moving<N>, B::Moving) {
@@ -106,10 +108,27 @@ impl Rigid for Cuboid {
     }
 }
 
-/// How deep two primitives of rigid bodies overlap at the start of the step, in metres; 0 if they are apart.
-pub fn rigid_overlap<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chords: &Chords) -> f32 {
+/// How two primitives that may meet begin the step.
+#[derive(Clone, Copy, Debug)]
+pub struct RigidStart(Separation);
+
+impl RigidStart {
+    /// How deep they overlap, in metres; 0 if they are apart.
+    pub fn overlap(&self) -> f32 {
+        (-self.0.distance).max(0.0)
+    }
+}
+
+/// How two primitives of rigid bodies begin the step; none if they stay apart all through it, as far as a look at the start can tell.
+pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chords: &Chords) -> Option<RigidStart> {
     let (moving1, moving2) = chords.along(0, first, second);
-    depth_at_start(&moving1, &moving2)
+    let (separation, clear) = start(&moving1, &moving2, 1.0);
+    // Along several chords nothing is known of directions.
+    let apart = match chords.count() {
+        1 => clear,
+        count => separation.distance > chords.way * count as f32,
+    };
+    (!apart).then_some(RigidStart(separation))
 }
 
 /// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by more than `slop` metres beyond what
@@ -121,20 +140,22 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
     first: &[Sphere; N],
     second: &B,
     chords: &Chords,
+    start: &RigidStart,
     max_fraction: f32,
     [least, slop]: [f32; 2],
 ) -> TimeOfImpact {
-    let count = (chords.placements.len() - 1) as f32;
+    let overlap = start.overlap().max(least);
+    let depth = overlap + slop * (1.0 - overlap / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
+    let count = chords.count() as f32;
     let max_fraction = max_fraction.min(1.0);
     let along = |i: usize| chords.along(i, first, second);
     let mut chord = 0;
     let mut rounds = 0;
-    let mut depth = None;
     let mut found = loop {
         let (moving1, moving2) = along(chord);
         let limit = max_fraction * count - chord as f32;
-        // The first chord sets the depth for all: what is gained chord by chord is gained within the step.
-        let found = time_of_depth(&moving1, &moving2, limit.min(1.0), [least, slop], &mut depth);
+        let known = (chord == 0).then_some(start.0);
+        let found = time_of_depth(&moving1, &moving2, limit.min(1.0), depth, known);
         rounds += found.rounds;
         if found.status != TimeOfImpactStatus::Separated {
             break found;

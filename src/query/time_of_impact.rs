@@ -7,9 +7,7 @@ use super::{
     support::Support,
 };
 use crate::{
-    constants::{
-        CONTACT_ROUNDING, LEAST_GROWTH, MAX_ADVANCES, MAX_ROUNDS, OVERLAP_LIMIT, TIME_TOLERANCE, TOUCH_ROUNDING,
-    },
+    constants::{CONTACT_ROUNDING, MAX_ADVANCES, MAX_ROUNDS, TIME_TOLERANCE, TOUCH_ROUNDING},
     geometry::Sphere,
 };
 
@@ -193,10 +191,15 @@ struct Pair<'a, const N: usize, B> {
 impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
     /// Centres are placed in f64, in which sums and products of the f32 input are all but exact, and rounded when they are small.
     #[inline]
-    fn at(&self, fraction: f32, feature: usize) -> Instant<N, B::Shape> {
+    fn shapes(&self, fraction: f32) -> ([Sphere; N], B::Shape) {
         let time = f64::from(fraction);
         let origin = self.second.origin(time, self.first.center(0, time));
-        let (first, second) = (MovingConvex::at(self.first, time, origin), self.second.at(time, origin));
+        (MovingConvex::at(self.first, time, origin), self.second.at(time, origin))
+    }
+
+    #[inline]
+    fn at(&self, fraction: f32, feature: usize) -> Instant<N, B::Shape> {
+        let (first, second) = self.shapes(fraction);
         let separation = separation(&first, &second, feature);
         Instant { fraction, first, second, separation }
     }
@@ -320,38 +323,32 @@ pub fn time_of_impact<const N: usize, B: MovingConvex>(
     pair.advance(pair.at(0.0, 0), max_fraction)
 }
 
-/// First fraction at which they overlap by more than `slop` metres beyond what they do at the start, if they do there.
-///
-/// A contact that the solver keeps within the slop is none, and a pair in touch that turns deeper into each other is one.
-pub fn time_of_overlap<const N: usize, B: MovingConvex>(
+/// How they lie to each other at the start, relative to the origin there, and whether nothing can touch until `max_fraction`.
+pub(super) fn start<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
     max_fraction: f32,
-    slop: f32,
-) -> TimeOfImpact {
-    time_of_depth(first, second, max_fraction, [0.0, slop], &mut None)
+) -> (Separation, bool) {
+    let pair = Pair { first, second, target: 0.0 };
+    let start = pair.at(0.0, 0);
+    (start.separation, start.separation.distance > 0.0 && pair.cleared_until(&start) > max_fraction)
 }
 
-/// How deep they overlap at the start, in metres; 0 if they are apart.
-pub(super) fn depth_at_start<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B) -> f32 {
-    (-Pair { first, second, target: 0.0 }.at(0.0, 0).separation.distance).max(0.0)
-}
-
-/// First fraction at which they overlap by more than `depth` metres; if that is not known yet, by more than [`time_of_overlap`] allows for
-/// a pair that starts with an overlap of `least` or more.
+/// First fraction at which they overlap by more than `depth` metres; `known`: the separation that [`start`] has found.
 pub(super) fn time_of_depth<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
     max_fraction: f32,
-    [least, slop]: [f32; 2],
-    depth: &mut Option<f32>,
+    depth: f32,
+    known: Option<Separation>,
 ) -> TimeOfImpact {
-    let mut pair = Pair { first, second, target: 0.0 };
-    let start = pair.at(0.0, 0);
-    let depth = depth.get_or_insert_with(|| {
-        let depth = (-start.separation.distance).max(least);
-        depth + slop * (1.0 - depth / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH)
-    });
-    pair.target = -*depth;
+    let pair = Pair { first, second, target: -depth };
+    let start = match known {
+        Some(separation) => {
+            let (first, second) = pair.shapes(0.0);
+            Instant { fraction: 0.0, first, second, separation }
+        }
+        None => pair.at(0.0, 0),
+    };
     pair.advance(start, max_fraction)
 }

@@ -19,6 +19,7 @@ use bevy_rapier3d::{
 
 use super::{
     joints::{assemblies, kept_apart},
+    pace::Pace,
     parts::is_known,
     shape::MedialShape,
     table::{ContactTable, PairKey, SecondKey},
@@ -80,20 +81,25 @@ fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
     collider.shape().as_shape::<MedialShape>()
 }
 
-pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, contexts: Query<Context>) {
+pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, table: Res<ContactTable>, contexts: Query<Context>) {
     let snapshot = snapshot.as_mut();
+    let mut paces = HashMap::new();
     snapshot.starts.clear();
     snapshot.leads.clear();
     for context in contexts.iter().filter(|context| context.is_medial()) {
         snapshot.leads.insert(context.entity, context.lead.diff);
+        let dt = context.simulation.integration_parameters.dt;
         for (handle, collider) in context.colliders.colliders.iter() {
             let body = context.body(collider);
             let Some(moving) = body.filter(|body| !body.is_fixed()) else { continue };
             let start =
                 Start { pose: collider_pose(collider, body), linear: moving.linvel(), angular: moving.angvel() };
             snapshot.starts.insert((context.entity, handle), start);
+            let radius = collider.shape().compute_local_bounding_sphere().radius;
+            paces.insert(SecondKey::of(collider.shape()), Pace::new(start.linear * dt, start.angular * dt, radius));
         }
     }
+    table.set_paces(paces);
 }
 
 /// Seconds that rapier has simulated in its step.

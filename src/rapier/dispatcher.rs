@@ -20,6 +20,7 @@ use super::{
     table::{ContactTable, PairKey, SecondKey},
 };
 use crate::{
+    constants::TOUCH_DISTANCE,
     geometry::Pose3,
     pipeline::{
         Manifold, Second, Shape,
@@ -65,10 +66,15 @@ impl<'a> Pair<'a> {
     }
 
     fn manifolds(&self, prediction: f32, table: &ContactTable) -> Vec<Manifold> {
-        let key = PairKey::new(self.first.key, SecondKey::of(self.other), &self.pose12, prediction);
-        table.get(&key).unwrap_or_else(|| {
+        let second = SecondKey::of(self.other);
+        let key = PairKey::new(self.first.key, second, &self.pose12, prediction);
+        let mut manifolds = table.get(&key).unwrap_or_else(|| {
             self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, prediction))
-        })
+        });
+        if table.pace(self.first.key, second) >= 1.0 {
+            manifolds.retain_mut(|manifold| manifold.keep_within(TOUCH_DISTANCE));
+        }
+        manifolds
     }
 
     fn nearest(&self, max_distance: f32) -> Option<Contact> {

@@ -32,6 +32,7 @@ mod attach;
 mod detect;
 mod dispatcher;
 mod joints;
+mod pace;
 mod parts;
 mod points;
 mod primitive;

@@ -13,9 +13,9 @@ use bevy_rapier3d::{
     rapier::{dynamics::RigidBodyHandle, geometry::Collider},
 };
 
+use super::pace::pace;
 use crate::{
     constants::{MAX_SUBSTEPS, SUBSTEP_WAY},
-    pipeline::Side,
     plugin::MedialStep,
 };
 
@@ -40,15 +40,12 @@ pub(super) fn refine(
     }
     for pair in step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()) {
         let sides = [pair.first, pair.second];
-        let [(motion1, turn1, radius1), (motion2, turn2, radius2)] = sides.map(|side| motion(&step, side));
-        let way = motion1.distance(motion2) + turn1 * radius1 + turn2 * radius2;
-        let radius = radius1.min(radius2);
-        // Bodies that fall or tumble are not fast.
-        if way < radius {
+        let way = pace(&step, pair);
+        if way < 1.0 {
             continue;
         }
         let Ok((mut bodies, colliders, simulation)) = contexts.get_mut(step.context(pair.first)) else { continue };
-        let substeps = ((way / (SUBSTEP_WAY * radius)).ceil() as usize).min(MAX_SUBSTEPS);
+        let substeps = ((way / SUBSTEP_WAY).ceil() as usize).min(MAX_SUBSTEPS);
         let additional = substeps.saturating_sub(simulation.integration_parameters.num_solver_iterations);
         for side in sides {
             let collider = colliders.colliders.get(step.info(side).collider);
@@ -61,17 +58,5 @@ pub(super) fn refine(
                 refined.entry(key).or_insert(Additional { own: now, raised: 0 }).raised = additional;
             }
         }
-    }
-}
-
-/// Displacement of a side over the step in metres, its turn in radians, and its bounding radius.
-fn motion(step: &MedialStep, side: Side) -> (Vec3, f32, f32) {
-    let radius = step.solid(side).bounding_sphere().radius;
-    match side {
-        Side::Body(body) => {
-            let sweep = &step.input.bodies[body as usize].sweep;
-            (sweep.translation, sweep.rotation.length(), radius)
-        }
-        Side::Static(_) => (Vec3::ZERO, 0.0, radius),
     }
 }

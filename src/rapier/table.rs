@@ -6,10 +6,10 @@ use std::{
 use bevy::prelude::Resource;
 use bevy_rapier3d::parry::shape::Shape;
 
-use super::shape::MedialShape;
+use super::{pace::Pace, shape::MedialShape};
 use crate::{geometry::Pose3, pipeline::Manifold};
 
-/// The manifolds that the last step found, for rapier to fetch by pair and relative pose.
+/// The manifolds that the last step found, for rapier to fetch by pair and relative pose; and the paces of the bodies.
 ///
 /// Manifolds are a pure function of shapes, relative pose and prediction distance, all of which are in the key: an
 /// entry is never wrong, only missing once a body has been moved in between.
@@ -19,6 +19,7 @@ pub struct ContactTable(Arc<RwLock<Entries>>);
 #[derive(Default)]
 struct Entries {
     manifolds: HashMap<PairKey, Vec<Manifold>>,
+    paces: HashMap<SecondKey, Pace>,
 }
 
 /// What a pair's manifolds depend on.
@@ -68,6 +69,19 @@ impl ContactTable {
     /// The manifolds of a pair, if they are known for this very pose.
     pub(super) fn get(&self, key: &PairKey) -> Option<Vec<Manifold>> {
         self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner()).manifolds.get(key).cloned()
+    }
+
+    /// Sets the paces of all that moves in the step to come.
+    pub(super) fn set_paces(&self, paces: HashMap<SecondKey, Pace>) {
+        self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner()).paces = paces;
+    }
+
+    /// How far the sides of a pair go relative to each other, in radii of the smaller one.
+    pub(super) fn pace(&self, first: u64, second: SecondKey) -> f32 {
+        let table = self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let [pace1, pace2] =
+            [SecondKey::Medial(first), second].map(|key| table.paces.get(&key).copied().unwrap_or(Pace::REST));
+        pace1.against(&pace2)
     }
 
     /// Number of pairs.

@@ -2,9 +2,11 @@
 //!
 //! The *transfer* of a hit is the change of the first body's momentum in [`STEPS`] steps, of which 5 to 7 come after the first contact. A ratio
 //! of transfers is that of its component along the reference's. Time that a body loses by stopping is not counted: its clock stands
-//! still from the stop to the end of the step, and its transfer is taken when its clock has come as far as the reference's.
+//! still from the stop to the end of the step, and its transfer is that of the reference when its clock shows the same. A hit whose
+//! reference changes by more than a tenth in steps half as long is chaotic, and there is nothing to compare with.
 //!
-//! Rapier's gyroscopic term is off: explicit in time, it makes energy out of a fast spin in free flight.
+//! Rapier's gyroscopic term is off: explicit in time, it makes energy out of a fast spin in free flight. Without it a free body keeps its angular
+//! velocity, whatever its inertia does as it turns: an impact's energy is counted where it happens, with the inertia there.
 
 use bevy::prelude::*;
 use bevy_medial::{
@@ -32,6 +34,9 @@ const FINER: u32 = 100;
 
 /// Steps until the transfer is measured.
 const STEPS: u32 = 8;
+
+/// Steps of the reference: a body whose clock is farther by then is compared with its end.
+const LONGEST: u32 = 10;
 
 /// Steps after which a body whose clock is still behind is measured all the same.
 const PATIENCE: u32 = 300;
@@ -98,14 +103,12 @@ fn shapes() -> Vec<(&'static str, Shape)> {
 impl Cell {
     /// The way of a body as rapier integrates it with steps of `dt`: at a constant rate, which is a little less than asked for.
     fn motion(&self, flyer: &Flyer, dt: f32) -> Motion {
-        let substep = f64::from(dt) / 4.0;
         let spin = flyer.velocity.angular.as_dvec3();
-        let slowed = (spin.length() * substep * 0.5).atan() * 2.0 / substep;
         let sweep = Sweep {
             start: flyer.pose,
             end: flyer.pose,
             translation: flyer.velocity.linear,
-            rotation: (spin.normalize_or_zero() * slowed).as_vec3(),
+            rotation: (spin.normalize_or_zero() * rate(spin.length(), dt)).as_vec3(),
             local_center: self.shape.center_of_mass(),
         };
         Motion::new(&sweep, DVec3::ZERO)
@@ -228,13 +231,6 @@ impl Cell {
     }
 }
 
-/// Momentum in kg m/s and kinetic energy in joules.
-#[derive(Clone, Copy)]
-struct State {
-    momentum: DVec3,
-    energy: f64,
-}
-
 /// Many flights in one app, each in its own collision group.
 struct Range {
     app: App,
@@ -261,7 +257,8 @@ impl Range {
                 rotation: flyer.pose.rotation,
                 scale: Vec3::splat(cell.shape.scale),
             };
-            let body = (RigidBody::Dynamic, Bullet, mesh.clone(), transform, flyer.velocity, GravityScale(0.0));
+            let velocity = Velocity { angular: same_turn(flyer.velocity.angular, dt), ..flyer.velocity };
+            let body = (RigidBody::Dynamic, Bullet, mesh.clone(), transform, velocity, GravityScale(0.0));
             app.world_mut().spawn((body, CollisionGroups::new(group, filter))).id()
         };
         let groups = (0..).map(|i| Group::from_bits_retain(1 << i));
@@ -270,18 +267,61 @@ impl Range {
         Self { app, bodies }
     }
 
-    fn states(&mut self, flight: usize) -> Vec<State> {
-        let state = |entity: &Entity| {
+    /// Momenta of a flight's bodies, in kg m/s.
+    fn momenta(&mut self, flight: usize) -> Vec<DVec3> {
+        let momentum = |entity: &Entity| {
             let body = rigid(&mut self.app, *entity);
-            let momentum = body.linvel().as_dvec3() * f64::from(body.mass());
-            State { momentum, energy: f64::from(body.kinetic_energy()) }
+            body.linvel().as_dvec3() * f64::from(body.mass())
         };
-        self.bodies[flight].iter().map(state).collect()
+        self.bodies[flight].iter().map(momentum).collect()
     }
 
-    fn all_states(&mut self) -> Vec<Vec<State>> {
-        (0..self.bodies.len()).map(|flight| self.states(flight)).collect()
+    fn all_momenta(&mut self) -> Vec<Vec<DVec3>> {
+        (0..self.bodies.len()).map(|flight| self.momenta(flight)).collect()
     }
+
+    /// The momenta now and after each of some steps.
+    fn history(&mut self, steps: u32) -> Vec<Vec<Vec<DVec3>>> {
+        let mut history = vec![self.all_momenta()];
+        for _ in 0..steps {
+            run(&mut self.app, 1);
+            history.push(self.all_momenta());
+        }
+        history
+    }
+
+    /// Kinetic energy of a flight's bodies before and after the last step, in joules, both where they were at its start.
+    fn energies(&mut self, flight: usize) -> [f64; 2] {
+        let mut energies = [0.0; 2];
+        for &entity in &self.bodies[flight] {
+            let body = rigid(&mut self.app, entity);
+            let step = self.app.world().resource::<MedialStep>();
+            let i = index(step, entity);
+            let mass = &body.mass_properties().local_mprops;
+            let frame = step.input.bodies[i].sweep.start.rotation * mass.principal_inertia_local_frame;
+            let info = &step.infos[i];
+            let velocities = [(info.linear, info.angular), (body.linvel(), body.angvel())];
+            for (energy, (linear, angular)) in energies.iter_mut().zip(velocities) {
+                let spin = frame.inverse() * angular;
+                let turning = (spin * spin).dot(mass.principal_inertia());
+                *energy += 0.5 * f64::from(body.mass() * linear.length_squared() + turning);
+            }
+        }
+        energies
+    }
+}
+
+/// How fast a body turns that rapier integrates with steps of `dt`: a little less than asked for.
+fn rate(spin: f64, dt: f32) -> f64 {
+    let substep = f64::from(dt) / 4.0;
+    (spin * substep * 0.5).atan() * 2.0 / substep
+}
+
+/// The angular velocity with which steps of `dt` turn a body as fast as steps of [`DT`] do with another.
+fn same_turn(angular: Vec3, dt: f32) -> Vec3 {
+    let substep = f64::from(dt) / 4.0;
+    let spin = (rate(angular.as_dvec3().length(), DT) * substep * 0.5).tan() * 2.0 / substep;
+    angular.normalize_or_zero() * spin as f32
 }
 
 fn without_gyroscopic_term(
@@ -304,12 +344,14 @@ struct Hits {
     count: usize,
     /// Too little transfer in the reference to compare.
     grazes: usize,
+    /// No reference to compare with.
+    chaotic: usize,
     lost: usize,
     /// Of transfers, in ascending order.
     ratios: Vec<f64>,
     /// Change of the total momentum, in momenta of the flying body.
     momentum_error: f64,
-    /// Hits after which there is more energy than before, by more than 1 %.
+    /// Hits with a step that makes energy, more than a hundredth of what there is.
     gains: usize,
     /// Bodies that got behind the wall.
     behind: usize,
@@ -329,18 +371,27 @@ impl Hits {
 
 fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> Hits {
     let flights = cell.hits(&mut Random(seed), count);
-    let mut fine = Range::new(cell, &flights, DT / FINER as f32);
-    run(&mut fine.app, STEPS * FINER);
-    let reference = fine.all_states();
+    let histories = [FINER, 2 * FINER].map(|finer| {
+        let mut fine = Range::new(cell, &flights, DT / finer as f32);
+        // The bodies are there from the second update on.
+        run(&mut fine.app, 1);
+        fine.history(LONGEST * finer - 1)
+    });
+    let reference = |i: usize, clock: f32, finer: usize| -> &[DVec3] {
+        let history = &histories[finer];
+        let step = (clock * (FINER << finer) as f32) as usize;
+        &history[step.clamp(1, history.len()) - 1][i]
+    };
 
     let mut coarse = Range::new(cell, &flights, DT);
     coarse.app.world_mut().resource_mut::<MedialSettings>().stop_at_impact = stop_at_impact;
     run(&mut coarse.app, 1);
     // Nothing touches in the first step.
-    let before = coarse.all_states();
+    let before = coarse.all_momenta();
     let mut hits = Hits { count, ..default() };
     let mut clocks = vec![1.0; count];
-    let mut measured: Vec<Option<Vec<State>>> = (0..count).map(|_| None).collect();
+    let mut measured: Vec<Option<(Vec<DVec3>, f32)>> = (0..count).map(|_| None).collect();
+    let mut gained = vec![false; count];
     let mut steps = 1;
     while measured.iter().any(Option::is_none) {
         run(&mut coarse.app, 1);
@@ -349,30 +400,38 @@ fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> Hits 
             let step = coarse.app.world().resource::<MedialStep>();
             let stop = step.output.stop_of(index(step, coarse.bodies[i][0]) as u32);
             *clock += stop.map_or(1.0, |stop| stop.fraction);
-            if measured[i].is_none() && (*clock > STEPS as f32 - 0.5 || steps == PATIENCE) {
-                measured[i] = Some(coarse.states(i));
+            // A body that has just stopped has its impact before it.
+            let is_over = *clock > STEPS as f32 - 0.5 && stop.is_none();
+            let [energy_before, energy_after] = coarse.energies(i);
+            gained[i] |= energy_after > 1.01 * energy_before;
+            if measured[i].is_none() && (is_over || steps == PATIENCE) {
+                measured[i] = Some((coarse.momenta(i), *clock));
                 hits.taken.push(steps);
             }
         }
     }
 
-    for (i, after) in measured.iter().flatten().enumerate() {
-        let (before, reference) = (&before[i], &reference[i]);
-        let flying = before[0].momentum.length();
-        let total = |states: &[State]| states.iter().map(|state| state.momentum).sum::<DVec3>();
-        let energy = |states: &[State]| states.iter().map(|state| state.energy).sum::<f64>();
+    for (i, (after, clock)) in measured.iter().flatten().enumerate() {
+        let [before, fine, finer] = [&before[i], reference(i, *clock, 0), reference(i, *clock, 1)];
+        let flying = before[0].length();
         if cell.aim != Aim::Wall {
+            let total = |momenta: &[DVec3]| momenta.iter().sum::<DVec3>();
             hits.momentum_error = hits.momentum_error.max(total(after).distance(total(before)) / flying);
         }
-        hits.gains += usize::from(energy(after) > 1.01 * energy(before));
-        let truth = reference[0].momentum - before[0].momentum;
+        hits.gains += usize::from(gained[i]);
+        let [truth, finer, transfer] = [fine, finer, after].map(|momenta| momenta[0] - before[0]);
         if truth.length() < GRAZE * flying {
             hits.grazes += 1;
-            continue;
+        } else if truth.distance(finer) > 0.1 * truth.length() {
+            hits.chaotic += 1;
+        } else {
+            let ratio = transfer.dot(truth) / truth.length_squared();
+            if (ratio - 1.0).abs() > 0.25 {
+                println!("  flight {i} ratio {ratio:.3} clock {clock} transfer {:.3}", truth.length() / flying);
+            }
+            hits.lost += usize::from(ratio < LOST);
+            hits.ratios.push(ratio);
         }
-        let ratio = (after[0].momentum - before[0].momentum).dot(truth) / truth.length_squared();
-        hits.lost += usize::from(ratio < LOST);
-        hits.ratios.push(ratio);
     }
     hits.ratios.sort_by(f64::total_cmp);
     if cell.aim == Aim::Wall {
@@ -452,15 +511,14 @@ fn stays_clear(first: &Solid, second: &Solid) -> bool {
 fn bullets_hit_as_in_fine_steps_and_miss_without_a_trace() {
     let aims = [Aim::Wall, Aim::Resting, Aim::HeadOn];
     let shapes = shapes();
-    let (mut close, mut compared, mut misses, mut gains) = (0, 0, 0, 0);
+    let (mut close, mut compared, mut misses) = (0, 0, 0);
     for i in 0..12 {
         let (name, shape) = shapes[i % 4].clone();
         let spin = if (i + i / 6) % 2 == 0 { 0.0 } else { 100.0 };
         let cell = Cell { shape, aim: aims[i % 3], speed: SPEEDS[i % 6], spin };
         let hits = run_hits(&cell, 1, 20, true);
         println!("{name} {:?} {} {spin}: {hits:?}", cell.aim, cell.speed);
-        assert_eq!((hits.lost, hits.behind), (0, 0));
-        gains += hits.gains;
+        assert_eq!((hits.lost, hits.behind, hits.gains), (0, 0, 0));
         assert!(hits.momentum_error < 0.01 && (hits.median() - 1.0).abs() < 0.1);
         close += hits.within(0.25);
         compared += hits.ratios.len();
@@ -472,8 +530,6 @@ fn bullets_hit_as_in_fine_steps_and_miss_without_a_trace() {
     }
     assert!(compared > 200 && misses > 90, "{compared} hits, {misses} misses");
     assert!(close * 10 >= compared * 9, "{close} of {compared}");
-    // Rapier starts each substep with the impulses of the last, and with friction that now and then makes a thin rod spin faster.
-    assert!(gains * 100 <= compared, "{gains} of {compared} gain energy");
 }
 
 #[test]
@@ -488,9 +544,11 @@ fn bullets_that_do_not_stop_are_lost() {
 #[test]
 #[ignore = "minutes"]
 fn bullets_table() {
-    println!("                            hits                  transfer          momentum energy behind   misses");
     println!(
-        "shape    aim      m/s rad/s lost grazes of  median in25% min   max     error  gains   wall ghosts of steps"
+        "                            hits                        transfer          momentum energy behind   misses"
+    );
+    println!(
+        "shape    aim      m/s rad/s lost grazes chaos of  median in25% min   max     error  gains   wall ghosts of steps"
     );
     for (name, shape) in shapes() {
         for aim in [Aim::Wall, Aim::Resting, Aim::HeadOn] {
@@ -500,10 +558,11 @@ fn bullets_table() {
                 let misses = [1, 2].map(|seed| run_misses(&cell, seed, 20));
                 let ratios = &hits.ratios;
                 println!(
-                    "{name:8} {:8} {speed:4} {spin:4} {:4} {:4} {:4}  {:.3} {:5} % {:.2} {:.2}   {:.0e} {:5} {:5} {:5} {:5} {:3} to {}",
+                    "{name:8} {:8} {speed:4} {spin:4} {:4} {:6} {:5} {:4}  {:.3} {:5} % {:.2} {:.2}   {:.0e} {:5} {:5} {:5} {:5} {:3} to {}",
                     format!("{aim:?}"),
                     hits.lost,
                     hits.grazes,
+                    hits.chaotic,
                     hits.count,
                     hits.median(),
                     hits.within(0.25) * 100 / ratios.len(),

@@ -1,0 +1,49 @@
+//! How far bodies go in a step, in their own sizes.
+//!
+//! Rapier keeps normals and lever arms of contacts for a whole step, which is next to exact for bodies that hardly move in it. Fast ones need finer
+//! solver steps, see [`substeps`](super::substeps), and no contacts at a distance: the solver would stop them there, whether they come to
+//! touch or turn away and pass. Their impacts are found by the sweep.
+
+use glam::Vec3;
+
+use crate::{
+    pipeline::{Pair, Side},
+    plugin::MedialStep,
+};
+
+/// What a collider moves by in a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pace {
+    /// Displacement of its body's centre of mass, in metres.
+    way: Vec3,
+    /// How far its farthest point goes by turning, in metres.
+    turn: f32,
+    /// Its bounding radius, in metres.
+    radius: f32,
+}
+
+impl Pace {
+    /// What does not move.
+    pub const REST: Pace = Pace { way: Vec3::ZERO, turn: 0.0, radius: f32::INFINITY };
+
+    /// The pace of a collider by its body's displacement in metres and turn in radians, and its bounding radius.
+    pub fn new(way: Vec3, rotation: Vec3, radius: f32) -> Self {
+        Self { way, turn: rotation.length() * radius, radius }
+    }
+
+    /// How far any point of one goes relative to the other at most, in radii of the smaller one. From 1 on they are fast: bodies that fall
+    /// or tumble are not.
+    pub fn against(&self, other: &Self) -> f32 {
+        (self.way.distance(other.way) + self.turn + other.turn) / self.radius.min(other.radius)
+    }
+}
+
+/// The pace of a pair in the last step.
+pub(super) fn pace(step: &MedialStep, pair: &Pair) -> f32 {
+    let [pace1, pace2] = [pair.first, pair.second].map(|side| {
+        let Side::Body(body) = side else { return Pace::REST };
+        let sweep = &step.input.bodies[body as usize].sweep;
+        Pace::new(sweep.translation, sweep.rotation, step.solid(side).bounding_sphere().radius)
+    });
+    pace1.against(&pace2)
+}
