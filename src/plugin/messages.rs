@@ -30,8 +30,10 @@ impl TouchPoint {
 /// [`TOUCH_DISTANCE`](crate::constants::TOUCH_DISTANCE) of each other or have an impact, however short.
 ///
 /// It is written as a message once for the pair, and triggered as an event on each of the two entities, on which it has the observed entity
-/// first. It is told of what rapier's own events would tell: of bodies whose groups, hooks and types let them collide, so unless
-/// `ActiveCollisionTypes` says so not of a kinematic body and a fixed one. Observers run after rapier has written back poses and velocities, so what they change holds in the next step.
+/// first. Observers run after rapier has written back poses and velocities, so what they change holds in the next step.
+///
+/// It is told of bodies whose groups, hooks and types let them collide, as rapier's own events are; and of kinematic bodies and what they go
+/// through, whatever their `ActiveCollisionTypes`.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;

@@ -119,13 +119,15 @@ fn groups(collider: &RapierCollider) -> [Groups; 2] {
         .map(|groups| Groups { memberships: groups.memberships.bits(), filter: groups.filter.bits() })
 }
 
-/// The type of a collider's body, and the types that it collides with.
+/// The type of a collider's body, and the types that it collides with. Those that do not give way are told of whether rapier looks at them
+/// or not: nothing stops there.
 fn types(collider: &RapierCollider, body: Option<&RapierBody>) -> Groups {
     use RigidBodyType::{Dynamic, Fixed, KinematicPositionBased, KinematicVelocityBased};
     let own = body.map_or(Fixed, RapierBody::body_type);
     let active = collider.active_collision_types();
     let all = [Dynamic, Fixed, KinematicPositionBased, KinematicVelocityBased].into_iter();
-    let filter = all.filter(|&other| active.test(own, other)).fold(0, |bits, other| bits | 1 << other as u32);
+    let collides = |other| active.test(own, other) || (own != Dynamic && other != Dynamic);
+    let filter = all.filter(|&other| collides(other)).fold(0, |bits, other| bits | 1 << other as u32);
     Groups { memberships: 1 << own as u32, filter }
 }
 
