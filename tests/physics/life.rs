@@ -1,6 +1,6 @@
 //! A life in a game: what is spawned, changed, moved, paused, taken away and restored at run time, and what is told of it.
 
-use std::{fs, path::PathBuf, time::Duration};
+use std::{fs, path::PathBuf, sync::LazyLock, time::Duration};
 
 use bevy::{
     asset::{AssetServer, LoadState},
@@ -19,7 +19,9 @@ use bevy_rapier3d::{
 use crate::{common::*, log};
 
 fn plate() -> MedialAxis {
-    MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.02).unwrap()
+    static PLATE: LazyLock<MedialAxis> =
+        LazyLock::new(|| MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.02).unwrap());
+    PLATE.clone()
 }
 
 fn ball() -> MedialAxis {
