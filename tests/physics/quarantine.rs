@@ -13,7 +13,7 @@ use crate::{common::*, log};
 
 fn plate() -> MedialAxis {
     static PLATE: LazyLock<MedialAxis> =
-        LazyLock::new(|| MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.02).unwrap());
+        LazyLock::new(|| MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.1).unwrap());
     PLATE.clone()
 }
 
