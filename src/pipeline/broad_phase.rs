@@ -7,7 +7,7 @@
 use bevy::tasks::TaskPool;
 use glam::Vec3;
 
-use super::{Body, Culling, Shape, Side, Solid, Statics, StepInput, parallel};
+use super::{Body, Culling, Meeting, Shape, Side, Solid, Statics, StepInput, parallel};
 use crate::{
     geometry::{Aabb, Bvh, Sphere},
     query::{Cuboid, separation},
@@ -18,9 +18,15 @@ use crate::{
 pub(super) struct BodyPair {
     pub first: Side,
     pub second: Side,
+    /// True if they stop at each other.
+    pub stops: bool,
 }
 
 impl BodyPair {
+    fn new(first: Side, second: Side) -> Self {
+        Self { first, second, stops: false }
+    }
+
     /// The bodies among its sides.
     pub fn bodies(&self) -> impl Iterator<Item = u32> + use<> {
         [self.first.body(), self.second.body()].into_iter().flatten()
@@ -62,10 +68,32 @@ impl SweptSphere {
     }
 }
 
-pub(super) fn run(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<BodyPair> {
-    if input.culling == Culling::None {
-        return all_pairs(input, statics);
-    }
+pub(super) fn run(
+    input: &StepInput,
+    statics: &Statics,
+    filter: impl Fn(Side, Side) -> Meeting,
+    pool: &TaskPool,
+) -> Vec<BodyPair> {
+    let mut pairs = match input.culling {
+        Culling::Hybrid => near_pairs(input, statics, pool),
+        Culling::None => all_pairs(input, statics),
+    };
+    // A pair stops only if both sides consent.
+    let consent = |side| match side {
+        Side::Body(body) => (input.bodies[body as usize].passes, input.bodies[body as usize].stop_groups),
+        Side::Static(body) => (statics.bodies[body as usize].passes, statics.bodies[body as usize].stop_groups),
+    };
+    pairs.retain_mut(|pair| {
+        let [(passes1, groups1), (passes2, groups2)] = [pair.first, pair.second].map(consent);
+        let meeting = filter(pair.first, pair.second);
+        pair.stops = meeting == Meeting::Stopping && !passes1 && !passes2 && groups1.test(&groups2);
+        meeting != Meeting::Apart
+    });
+    pairs
+}
+
+/// The pairs that may come within the prediction distance of each other.
+fn near_pairs(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<BodyPair> {
     let mut spheres = parallel::map(pool, &input.bodies, 256, |_, body| SweptSphere::new(body, input.prediction));
     let mut pairs = near(input, statics, &spheres, pool);
     // What a body carries along leaves its own way, and so does what that carries in turn.
@@ -113,7 +141,7 @@ fn near(input: &StepInput, statics: &Statics, spheres: &[SweptSphere], pool: &Ta
                     let second = &input.bodies[other as usize];
                     let once = other as usize > i || second.solid.medial().is_none();
                     if once && may_collide(input, body, second) && sphere.meets(&spheres[other as usize]) {
-                        pairs.push(BodyPair { first: Side::Body(i as u32), second: Side::Body(other) });
+                        pairs.push(BodyPair::new(Side::Body(i as u32), Side::Body(other)));
                     }
                 },
             );
@@ -149,6 +177,7 @@ fn may_collide(input: &StepInput, body1: &Body, body2: &Body) -> bool {
         && body1.world == body2.world
         && (body1.solid.medial().is_some() || body2.solid.medial().is_some())
         && body1.groups.test(&body2.groups)
+        && body1.types.test_either(&body2.types)
         && !kept_apart
 }
 
@@ -160,8 +189,11 @@ fn with_static(statics: &Statics, body: &Body, index: u32, item: u32) -> Option<
     } else {
         target.solid.medial().map(|_| (Side::Static(item), Side::Body(index)))
     };
-    let collide = body.active && body.world == target.world && body.groups.test(&target.groups);
-    sides.filter(|_| collide).map(|(first, second)| BodyPair { first, second })
+    let collide = body.active
+        && body.world == target.world
+        && body.groups.test(&target.groups)
+        && body.types.test_either(&target.types);
+    sides.filter(|_| collide).map(|(first, second)| BodyPair::new(first, second))
 }
 
 /// Every pair that may collide.
@@ -171,7 +203,7 @@ fn all_pairs(input: &StepInput, statics: &Statics) -> Vec<BodyPair> {
         for (j, other) in (i + 1..).zip(&input.bodies[i as usize + 1..]) {
             if may_collide(input, body, other) {
                 let (first, second) = if body.solid.medial().is_some() { (i, j) } else { (j, i) };
-                pairs.push(BodyPair { first: Side::Body(first), second: Side::Body(second) });
+                pairs.push(BodyPair::new(Side::Body(first), Side::Body(second)));
             }
         }
         pairs.extend((0..statics.bodies.len() as u32).filter_map(|item| with_static(statics, body, i, item)));

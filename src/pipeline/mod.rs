@@ -62,6 +62,11 @@ impl Groups {
     pub fn test(&self, other: &Groups) -> bool {
         self.memberships & other.filter != 0 && other.memberships & self.filter != 0
     }
+
+    /// True if one of both collides with the other.
+    pub fn test_either(&self, other: &Groups) -> bool {
+        self.memberships & other.filter != 0 || other.memberships & self.filter != 0
+    }
 }
 
 /// What a body is made of.
@@ -144,6 +149,8 @@ pub struct Body {
     pub sweep: Sweep,
     /// Whom it collides with.
     pub groups: Groups,
+    /// Its type of body, and the types that it collides with: that one of both does is enough.
+    pub types: Groups,
     /// Whom it stops at, among those.
     pub stop_groups: Groups,
     /// The rigid body that it is one of several shapes of: shapes of one owner do not collide.
@@ -163,13 +170,12 @@ pub struct Body {
 impl Body {
     /// A moving body that collides with all and stops at impacts.
     pub fn new(solid: impl Into<Solid>, sweep: Sweep) -> Self {
-        let (groups, stop_groups) = (Groups::ALL, Groups::ALL);
-        let solid = solid.into();
         Self {
-            solid,
+            solid: solid.into(),
             sweep,
-            groups,
-            stop_groups,
+            groups: Groups::ALL,
+            types: Groups::ALL,
+            stop_groups: Groups::ALL,
             owner: None,
             assembly: None,
             world: 0,
@@ -189,6 +195,8 @@ pub struct StaticBody {
     pub pose: Pose3,
     /// Whom it collides with.
     pub groups: Groups,
+    /// Its type of body, and the types that it collides with: that one of both does is enough.
+    pub types: Groups,
     /// Whom it stops, among those.
     pub stop_groups: Groups,
     /// The world that it is in.
@@ -200,8 +208,8 @@ pub struct StaticBody {
 impl StaticBody {
     /// A body that collides with all.
     pub fn new(solid: impl Into<Solid>, pose: Pose3) -> Self {
-        let (groups, stop_groups) = (Groups::ALL, Groups::ALL);
-        Self { solid: solid.into(), pose, groups, stop_groups, world: 0, passes: false }
+        let all = Groups::ALL;
+        Self { solid: solid.into(), pose, groups: all, types: all, stop_groups: all, world: 0, passes: false }
     }
 
     /// A box that collides with all.
@@ -285,6 +293,17 @@ impl Side {
             Side::Static(_) => None,
         }
     }
+}
+
+/// What a pair of bodies that may collide is to each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Meeting {
+    /// They do not collide: nothing is found.
+    Apart,
+    /// Contacts and impacts are found, and neither stops at the other.
+    Passing,
+    /// They stop at an impact, as far as each by itself does.
+    Stopping,
 }
 
 /// First impact of a pair within the step: they touch, and would overlap by more than a slop if nothing stopped them; or they are in
@@ -390,6 +409,16 @@ impl Times {
 
 /// Runs stages 2 to 5 of a step.
 pub fn step(input: &StepInput, statics: &Statics, pool: &TaskPool) -> StepOutput {
+    step_filtered(input, statics, |_, _| Meeting::Stopping, pool)
+}
+
+/// Runs stages 2 to 5 of a step. The filter is asked once about each pair that the broad phase finds, in their order.
+pub fn step_filtered(
+    input: &StepInput,
+    statics: &Statics,
+    filter: impl Fn(Side, Side) -> Meeting,
+    pool: &TaskPool,
+) -> StepOutput {
     let mut output = StepOutput::default();
     let mut clock = Instant::now();
     let mut lap = || {
@@ -397,7 +426,7 @@ pub fn step(input: &StepInput, statics: &Statics, pool: &TaskPool) -> StepOutput
         now - std::mem::replace(&mut clock, now)
     };
 
-    let pairs = broad_phase::run(input, statics, pool);
+    let pairs = broad_phase::run(input, statics, filter, pool);
     output.times.broad = lap();
 
     let candidates = mid_phase::run(input, statics, &pairs, pool);

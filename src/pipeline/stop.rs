@@ -20,7 +20,7 @@ use bevy::tasks::TaskPool;
 use glam::{Quat, Vec3};
 
 use super::{
-    Impact, Side, Statics, StepInput,
+    Impact, Statics, StepInput,
     broad_phase::BodyPair,
     mid_phase,
     motion::PairMotion,
@@ -118,18 +118,9 @@ pub(super) fn run(
 ) -> Stops {
     let mut stops = Stops(vec![None; input.bodies.len()]);
     let stopping = |body: u32| input.stop_at_impact && input.bodies[body as usize].stops;
-    // A pair stops only if both sides consent.
-    let consent = |side| match side {
-        Side::Body(body) => (input.bodies[body as usize].passes, input.bodies[body as usize].stop_groups),
-        Side::Static(body) => (statics.bodies[body as usize].passes, statics.bodies[body as usize].stop_groups),
-    };
-    let stops_both = |pair: &BodyPair| {
-        let [(passes1, groups1), (passes2, groups2)] = [pair.first, pair.second].map(consent);
-        !passes1 && !passes2 && groups1.test(&groups2)
-    };
     let mut queue: BinaryHeap<Event> = BinaryHeap::new();
     for (pair, result) in results.iter().enumerate() {
-        queue.extend(result.impact.filter(|_| stops_both(&pairs[pair])).map(|i| Event { fraction: i.fraction, pair }));
+        queue.extend(result.impact.filter(|_| pairs[pair].stops).map(|i| Event { fraction: i.fraction, pair }));
     }
     if queue.is_empty() {
         return stops;
@@ -157,7 +148,7 @@ pub(super) fn run(
         happened[pair] = true;
         // Never 1, when all is over.
         let fraction = fraction.min(1.0f32.next_down());
-        let BodyPair { first, second } = pairs[pair];
+        let BodyPair { first, second, .. } = pairs[pair];
         let mut courses: Vec<(u32, Course)> = Vec::new();
         for (side, other, away) in [(first, second, -impact.normal), (second, first, impact.normal)] {
             let Some(body) = side.body().filter(|&body| stopping(body)) else { continue };
@@ -187,7 +178,7 @@ pub(super) fn run(
         }
         let mut affected: Vec<usize> =
             courses.iter().flat_map(|(body, _)| &pairs_of[*body as usize]).copied().collect();
-        affected.retain(|&other| other != pair && stops_both(&pairs[other]));
+        affected.retain(|&other| other != pair && pairs[other].stops);
         affected.sort_unstable();
         affected.dedup();
         let found =

@@ -32,6 +32,9 @@ impl TouchPoint {
 /// It is written as a message once for the pair, and triggered as an event on each of the two entities, on which it has the observed entity
 /// first. Observers run after rapier has written back poses and velocities, so what they change holds in the next step.
 ///
+/// It is told of bodies whose groups, hooks and types let them collide, as rapier's own events are; and of kinematic bodies and what they go
+/// through, whatever their `ActiveCollisionTypes`.
+///
 /// ```no_run
 /// # use bevy::prelude::*;
 /// # use bevy_medial::prelude::*;

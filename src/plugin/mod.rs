@@ -22,10 +22,14 @@ mod step;
 #[cfg(not(feature = "rapier"))]
 mod transforms;
 
+#[cfg(feature = "rapier")]
+use bevy::ecs::system::SystemParamItem;
 use bevy::{
     ecs::{intern::Interned, schedule::ScheduleLabel},
     prelude::*,
 };
+#[cfg(feature = "rapier")]
+use bevy_rapier3d::prelude::{BevyPhysicsHooks, NoUserData};
 
 use crate::medial_axis::MedialAxis;
 
@@ -45,17 +49,22 @@ pub use step::{BodyInfo, MedialSettings, MedialStep};
 /// App::new().add_plugins((DefaultPlugins, MedialPhysicsPlugin::default())).run();
 /// ```
 ///
-/// Adds `RapierPhysicsPlugin::<NoUserData>` in the same schedule if it has not been added before; add your own, with hooks or in another
-/// schedule, *before* this one, and tell this one the schedule.
+/// Adds `RapierPhysicsPlugin` in the same schedule if it has not been added before; add your own, say in another schedule, *before* this
+/// one, and tell this one the schedule and the hooks.
 #[derive(Clone, Copy, Debug)]
 pub struct MedialPhysicsPlugin {
     schedule: Interned<dyn ScheduleLabel>,
+    add_systems: fn(&mut App, Interned<dyn ScheduleLabel>),
 }
 
 impl Default for MedialPhysicsPlugin {
     /// In `PostUpdate`, as rapier's own default.
     fn default() -> Self {
-        Self { schedule: PostUpdate.intern() }
+        #[cfg(feature = "rapier")]
+        let add_systems = crate::rapier::add_systems::<NoUserData>;
+        #[cfg(not(feature = "rapier"))]
+        let add_systems = transforms::add_systems;
+        Self { schedule: PostUpdate.intern(), add_systems }
     }
 }
 
@@ -67,7 +76,19 @@ impl MedialPhysicsPlugin {
 
     /// In the given schedule.
     pub fn in_schedule(self, schedule: impl ScheduleLabel) -> Self {
-        Self { schedule: schedule.intern() }
+        Self { schedule: schedule.intern(), ..self }
+    }
+
+    /// With rapier's hooks: what they filter out, nothing stops at. The same as those of a `RapierPhysicsPlugin` that has been added before.
+    ///
+    /// They are asked after rapier's step as well, about each pair that may meet in it. They may not ask for [`MedialStep`].
+    #[cfg(feature = "rapier")]
+    pub fn with_hooks<Hooks>(self) -> Self
+    where
+        Hooks: 'static + BevyPhysicsHooks,
+        for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
+    {
+        Self { add_systems: crate::rapier::add_systems::<Hooks>, ..self }
     }
 }
 
@@ -98,10 +119,7 @@ impl Plugin for MedialPhysicsPlugin {
             .add_message::<MedialContactEnded>()
             .add_systems(self.schedule, (report::tell_contacts, diagnostics::measure).in_set(MedialSystems::Report));
         diagnostics::register(app);
-        #[cfg(feature = "rapier")]
-        crate::rapier::add_systems(app, self.schedule);
-        #[cfg(not(feature = "rapier"))]
-        transforms::add_systems(app, self.schedule);
+        (self.add_systems)(app, self.schedule);
         #[cfg(feature = "debug")]
         gizmos::add(app);
     }

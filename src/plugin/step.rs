@@ -4,7 +4,7 @@ use bevy_rapier3d::rapier::geometry::ColliderHandle;
 
 use crate::{
     geometry::Pose3,
-    pipeline::{self, Culling, Side, Solid, Statics, StepInput, StepOutput},
+    pipeline::{self, Culling, Meeting, Side, Solid, Statics, StepInput, StepOutput},
 };
 
 /// What holds for all medial bodies.
@@ -124,11 +124,12 @@ impl MedialStep {
         }
     }
 
-    /// Runs the pipeline.
-    pub(crate) fn run(&mut self) {
+    /// Runs the pipeline. The filter is asked about each pair that may collide.
+    pub(crate) fn run(&mut self, filter: impl Fn(&Self, Side, Side) -> Meeting) {
         self.input.culling = if self.settings.brute_force { Culling::None } else { Culling::Hybrid };
         self.input.stop_at_impact = self.settings.stop_at_impact;
         let pool = ComputeTaskPool::get_or_init(Default::default);
-        self.output = pipeline::step(&self.input, &self.statics, pool);
+        let filter = |first, second| filter(self, first, second);
+        self.output = pipeline::step_filtered(&self.input, &self.statics, filter, pool);
     }
 }

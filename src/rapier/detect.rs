@@ -2,22 +2,28 @@
 
 use std::{collections::HashMap, sync::Arc};
 
-use bevy::{ecs::query::QueryData, prelude::*};
+use bevy::{
+    ecs::{
+        query::QueryData,
+        system::{StaticSystemParam, SystemParamItem},
+    },
+    prelude::*,
+};
 use bevy_rapier3d::{
     parry::shape::SharedShape,
     plugin::context::{
         RapierContextColliders, RapierContextJoints, RapierContextSimulation, RapierRigidBodySet,
         SimulationToRenderTime,
     },
-    prelude::{RapierConfiguration, TimestepMode},
+    prelude::{BevyPhysicsHooks, RapierConfiguration, TimestepMode},
     rapier::{
-        dynamics::{RigidBody as RapierBody, RigidBodyHandle},
+        dynamics::{RigidBody as RapierBody, RigidBodyHandle, RigidBodyType},
         geometry::{Collider as RapierCollider, ColliderHandle},
-        pipeline::ActiveHooks,
     },
 };
 
 use super::{
+    hooks,
     joints::{assemblies, kept_apart},
     pace::Pace,
     parts::is_known,
@@ -26,7 +32,7 @@ use super::{
 };
 use crate::{
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Groups, Manifold, Solid, StaticBody, Statics},
+    pipeline::{Body, Groups, Manifold, Meeting, Solid, StaticBody, Statics},
     plugin::{BodyInfo, MedialCcd, MedialSettings, MedialStep},
 };
 
@@ -119,6 +125,18 @@ fn groups(collider: &RapierCollider) -> [Groups; 2] {
         .map(|groups| Groups { memberships: groups.memberships.bits(), filter: groups.filter.bits() })
 }
 
+/// The type of a collider's body, and the types that it collides with. Those that do not give way are told of whether rapier looks at them
+/// or not: nothing stops there.
+fn types(collider: &RapierCollider, body: Option<&RapierBody>) -> Groups {
+    use RigidBodyType::{Dynamic, Fixed, KinematicPositionBased, KinematicVelocityBased};
+    let own = body.map_or(Fixed, RapierBody::body_type);
+    let active = collider.active_collision_types();
+    let all = [Dynamic, Fixed, KinematicPositionBased, KinematicVelocityBased].into_iter();
+    let collides = |other| active.test(own, other) || (own != Dynamic && other != Dynamic);
+    let filter = all.filter(|&other| collides(other)).fold(0, |bits, other| bits | 1 << other as u32);
+    Groups { memberships: 1 << own as u32, filter }
+}
+
 /// A number for a rigid body: none that exist at a time share theirs.
 fn owner(world: u32, body: RigidBodyHandle) -> u64 {
     u64::from(world) << 32 | u64::from(body.into_raw_parts().0)
@@ -140,6 +158,7 @@ pub(super) struct Fixed {
     shape: SharedShape,
     pose: Pose3,
     groups: [Groups; 2],
+    types: Groups,
     world: u32,
     sensor: bool,
     passes: bool,
@@ -148,13 +167,14 @@ pub(super) struct Fixed {
 impl PartialEq for Fixed {
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.shape.0, &other.shape.0)
-            && (self.entity, self.collider, self.pose, self.groups, self.world, self.sensor, self.passes)
-                == (other.entity, other.collider, other.pose, other.groups, other.world, other.sensor, other.passes)
+            && (self.entity, self.collider, self.pose, self.groups, self.types)
+                == (other.entity, other.collider, other.pose, other.groups, other.types)
+            && (self.world, self.sensor, self.passes) == (other.world, other.sensor, other.passes)
     }
 }
 
 /// Runs the pipeline over the motion that rapier has solved, stops bodies at their first impact and fills the table.
-pub(super) fn detect(
+pub(super) fn detect<Hooks>(
     mut step: ResMut<MedialStep>,
     snapshot: Res<Snapshot>,
     table: Res<ContactTable>,
@@ -163,8 +183,12 @@ pub(super) fn detect(
     ccd: Query<&MedialCcd>,
     settings: Res<MedialSettings>,
     mut contexts: Query<Context>,
+    hooks: StaticSystemParam<Hooks>,
     mut known: Local<Vec<Fixed>>,
-) {
+) where
+    Hooks: 'static + BevyPhysicsHooks,
+    for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
+{
     // While all is halted the last step holds, and whatever changes counts from the next step on.
     let running = |context: ContextReadOnlyItem| context.configuration.physics_pipeline_active;
     if !contexts.iter().any(running) {
@@ -199,12 +223,11 @@ pub(super) fn detect(
             let body = context.body(collider);
             let end = collider_pose(collider, body);
             let sensor = collider.is_sensor();
-            // Whether they touch at all is up to a hook, which only rapier can ask.
-            let hooked = collider.active_hooks().contains(ActiveHooks::FILTER_CONTACT_PAIRS);
-            let passes = sensor || hooked || ccd.get(entity).is_ok_and(|ccd| !ccd.enabled);
+            let types = types(collider, body);
+            let passes = sensor || ccd.get(entity).is_ok_and(|ccd| !ccd.enabled);
             let Some((body, parent)) = body.zip(collider.parent()).filter(|(body, _)| !body.is_fixed()) else {
                 let (shape, groups) = (collider.shared_shape().clone(), groups(collider));
-                fixed.push(Fixed { entity, collider: handle, shape, pose: end, groups, world, sensor, passes });
+                fixed.push(Fixed { entity, collider: handle, shape, pose: end, groups, types, world, sensor, passes });
                 continue;
             };
             let Some(solid) = solid(collider.shared_shape()) else { continue };
@@ -219,6 +242,7 @@ pub(super) fn detect(
                 solid,
                 sweep: Sweep::between(start.pose, end, center, body.angvel() * dt),
                 groups,
+                types,
                 stop_groups,
                 owner: Some(owner(parent)),
                 assembly: Some(owner(assemblies.get(&parent).copied().unwrap_or(parent))),
@@ -245,7 +269,13 @@ pub(super) fn detect(
         set_statics(step, &fixed);
         *known = fixed;
     }
-    step.run();
+    let hooks = hooks.into_inner();
+    step.run(|step, first, second| {
+        let Ok(context) = contexts.get(step.context(first)) else { return Meeting::Apart };
+        let pair = [first, second].map(|side| step.info(side).collider);
+        let narrow_phase = &context.simulation.narrow_phase;
+        hooks::meeting(&hooks, pair, &context.bodies.bodies, &context.colliders.colliders, narrow_phase)
+    });
     for (world, (entity, dt)) in (0..).zip(&worlds) {
         if let Ok(context) = contexts.get_mut(*entity) {
             stop_bodies(step, world, *dt, context);
@@ -267,8 +297,8 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
     for item in fixed {
         let Some(solid) = solid(&item.shape) else { continue };
         let [groups, stop_groups] = item.groups;
-        let (world, passes) = (item.world, item.passes);
-        bodies.push(StaticBody { groups, stop_groups, world, passes, ..StaticBody::new(solid, item.pose) });
+        let &Fixed { pose, types, world, passes, .. } = item;
+        bodies.push(StaticBody { solid, pose, groups, types, stop_groups, world, passes });
         step.static_infos.push(BodyInfo { sensor: item.sensor, ..BodyInfo::at_rest(item.entity, item.collider) });
     }
     step.statics = Statics::new(bodies);

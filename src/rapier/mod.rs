@@ -31,6 +31,7 @@
 mod attach;
 mod detect;
 mod dispatcher;
+mod hooks;
 mod joints;
 mod pace;
 mod parts;
@@ -45,14 +46,14 @@ mod substeps;
 mod table;
 
 use bevy::{
-    ecs::{intern::Interned, schedule::ScheduleLabel},
+    ecs::{intern::Interned, schedule::ScheduleLabel, system::SystemParamItem},
     prelude::*,
     transform::{StaticTransformOptimizations, systems::mark_dirty_trees},
 };
 use bevy_rapier3d::{
     parry::query::{DefaultQueryDispatcher, QueryDispatcher},
     plugin::{RapierTransformPropagateSet, context::RapierContextSimulation},
-    prelude::{CollisionEvent, NoUserData, PhysicsSet, RapierPhysicsPlugin},
+    prelude::{BevyPhysicsHooks, CollisionEvent, PhysicsSet, RapierPhysicsPlugin},
     rapier::geometry::NarrowPhase,
 };
 
@@ -64,10 +65,19 @@ pub use shape::MedialShape;
 pub use table::ContactTable;
 
 /// Adds rapier, if it is not there yet, and the systems around its step.
-pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
-    // Whatever its hooks are, it brings these messages.
-    if !app.world().contains_resource::<Messages<CollisionEvent>>() {
-        app.add_plugins(RapierPhysicsPlugin::<NoUserData>::default().in_schedule(schedule));
+///
+/// # Panics
+/// If rapier is there with other hooks.
+pub(crate) fn add_systems<Hooks>(app: &mut App, schedule: Interned<dyn ScheduleLabel>)
+where
+    Hooks: 'static + BevyPhysicsHooks,
+    for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
+{
+    if !app.is_plugin_added::<RapierPhysicsPlugin<Hooks>>() {
+        // Whatever its hooks are, it brings these messages.
+        let other = app.world().contains_resource::<Messages<CollisionEvent>>();
+        assert!(!other, "RapierPhysicsPlugin has other hooks: name them by MedialPhysicsPlugin::with_hooks");
+        app.add_plugins(RapierPhysicsPlugin::<Hooks>::default().in_schedule(schedule));
     }
     app.init_resource::<ContactTable>()
         .init_resource::<detect::Snapshot>()
@@ -103,7 +113,9 @@ pub(crate) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
         )
         .add_systems(
             schedule,
-            (quarantine::isolate_results, detect::detect, substeps::refine).chain().in_set(MedialSystems::Detect),
+            (quarantine::isolate_results, detect::detect::<Hooks>, substeps::refine)
+                .chain()
+                .in_set(MedialSystems::Detect),
         );
 }
 

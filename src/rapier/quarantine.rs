@@ -18,12 +18,13 @@ use bevy_rapier3d::{
 
 use crate::{constants::MAX_MAGNITUDE, geometry::Pose3};
 
-/// Marks an entity whose body, or whose collider alone, is out of the simulation.
-#[derive(Component, Clone, Copy)]
-pub(super) enum Quarantined {
-    Body,
-    Collider,
-}
+/// Marks an entity whose body is out of the simulation.
+#[derive(Component)]
+pub(super) struct QuarantinedBody;
+
+/// Marks an entity whose collider is out of the simulation, whatever its body is.
+#[derive(Component)]
+pub(super) struct QuarantinedCollider;
 
 /// False for what is not a number, too.
 fn is_bounded(v: Vec3) -> bool {
@@ -153,7 +154,7 @@ fn take_body(
         "{name}: its transform, velocity, mass or a force on it is not finite, too large or sheared, so its body is disabled; \
          set them to finite values, of at most {MAX_MAGNITUDE:e}, and it comes back"
     );
-    commands.entity(name.entity).try_insert((Quarantined::Body, RigidBodyDisabled));
+    commands.entity(name.entity).try_insert((QuarantinedBody, RigidBodyDisabled));
 }
 
 fn take_collider(
@@ -174,7 +175,7 @@ fn take_collider(
         "{name}: its transform or size is not finite, too large or sheared, so its collider is disabled; set them to finite values, \
          of at most {MAX_MAGNITUDE:e}, and it comes back"
     );
-    commands.entity(name.entity).try_insert((Quarantined::Collider, ColliderDisabled));
+    commands.entity(name.entity).try_insert((QuarantinedCollider, ColliderDisabled));
 }
 
 /// Disables a body, with values that harm nothing until it comes back.
@@ -205,7 +206,8 @@ pub(super) fn release(
     changed: Query<
         (
             Entity,
-            &Quarantined,
+            Has<QuarantinedBody>,
+            Has<QuarantinedCollider>,
             &RapierContextEntityLink,
             &GlobalTransform,
             Option<&RapierRigidBodyHandle>,
@@ -213,20 +215,23 @@ pub(super) fn release(
             Option<&Velocity>,
             Option<&ExternalForce>,
         ),
-        Or<(
-            Changed<GlobalTransform>,
-            Changed<Velocity>,
-            Changed<ExternalForce>,
-            Changed<GravityScale>,
-            Changed<Damping>,
-            Changed<AdditionalMassProperties>,
-            Changed<Collider>,
-            Without<RigidBodyDisabled>,
-        )>,
+        (
+            Or<(With<QuarantinedBody>, With<QuarantinedCollider>)>,
+            Or<(
+                Changed<GlobalTransform>,
+                Changed<Velocity>,
+                Changed<ExternalForce>,
+                Changed<GravityScale>,
+                Changed<Damping>,
+                Changed<AdditionalMassProperties>,
+                Changed<Collider>,
+                Without<RigidBodyDisabled>,
+            )>,
+        ),
     >,
     disabled: Query<(), With<ColliderDisabled>>,
 ) {
-    for (entity, quarantined, link, transform, body, collider, velocity, force) in &changed {
+    for (entity, body_is_out, collider_is_out, link, transform, body, collider, velocity, force) in &changed {
         let Ok((mut bodies, mut colliders)) = contexts.get_mut(link.0) else { continue };
         let (_, rotation, translation) = transform.to_scale_rotation_translation();
         let pose = Pose3::from_parts(translation, rotation);
@@ -237,50 +242,48 @@ pub(super) fn release(
             && is_bounded(velocity.angular)
             && force.force.is_finite()
             && force.torque.is_finite();
-        match quarantined {
-            Quarantined::Body => {
-                if let Some(body) = body.and_then(|handle| bodies.bodies.get_mut(handle.0)) {
-                    if sound {
-                        body.set_position(pose, true);
-                        body.set_linvel(velocity.linear, true);
-                        body.set_angvel(velocity.angular, true);
-                        body.reset_forces(true);
-                        body.reset_torques(true);
-                        body.add_force(force.force, true);
-                        body.add_torque(force.torque, true);
-                        body.set_enabled(true);
-                    }
-                    if !sound || !is_sound_body(body) {
-                        // It may have been enabled as it is.
-                        if body.is_enabled() {
-                            put_away(body, &mut colliders);
-                            commands.entity(entity).try_insert(RigidBodyDisabled);
-                        }
-                        continue;
-                    }
-                    // Rapier may have taken out one by one those that were as spoiled.
-                    for &handle in body.colliders() {
-                        if !colliders.collider_entity(handle).is_some_and(|entity| disabled.contains(entity))
-                            && let Some(collider) = colliders.colliders.get_mut(handle)
-                        {
-                            collider.set_enabled(true);
-                        }
-                    }
-                }
-                commands.entity(entity).try_remove::<(Quarantined, RigidBodyDisabled)>();
-            }
-            Quarantined::Collider if !sound => {}
-            Quarantined::Collider => {
-                if let Some(collider) = collider.and_then(|handle| colliders.colliders.get_mut(handle.0)) {
-                    let aabb = collider.shape().compute_local_aabb();
-                    if !(aabb.mins.is_finite() && aabb.maxs.is_finite()) {
-                        continue;
-                    }
+        if collider_is_out && sound {
+            let mut collider = collider.and_then(|handle| colliders.colliders.get_mut(handle.0));
+            let aabb = collider.as_ref().map(|collider| collider.shape().compute_local_aabb());
+            if aabb.is_none_or(|aabb| aabb.mins.is_finite() && aabb.maxs.is_finite()) {
+                if let Some(collider) = &mut collider {
                     collider.set_position(pose);
                     collider.set_enabled(true);
                 }
-                commands.entity(entity).try_remove::<(Quarantined, ColliderDisabled)>();
+                commands.entity(entity).try_remove::<(QuarantinedCollider, ColliderDisabled)>();
             }
         }
+        if !body_is_out {
+            continue;
+        }
+        if let Some(body) = body.and_then(|handle| bodies.bodies.get_mut(handle.0)) {
+            if sound {
+                body.set_position(pose, true);
+                body.set_linvel(velocity.linear, true);
+                body.set_angvel(velocity.angular, true);
+                body.reset_forces(true);
+                body.reset_torques(true);
+                body.add_force(force.force, true);
+                body.add_torque(force.torque, true);
+                body.set_enabled(true);
+            }
+            if !sound || !is_sound_body(body) {
+                // It may have been enabled as it is.
+                if body.is_enabled() {
+                    put_away(body, &mut colliders);
+                    commands.entity(entity).try_insert(RigidBodyDisabled);
+                }
+                continue;
+            }
+            // Rapier may have taken out one by one those that were as spoiled.
+            for &handle in body.colliders() {
+                if !colliders.collider_entity(handle).is_some_and(|entity| disabled.contains(entity))
+                    && let Some(collider) = colliders.colliders.get_mut(handle)
+                {
+                    collider.set_enabled(true);
+                }
+            }
+        }
+        commands.entity(entity).try_remove::<(QuarantinedBody, RigidBodyDisabled)>();
     }
 }

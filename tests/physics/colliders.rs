@@ -193,6 +193,7 @@ fn first_touch(sweeps: [&Sweep; 2], shape: &dyn ParryShape, close: f32) -> Optio
 fn impacts_are_exact() {
     let pool = ComputeTaskPool::get_or_init(TaskPool::default);
     let mut random = Random(2);
+    let capsule = Shape::new(capsule());
     for case in cases() {
         let shape = case.collider.raw.clone();
         let truth_shape = reference(&shape);
@@ -209,7 +210,7 @@ fn impacts_are_exact() {
             };
             let sweep1 = moved(start1, -start1.translation * 1.5 + random.vector() * 2.0);
             for sweep2 in [Sweep::at_rest(start2), moved(start2, random.vector())] {
-                let body = Body::new(Shape::new(capsule()), sweep1);
+                let body = Body::new(capsule.clone(), sweep1);
                 let other = Solid::Parts(Arc::new(shape.clone()));
                 let (bodies, statics) = if sweep2.is_at_rest() {
                     (vec![body], Statics::new(vec![StaticBody::new(other, start2)]))

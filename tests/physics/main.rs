@@ -9,6 +9,7 @@ mod common;
 mod culling;
 mod determinism;
 mod entities;
+mod filters;
 mod impacts;
 mod interplay;
 mod joined;

@@ -1,5 +1,7 @@
 //! A body with a value that cannot be computed with leaves the simulation, tells so once, and comes back; nothing else is harmed.
 
+use std::sync::LazyLock;
+
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
 use bevy_rapier3d::prelude::{
@@ -10,7 +12,9 @@ use bevy_rapier3d::prelude::{
 use crate::{common::*, log};
 
 fn plate() -> MedialAxis {
-    MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.02).unwrap()
+    static PLATE: LazyLock<MedialAxis> =
+        LazyLock::new(|| MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.1).unwrap());
+    PLATE.clone()
 }
 
 /// A way to spoil a body, and what puts it right.
@@ -188,6 +192,49 @@ fn a_spoiled_collider_without_a_body_of_its_own_leaves_alone() {
     app.world_mut().entity_mut(falling).insert(Transform::from_xyz(1.5, 2.0, 1.5));
     run(&mut app, 200);
     assert!((position(&mut app, falling).y - 1.2).abs() < 5e-3, "{}", position(&mut app, falling));
+}
+
+#[test]
+fn a_collider_and_then_its_body_come_back_in_any_order() {
+    log::keep();
+    let size = |size: f32| StaticObb::new(size, 0.1, 0.3);
+    let spoil_body = |body: &mut EntityWorldMut| set_velocity(body, Vec3::NAN, Vec3::ZERO);
+    for collider_first in [true, false] {
+        let name = format!("spoiled twice, collider first: {collider_first}");
+        let mut app = app();
+        let ground = spawn_ground(&mut app);
+        let at = Transform::from_xyz(0.0, 0.3, 0.0);
+        let body = app.world_mut().spawn((RigidBody::Dynamic, size(0.3), at, Name::new(name.clone()))).id();
+        let medial = spawn_body(&mut app, plate(), Transform::from_xyz(0.0, 0.6, 0.0));
+        run(&mut app, 60);
+        app.world_mut().entity_mut(body).insert(size(f32::NAN));
+        run(&mut app, 5);
+        assert!(app.world().get::<ColliderDisabled>(body).is_some(), "{name}");
+        spoil_body(&mut app.world_mut().entity_mut(body));
+        run(&mut app, 5);
+        assert!(app.world().get::<RigidBodyDisabled>(body).is_some(), "{name}");
+        assert_eq!(log::lines(&name).len(), 2, "{:?}", log::lines(&name));
+        app.world_mut().entity_mut(medial).insert(Transform::from_xyz(0.0, 0.6, 0.0));
+        for repairs_collider in [collider_first, !collider_first] {
+            let mut body = app.world_mut().entity_mut(body);
+            if repairs_collider {
+                body.insert(size(0.3));
+            } else {
+                body.insert((at, Velocity::zero()));
+            }
+            run(&mut app, 2);
+        }
+        assert!(app.world().get::<ColliderDisabled>(body).is_none(), "{name}");
+        assert!(app.world().get::<RigidBodyDisabled>(body).is_none(), "{name}");
+        app.world_mut().entity_mut(body).insert(at);
+        app.world_mut().entity_mut(medial).insert(Transform::from_xyz(0.0, 0.6, 0.0));
+        let mut record = Record::default();
+        record.run(&mut app, 200);
+        for (what, height) in [(body, 0.1), (medial, 0.3)] {
+            assert!((position(&mut app, what).y - height).abs() < 5e-3, "{name}: {}", position(&mut app, what));
+        }
+        assert!(record.counts(medial, ground) == [0, 0] && record.counts(medial, body)[0] > 0, "{name}");
+    }
 }
 
 #[test]

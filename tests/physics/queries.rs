@@ -51,9 +51,12 @@ fn queries() -> Vec<(&'static str, Ask)> {
             assert!((hit.normal + Vec3::X).length() < 1e-4);
             Some((entity, hit.point.x))
         }),
+        // As rapier's picking backend asks, which tells the points and normals of all hits.
         ("intersect_ray", |q| {
-            let hits = q.intersect_ray(Vec3::ZERO, Vec3::X, 100.0, true);
-            hits.map(|(entity, hit)| (entity, hit.time_of_impact)).min_by(|a, b| a.1.total_cmp(&b.1))
+            let hits = q.intersect_ray(Vec3::ZERO, Vec3::X, f32::MAX, true);
+            let (entity, hit) = hits.min_by(|a, b| a.1.time_of_impact.total_cmp(&b.1.time_of_impact))?;
+            assert!((hit.normal + Vec3::X).length() < 1e-4 && (hit.point.x - hit.time_of_impact).abs() < 1e-4);
+            Some((entity, hit.time_of_impact))
         }),
         ("project_point", |q| q.project_point(Vec3::ZERO, 100.0, true).map(|(entity, found)| (entity, found.point.x))),
         ("project_point_and_get_feature", |q| {

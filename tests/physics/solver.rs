@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
-use bevy_rapier3d::{prelude::*, rapier::geometry::SolverFlags};
+use bevy_rapier3d::prelude::*;
 
 use crate::common::*;
 
@@ -129,83 +129,6 @@ fn rapiers_own_events_start_and_stop_once() {
         }
     }
     assert_eq!((started, stopped), (1, 1));
-}
-
-/// Lets no contact be between marked bodies, and makes a belt of marked floors.
-#[derive(bevy::ecs::system::SystemParam)]
-struct Hooks<'w, 's> {
-    ghosts: Query<'w, 's, (), With<Ghost>>,
-    belts: Query<'w, 's, (), With<Belt>>,
-}
-
-#[derive(Component)]
-struct Ghost;
-
-#[derive(Component)]
-struct Belt;
-
-impl BevyPhysicsHooks for Hooks<'_, '_> {
-    fn filter_contact_pair(&self, context: PairFilterContextView) -> Option<SolverFlags> {
-        let ghost = self.ghosts.contains(context.collider1()) || self.ghosts.contains(context.collider2());
-        (!ghost).then_some(SolverFlags::COMPUTE_IMPULSES)
-    }
-
-    fn modify_solver_contacts(&self, context: ContactModificationContextView) {
-        let [first, second] = [context.collider1(), context.collider2()].map(|collider| self.belts.contains(collider));
-        if first || second {
-            let velocity = Vec3::X * if first { -2.0 } else { 2.0 };
-            context.raw.solver_contacts.iter_mut().for_each(|contact| contact.tangent_velocity = velocity);
-        }
-    }
-}
-
-/// An app with hooks.
-fn hooked() -> App {
-    let mut app = App::new();
-    app.add_plugins((
-        MinimalPlugins,
-        AssetPlugin::default(),
-        TransformPlugin,
-        bevy::diagnostic::DiagnosticsPlugin,
-        RapierPhysicsPlugin::<Hooks>::default(),
-        MedialPhysicsPlugin::default(),
-    ))
-    .insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })
-    .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(std::time::Duration::from_secs_f32(DT)));
-    app.finish();
-    app.cleanup();
-    app
-}
-
-#[test]
-fn a_pair_that_a_hook_filters_out_does_not_collide_at_any_speed() {
-    for speed in [2.0, 300.0] {
-        for ghost in [false, true] {
-            let mut app = hooked();
-            let wall = app.world_mut().spawn((StaticObb::new(0.1, 3.0, 3.0), Transform::from_xyz(1.0, 0.0, 0.0))).id();
-            let axis = MedialAxis::sphere(RADIUS).unwrap();
-            let velocity = Velocity::linear(Vec3::X * speed);
-            let body = spawn_flying(&mut app, axis, Transform::default(), velocity);
-            if ghost {
-                app.world_mut().entity_mut(wall).insert((Ghost, ActiveHooks::FILTER_CONTACT_PAIRS));
-            }
-            run(&mut app, 60);
-            let x = position(&mut app, body).x;
-            assert_eq!(x > 1.0, ghost, "{speed} m/s, ghost {ghost}: it ends at {x}");
-        }
-    }
-}
-
-#[test]
-fn a_hook_that_changes_contacts_makes_a_belt() {
-    let mut app = hooked();
-    let floor = (StaticObb::new(20.0, 0.5, 2.0), Belt, ActiveHooks::MODIFY_SOLVER_CONTACTS);
-    app.world_mut().spawn((floor, Transform::from_xyz(0.0, -0.5, 0.0)));
-    let bodies =
-        spawn_both(&mut app, [Vec3::new(0.0, RADIUS, -1.0), Vec3::new(0.0, RADIUS, 1.0)], LockedAxes::ROTATION_LOCKED);
-    run(&mut app, 90);
-    let [medial, own] = bodies.map(|body| rigid(&mut app, body).linvel().x);
-    assert!((medial.abs() - 2.0).abs() < 0.1 && (medial - own).abs() < 0.05, "{medial} {own}");
 }
 
 #[test]

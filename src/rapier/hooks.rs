@@ -1,0 +1,58 @@
+//! What the user's hooks let be between two colliders.
+
+use bevy_rapier3d::{
+    prelude::{BevyPhysicsHooks, PairFilterContextView},
+    rapier::{
+        dynamics::RigidBodySet,
+        geometry::{ColliderHandle, ColliderSet, NarrowPhase, SolverFlags},
+        pipeline::{ActiveHooks, PairFilterContext},
+    },
+};
+
+use crate::pipeline::Meeting;
+
+/// Asks the hooks about a pair as rapier does, which may not have met it: of a fast pair, not before it is stopped.
+///
+/// What a hook does to single contacts shows only in what rapier has made of those at the start of the step: one that has taken away all
+/// of a pair in touch, as that of a one-way platform does, lets it pass.
+pub(super) fn meeting(
+    hooks: &impl BevyPhysicsHooks,
+    [first, second]: [ColliderHandle; 2],
+    bodies: &RigidBodySet,
+    colliders: &ColliderSet,
+    narrow_phase: &NarrowPhase,
+) -> Meeting {
+    // Rapier puts the lower handle first.
+    let swapped = first.into_raw_parts() > second.into_raw_parts();
+    let [first, second] = if swapped { [second, first] } else { [first, second] };
+    let (Some(collider1), Some(collider2)) = (colliders.get(first), colliders.get(second)) else {
+        return Meeting::Apart;
+    };
+    let active = collider1.active_hooks() | collider2.active_hooks();
+    let raw = PairFilterContext {
+        bodies,
+        colliders,
+        collider1: first,
+        collider2: second,
+        rigid_body1: collider1.parent(),
+        rigid_body2: collider2.parent(),
+    };
+    let context = PairFilterContextView { raw: &raw };
+    if collider1.is_sensor() || collider2.is_sensor() {
+        let filtered = active.contains(ActiveHooks::FILTER_INTERSECTION_PAIR);
+        let apart = filtered && !hooks.filter_intersection_pair(context);
+        return if apart { Meeting::Apart } else { Meeting::Passing };
+    }
+    let mut solved = true;
+    if active.contains(ActiveHooks::FILTER_CONTACT_PAIRS) {
+        let Some(flags) = hooks.filter_contact_pair(context) else { return Meeting::Apart };
+        solved = flags.contains(SolverFlags::COMPUTE_IMPULSES);
+    }
+    if active.contains(ActiveHooks::MODIFY_SOLVER_CONTACTS)
+        && let Some(pair) = narrow_phase.contact_pair(first, second)
+    {
+        let touch = pair.manifolds.iter().any(|manifold| !manifold.points.is_empty());
+        solved &= !touch || pair.has_any_active_contact();
+    }
+    if solved { Meeting::Stopping } else { Meeting::Passing }
+}
