@@ -51,6 +51,15 @@ pub const CARRYING_DEPTH: f32 = 5.0e-3;
 /// An overlap of this many slops gains no more than [`LEAST_GROWTH`] of a slop within a step: what a loaded contact gains step by step ends there.
 pub const OVERLAP_LIMIT: f32 = 12.0;
 
+/// How far a body may leave its way to slide on, in prediction distances. Larger, and the broad phase finds more pairs.
+pub const SLIDE_WAY: f32 = 0.5;
+
+/// The same for a body that meets what it was not in touch with before, in slops.
+pub const LANDING: f32 = 100.0;
+
+/// How often a body may slide on within a step before it stops. A ball rolls on after one, a body in a corner after a few.
+pub const MAX_SLIDES: u32 = 8;
+
 /// Least part of a slop that any overlap may gain, so that bodies in deep contact are slowed and not frozen.
 pub const LEAST_GROWTH: f32 = 0.1;
 

@@ -9,6 +9,7 @@ use glam::Vec3;
 
 use super::{Body, Culling, Meeting, Shape, Side, Solid, Statics, StepInput, parallel};
 use crate::{
+    constants::SLIDE_WAY,
     geometry::{Aabb, Bvh, Sphere},
     query::{Cuboid, separation},
 };
@@ -48,7 +49,8 @@ impl SweptSphere {
         let arm = bound.center.distance(body.sweep.local_center);
         let start = body.sweep.start.transform_point(bound.center);
         let end = body.sweep.pose_at(1.0).transform_point(bound.center);
-        let radius = bound.radius + body.sweep.sagitta(arm, 1) + 0.5 * prediction;
+        let slide = if body.stops { SLIDE_WAY * prediction } else { 0.0 };
+        let radius = bound.radius + body.sweep.sagitta(arm, 1) + 0.5 * prediction + slide;
         Self { sphere: Sphere::new(start, radius), motion: end - start }
     }
 
@@ -151,7 +153,7 @@ fn near(input: &StepInput, statics: &Statics, spheres: &[SweptSphere], pool: &Ta
         statics.bvh.visit(
             |aabb| aabb.overlaps(&reach),
             |item| {
-                let Some(pair) = with_static(statics, body, i as u32, item) else { return };
+                let Some(pair) = with_static(input, statics, body, i as u32, item) else { return };
                 let obb = &statics.boxes[item as usize];
                 let to_box = |point| obb.pose.inverse_transform_point(point);
                 let cone = [Vec3::ZERO, sphere.motion]
@@ -168,21 +170,25 @@ fn near(input: &StepInput, statics: &Statics, spheres: &[SweptSphere], pool: &Ta
     pairs
 }
 
-fn may_collide(input: &StepInput, body1: &Body, body2: &Body) -> bool {
-    let kept_apart = match (body1.owner, body2.owner) {
+/// True if two owners are the same, or a joint keeps them from colliding.
+fn kept_apart(input: &StepInput, owner1: Option<u64>, owner2: Option<u64>) -> bool {
+    match (owner1, owner2) {
         (Some(a), Some(b)) => a == b || input.apart.contains(&[a.min(b), a.max(b)]),
         _ => false,
-    };
+    }
+}
+
+fn may_collide(input: &StepInput, body1: &Body, body2: &Body) -> bool {
     (body1.active || body2.active)
         && body1.world == body2.world
         && (body1.solid.medial().is_some() || body2.solid.medial().is_some())
         && body1.groups.test(&body2.groups)
         && body1.types.test_either(&body2.types)
-        && !kept_apart
+        && !kept_apart(input, body1.owner, body2.owner)
 }
 
 /// The pair of a body and a static, if they may collide.
-fn with_static(statics: &Statics, body: &Body, index: u32, item: u32) -> Option<BodyPair> {
+fn with_static(input: &StepInput, statics: &Statics, body: &Body, index: u32, item: u32) -> Option<BodyPair> {
     let target = &statics.bodies[item as usize];
     let sides = if body.solid.medial().is_some() {
         Some((Side::Body(index), Side::Static(item)))
@@ -192,7 +198,8 @@ fn with_static(statics: &Statics, body: &Body, index: u32, item: u32) -> Option<
     let collide = body.active
         && body.world == target.world
         && body.groups.test(&target.groups)
-        && body.types.test_either(&target.types);
+        && body.types.test_either(&target.types)
+        && !kept_apart(input, body.owner, target.owner);
     sides.filter(|_| collide).map(|(first, second)| BodyPair::new(first, second))
 }
 
@@ -206,7 +213,7 @@ fn all_pairs(input: &StepInput, statics: &Statics) -> Vec<BodyPair> {
                 pairs.push(BodyPair::new(Side::Body(first), Side::Body(second)));
             }
         }
-        pairs.extend((0..statics.bodies.len() as u32).filter_map(|item| with_static(statics, body, i, item)));
+        pairs.extend((0..statics.bodies.len() as u32).filter_map(|item| with_static(input, statics, body, i, item)));
     }
     pairs.sort_unstable();
     pairs

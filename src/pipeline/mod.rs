@@ -193,6 +193,8 @@ pub struct StaticBody {
     pub solid: Solid,
     /// Where it is.
     pub pose: Pose3,
+    /// The rigid body that it is a shape of.
+    pub owner: Option<u64>,
     /// Whom it collides with.
     pub groups: Groups,
     /// Its type of body, and the types that it collides with: that one of both does is enough.
@@ -209,7 +211,8 @@ impl StaticBody {
     /// A body that collides with all.
     pub fn new(solid: impl Into<Solid>, pose: Pose3) -> Self {
         let all = Groups::ALL;
-        Self { solid: solid.into(), pose, groups: all, types: all, stop_groups: all, world: 0, passes: false }
+        let solid = solid.into();
+        Self { solid, pose, owner: None, groups: all, types: all, stop_groups: all, world: 0, passes: false }
     }
 
     /// A box that collides with all.

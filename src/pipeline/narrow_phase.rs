@@ -3,7 +3,7 @@
 use bevy::tasks::TaskPool;
 
 use super::{
-    Contact, Core, Impact, Second, Side, Statics, StepInput,
+    Contact, Core, Impact, Second, Side, Solid, Statics, StepInput,
     broad_phase::BodyPair,
     contact,
     mid_phase::PrimitivePair,
@@ -13,7 +13,8 @@ use super::{
     with_spheres,
 };
 use crate::{
-    geometry::Sphere,
+    constants::TOUCH_DISTANCE,
+    geometry::{Pose3, Sphere},
     query::{Cuboid, Support, TimeOfImpactStatus, rigid_impact, rigid_start},
 };
 
@@ -45,6 +46,10 @@ macro_rules! with_sides {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct ImpactResult {
     pub impact: Option<Impact>,
+    /// Overlap that the pair may gain, in metres.
+    pub slop: f32,
+    /// True if the pair was in touch at the start.
+    pub in_touch: bool,
     pub toi_tests: usize,
     pub unresolved: usize,
 }
@@ -73,10 +78,8 @@ pub(super) fn contacts(
     pool: &TaskPool,
 ) -> Vec<Vec<Contact>> {
     parallel::map(pool, pairs, 4, |i, pair| {
-        let [(first, pose1), (second, pose2)] = [pair.first, pair.second].map(|side| match side {
-            Side::Body(body) => (&input.bodies[body as usize].solid, stops.final_pose(input, body)),
-            Side::Static(body) => (&statics.bodies[body as usize].solid, statics.bodies[body as usize].pose),
-        });
+        let [(first, pose1), (second, pose2)] =
+            [pair.first, pair.second].map(|side| place(input, statics, side, |body| stops.final_pose(input, body)));
         let mut contacts = Vec::new();
         let Some(shape1) = first.medial() else { return contacts };
         let pose12 = pose1.inv_mul(&pose2);
@@ -89,6 +92,34 @@ pub(super) fn contacts(
         }
         contacts
     })
+}
+
+/// True if a pair is in touch where its bodies are.
+pub(super) fn are_in_touch(
+    input: &StepInput,
+    statics: &Statics,
+    pair: &BodyPair,
+    pose_of: impl Fn(u32) -> Pose3,
+) -> bool {
+    let [(first, pose1), (second, pose2)] = [pair.first, pair.second].map(|side| place(input, statics, side, &pose_of));
+    let mut contacts = Vec::new();
+    if let Some(shape1) = first.medial() {
+        contact::find(shape1, second.second(), &pose1.inv_mul(&pose2), TOUCH_DISTANCE, &mut contacts);
+    }
+    !contacts.is_empty()
+}
+
+/// A side of a pair, and where it is.
+fn place<'a>(
+    input: &'a StepInput,
+    statics: &'a Statics,
+    side: Side,
+    pose_of: impl Fn(u32) -> Pose3,
+) -> (&'a Solid, Pose3) {
+    match side {
+        Side::Body(body) => (&input.bodies[body as usize].solid, pose_of(body)),
+        Side::Static(body) => (&statics.bodies[body as usize].solid, statics.bodies[body as usize].pose),
+    }
 }
 
 /// The earliest impact of the candidates of a pair's motions: where an overlap grows by more than a slop, which contacts never do that the
@@ -110,6 +141,8 @@ pub(super) fn first_impact<'a>(
             let start = with_sides!(motion, pair, |first, second| rigid_start(&first, second, &chords));
             if let Some(start) = start {
                 carried = carried.max(start.overlap().min(motion.allowed));
+                result.slop = result.slop.max(motion.slop);
+                result.in_touch |= start.distance() <= TOUCH_DISTANCE;
                 starts.push((pair, start));
             }
         }

@@ -1,6 +1,10 @@
 //! Which bodies stop within the step, and when: impacts in the order of time.
 //!
-//! At an impact both bodies stop. A body that has stopped is no longer where others were swept against it, so their impacts with it
+//! At an impact both bodies stop, unless little of their way goes into each other: then they slide on without that. So does a ball that
+//! rolls: the solver keeps up the place where it touched, which turns away, and the ball sinks. A body whose turning alone takes it into the
+//! other stops.
+//!
+//! A body that has stopped is no longer where others were swept against it, so their impacts with it
 //! are found anew, from that instant on, with the one at rest: an impact that its stop prevents is none, and one that it causes is
 //! found.
 //!
@@ -8,8 +12,8 @@
 //! is carried takes along what it hits in turn, until something does not give way. A body goes through a few states at most, so this ends.
 //!
 //! What is left of the step is lost to a body that stops. Bodies that part after an impact lose one step at most each time they meet. Thin ones
-//! that slide along each other at high speed stop again and again, wherever their overlap has grown by a slop: they come through it with the
-//! right momentum, and late.
+//! that tumble along each other at high speed stop again and again, wherever their overlap has grown by a slop: they come through it with
+//! the right momentum, and late.
 
 use std::{
     cmp::Ordering,
@@ -24,10 +28,13 @@ use super::{
     broad_phase::BodyPair,
     mid_phase,
     motion::PairMotion,
-    narrow_phase::{ImpactResult, first_impact},
+    narrow_phase::{ImpactResult, are_in_touch, first_impact},
     parallel,
 };
-use crate::geometry::{Pose3, Sweep};
+use crate::{
+    constants::{LANDING, MAX_SLIDES, SLIDE_WAY},
+    geometry::{Pose3, Sweep},
+};
 
 /// What becomes of each body whose motion ends before the step does.
 pub(super) struct Stops(Vec<Option<Course>>);
@@ -40,12 +47,17 @@ struct Course {
     /// The rest of the step.
     sweep: Sweep,
     state: State,
+    /// How often it has slid, and how far from its own way, in metres.
+    slides: u32,
+    slid: f32,
 }
 
 /// What has happened to a body. It goes from one state to a later one only.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum State {
     Free,
+    /// It goes on along what it touches.
+    Sliding,
     /// It stays where it is.
     Stopped,
     /// It goes along with another that pushes it.
@@ -64,14 +76,26 @@ impl Stops {
         self.0[body as usize].map_or(State::Free, |course| course.state)
     }
 
+    /// The course of a body that leaves its way from a fraction on.
+    fn slide(&self, input: &StepInput, body: u32, fraction: f32, way: Vec3) -> Course {
+        let (slides, slid) = self.0[body as usize].map_or((0, 0.0), |course| (course.slides, course.slid));
+        let rest = self.sweep_from(input, body, fraction);
+        let end = Pose3::from_parts(rest.end.translation - way, rest.end.rotation);
+        let sweep = Sweep { end, translation: rest.translation - way, ..rest };
+        Course { from: fraction, sweep, state: State::Sliding, slides: slides + 1, slid: slid + way.length() }
+    }
+
     /// Where a body is at the end of the step.
     pub fn final_pose(&self, input: &StepInput, body: u32) -> Pose3 {
         self.0[body as usize].map_or(input.bodies[body as usize].sweep.end, |course| course.sweep.end)
     }
 
-    /// The stopped bodies and their fractions.
+    /// The bodies that end elsewhere, and the fractions at which they left their way for good: 1 for those that slide.
     pub fn iter(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
-        (0..).zip(&self.0).filter_map(|(body, course)| Some((body, course.as_ref()?.from)))
+        (0..).zip(&self.0).filter_map(|(body, course)| {
+            let course = course.as_ref()?;
+            Some((body, if course.state == State::Sliding { 1.0 } else { course.from }))
+        })
     }
 
     /// The motion of a body from a fraction on.
@@ -150,13 +174,28 @@ pub(super) fn run(
         let fraction = fraction.min(1.0f32.next_down());
         let BodyPair { first, second, .. } = pairs[pair];
         let mut courses: Vec<(u32, Course)> = Vec::new();
+        for (body, way) in slides(input, &stops, &pairs[pair], &results[pair], &impact, fraction) {
+            courses.extend(joined_with(body).into_iter().map(|body| (body, stops.slide(input, body, fraction, way))));
+        }
+        // What has met stays in touch, or the next step would know of no contact.
+        let parted = courses.iter().flat_map(|(body, _)| &pairs_of[*body as usize]).any(|&other| {
+            let end = |body| match courses.iter().find(|(other, _)| *other == body) {
+                Some((_, course)) => course.sweep.end,
+                None => stops.final_pose(input, body),
+            };
+            happened[other] && !are_in_touch(input, statics, &pairs[other], end)
+        });
+        if parted {
+            courses.clear();
+        }
+        let stands = courses.is_empty();
         for (side, other, away) in [(first, second, -impact.normal), (second, first, impact.normal)] {
-            let Some(body) = side.body().filter(|&body| stopping(body)) else { continue };
+            let Some(body) = side.body().filter(|&body| stands && stopping(body)) else { continue };
             let other = other.body();
             let pushed = other.filter(|&other| !stopping(other) || stops.state(other) == State::Carried);
             let state = match (stops.state(body), pushed) {
-                (State::Free | State::Stopped, Some(_)) => State::Carried,
-                (State::Free, None) => State::Stopped,
+                (State::Free | State::Sliding | State::Stopped, Some(_)) => State::Carried,
+                (State::Free | State::Sliding, None) => State::Stopped,
                 // It goes on if the other gives way.
                 (State::Carried, _) if other.is_none_or(|o| !stopping(o) || stops.state(o) >= State::Carried) => {
                     State::Wedged
@@ -170,7 +209,7 @@ pub(super) fn run(
                     (State::Carried, Some(push)) => carried(&now, push, away),
                     _ => Sweep::at_rest(now.start),
                 };
-                courses.push((body, Course { from: fraction, sweep, state }));
+                courses.push((body, Course { from: fraction, sweep, state, slides: 0, slid: 0.0 }));
             }
         }
         for &(body, course) in &courses {
@@ -178,7 +217,7 @@ pub(super) fn run(
         }
         let mut affected: Vec<usize> =
             courses.iter().flat_map(|(body, _)| &pairs_of[*body as usize]).copied().collect();
-        affected.retain(|&other| other != pair && pairs[other].stops);
+        affected.retain(|&other| (other != pair || !stands) && pairs[other].stops);
         affected.sort_unstable();
         affected.dedup();
         let found =
@@ -194,6 +233,46 @@ pub(super) fn run(
         }
     }
     stops
+}
+
+/// The bodies of a pair that slide on along each other, and by what they leave their way. None of them, if they have to stop.
+///
+/// Each loses the part of its own translation that goes into the other, as far as they approach at all. One of them has to stand, or both
+/// to roll: of two that fly past each other, one may stop at a third, and the other would be gone.
+fn slides(
+    input: &StepInput,
+    stops: &Stops,
+    pair: &BodyPair,
+    &ImpactResult { slop, in_touch, .. }: &ImpactResult,
+    impact: &Impact,
+    fraction: f32,
+) -> Vec<(u32, Vec3)> {
+    let mut ways = [Vec3::ZERO; 2];
+    let mut slides = Vec::new();
+    for ((side, way), into) in [pair.first, pair.second].into_iter().zip(&mut ways).zip([impact.normal, -impact.normal])
+    {
+        let Some(body) = side.body() else { continue };
+        if !(input.stop_at_impact && input.bodies[body as usize].stops) || stops.state(body) > State::Stopped {
+            return Vec::new();
+        }
+        let sweep = stops.sweep_from(input, body, fraction);
+        let arm = impact.point - sweep.start.transform_point(sweep.local_center);
+        *way = sweep.translation + sweep.rotation.cross(arm);
+        slides.push((body, into * sweep.translation.dot(into).max(0.0)));
+    }
+    let slip = ways[0] - ways[1];
+    let all: f32 = slides.iter().map(|(_, way)| way.length()).sum();
+    let part = if all > 0.0 { (slip.dot(impact.normal) / all).clamp(0.0, 1.0) } else { 0.0 };
+    slides.iter_mut().for_each(|(_, way)| *way *= part);
+    slides.retain(|(_, way)| *way != Vec3::ZERO);
+    let slide_way = SLIDE_WAY * input.prediction;
+    let slow = ways.into_iter().chain([slip]).any(|way| way.length() <= slide_way);
+    let most = slide_way.min(if in_touch { f32::INFINITY } else { LANDING * slop });
+    let may = slides.iter().all(|&(body, way)| {
+        let (slides, slid) = stops.0[body as usize].map_or((0, 0.0), |course| (course.slides, course.slid));
+        slides < MAX_SLIDES && slid + way.length() <= most
+    });
+    if slow && may { slides } else { Vec::new() }
 }
 
 /// The first impact of a pair from a fraction on.

@@ -113,6 +113,11 @@ impl Rigid for Cuboid {
 pub struct RigidStart(Separation);
 
 impl RigidStart {
+    /// Distance in metres, negative for an overlap.
+    pub fn distance(&self) -> f32 {
+        self.0.distance
+    }
+
     /// How deep they overlap, in metres; 0 if they are apart.
     pub fn overlap(&self) -> f32 {
         (-self.0.distance).max(0.0)

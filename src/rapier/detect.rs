@@ -157,6 +157,7 @@ pub(super) struct Fixed {
     collider: ColliderHandle,
     shape: SharedShape,
     pose: Pose3,
+    owner: Option<u64>,
     groups: [Groups; 2],
     types: Groups,
     world: u32,
@@ -169,7 +170,8 @@ impl PartialEq for Fixed {
         Arc::ptr_eq(&self.shape.0, &other.shape.0)
             && (self.entity, self.collider, self.pose, self.groups, self.types)
                 == (other.entity, other.collider, other.pose, other.groups, other.types)
-            && (self.world, self.sensor, self.passes) == (other.world, other.sensor, other.passes)
+            && (self.owner, self.world, self.sensor, self.passes)
+                == (other.owner, other.world, other.sensor, other.passes)
     }
 }
 
@@ -226,8 +228,9 @@ pub(super) fn detect<Hooks>(
             let types = types(collider, body);
             let passes = sensor || ccd.get(entity).is_ok_and(|ccd| !ccd.enabled);
             let Some((body, parent)) = body.zip(collider.parent()).filter(|(body, _)| !body.is_fixed()) else {
-                let (shape, groups) = (collider.shared_shape().clone(), groups(collider));
-                fixed.push(Fixed { entity, collider: handle, shape, pose: end, groups, types, world, sensor, passes });
+                let (shape, pose, groups) = (collider.shared_shape().clone(), end, groups(collider));
+                let (collider, owner) = (handle, collider.parent().map(owner));
+                fixed.push(Fixed { entity, collider, shape, pose, owner, groups, types, world, sensor, passes });
                 continue;
             };
             let Some(solid) = solid(collider.shared_shape()) else { continue };
@@ -297,8 +300,8 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
     for item in fixed {
         let Some(solid) = solid(&item.shape) else { continue };
         let [groups, stop_groups] = item.groups;
-        let &Fixed { pose, types, world, passes, .. } = item;
-        bodies.push(StaticBody { solid, pose, groups, types, stop_groups, world, passes });
+        let &Fixed { pose, owner, types, world, passes, .. } = item;
+        bodies.push(StaticBody { solid, pose, owner, groups, types, stop_groups, world, passes });
         step.static_infos.push(BodyInfo { sensor: item.sensor, ..BodyInfo::at_rest(item.entity, item.collider) });
     }
     step.statics = Statics::new(bodies);

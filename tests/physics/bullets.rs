@@ -351,7 +351,7 @@ struct Hits {
     ratios: Vec<f64>,
     /// Change of the total momentum, in momenta of the flying body.
     momentum_error: f64,
-    /// Hits with a step that makes energy, more than a hundredth of what there is.
+    /// Hits with a step that makes energy, more than a hundredth of what there was at first.
     gains: usize,
     /// Bodies that got behind the wall.
     behind: usize,
@@ -392,6 +392,7 @@ fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> Hits 
     let mut clocks = vec![1.0; count];
     let mut measured: Vec<Option<(Vec<DVec3>, f32)>> = (0..count).map(|_| None).collect();
     let mut gained = vec![false; count];
+    let mut energies = vec![None; count];
     let mut steps = 1;
     while measured.iter().any(Option::is_none) {
         run(&mut coarse.app, 1);
@@ -403,7 +404,7 @@ fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> Hits 
             // A body that has just stopped has its impact before it.
             let is_over = *clock > STEPS as f32 - 0.5 && stop.is_none();
             let [energy_before, energy_after] = coarse.energies(i);
-            gained[i] |= energy_after > 1.01 * energy_before;
+            gained[i] |= energy_after > energy_before + 0.01 * *energies[i].get_or_insert(energy_before);
             if measured[i].is_none() && (is_over || steps == PATIENCE) {
                 measured[i] = Some((coarse.momenta(i), *clock));
                 hits.taken.push(steps);
@@ -426,9 +427,6 @@ fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> Hits 
             hits.chaotic += 1;
         } else {
             let ratio = transfer.dot(truth) / truth.length_squared();
-            if (ratio - 1.0).abs() > 0.25 {
-                println!("  flight {i} ratio {ratio:.3} clock {clock} transfer {:.3}", truth.length() / flying);
-            }
             hits.lost += usize::from(ratio < LOST);
             hits.ratios.push(ratio);
         }
@@ -537,7 +535,7 @@ fn bullets_that_do_not_stop_are_lost() {
     let (_, shape) = shapes().swap_remove(0);
     let cell = Cell { shape, aim: Aim::HeadOn, speed: 300.0, spin: 0.0 };
     let hits = run_hits(&cell, 1, 20, false);
-    assert!(hits.lost > 15, "{hits:?}");
+    assert!(hits.lost > 10 && hits.lost == hits.ratios.len(), "{hits:?}");
 }
 
 /// Every cell, as a table: `cargo test --release --test physics bullets -- --ignored --nocapture`.

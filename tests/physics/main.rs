@@ -26,6 +26,7 @@ mod random_steps;
 #[path = "../kernels/reference.rs"]
 #[allow(dead_code)]
 mod reference;
+mod rolling;
 mod routes;
 mod scenes;
 mod seams;

@@ -2,6 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_medial::{
+    constants::TOUCH_DISTANCE,
     geometry::Pose3,
     medial_axis::MedialAxis,
     pipeline::{Shape, Side, contact},
@@ -99,7 +100,7 @@ fn disguised(shape: &dyn ParryShape, other: &Shape) -> Option<MedialShape> {
 #[test]
 fn rapier_gets_from_the_table_what_it_would_get_computed() {
     let far_away = Shape::new(MedialAxis::capsule(Vec3::splat(500.0), Vec3::splat(501.0), 0.1).unwrap());
-    let (mut with_bodies, mut with_statics, mut misses) = (0, 0, 0);
+    let (mut with_bodies, mut with_statics, mut fast, mut misses) = (0, 0, 0, 0);
     for (name, steps) in [("rods", 150), ("dinosaur", 40), ("tori", 100)] {
         let mut app = app();
         Scene::by_name(name).unwrap().spawn(app.world_mut(), models(), 3);
@@ -117,8 +118,14 @@ fn rapier_gets_from_the_table_what_it_would_get_computed() {
                     handles.sort_by_key(|handle| handle.into_raw_parts());
                     let pose12 = physics.pose(handles[0]).inv_mul(&physics.pose(handles[1]));
                     let shapes = handles.map(|handle| physics.collider(handle).shape());
-                    let computed = points(&ask(&unknown, &pose12, shapes, prediction));
-                    assert_eq!(points(&ask(&known, &pose12, shapes, prediction)), computed, "{name}");
+                    let mut computed = points(&ask(&unknown, &pose12, shapes, prediction));
+                    let answer = points(&ask(&known, &pose12, shapes, prediction));
+                    // Of a fast pair only what touches is told.
+                    if answer != computed {
+                        computed.retain(|(.., distance)| *distance <= TOUCH_DISTANCE);
+                        fast += 1;
+                    }
+                    assert_eq!(answer, computed, "{name}");
 
                     // Does it come from the table? Then it comes for a disguise as well.
                     let disguises = shapes.map(|shape| disguised(shape, &far_away));
@@ -127,6 +134,7 @@ fn rapier_gets_from_the_table_what_it_would_get_computed() {
                     assert!(points(&ask(&unknown, &pose12, disguises, prediction)).is_empty());
                     let found = points(&ask(&known, &pose12, disguises, prediction));
                     match pair.second {
+                        _ if computed.is_empty() => {}
                         _ if found.is_empty() => misses += 1,
                         Side::Body(_) => with_bodies += 1,
                         Side::Static(_) => with_statics += 1,
@@ -136,8 +144,9 @@ fn rapier_gets_from_the_table_what_it_would_get_computed() {
             });
         }
     }
-    println!("{with_bodies} pairs of bodies and {with_statics} with statics from the table, {misses} not");
+    println!("{with_bodies} pairs of bodies and {with_statics} with statics from the table, {misses} not, {fast} fast");
     assert!(with_bodies > 1000 && with_statics > 1000 && misses == 0, "{misses} not from the table");
+    assert!(fast > 0 && 10 * fast < with_bodies + with_statics, "{fast}");
 }
 
 #[test]

@@ -1,0 +1,86 @@
+//! Round bodies roll as far as rapier's own do, and lose no time to stops: a body that turns far in each step sinks where the solver does not
+//! see it.
+
+use bevy::prelude::*;
+use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_rapier3d::prelude::*;
+
+use crate::common::*;
+
+/// Seconds that bodies roll.
+const SECONDS: f32 = 3.0;
+
+/// What came of a body that rolls.
+struct Rolled {
+    way: f32,
+    /// Height of its centre over that of the start, least and greatest.
+    heights: [f32; 2],
+    /// Time that it lost to stops, in steps.
+    lost: f32,
+    /// Steps in which it left its way.
+    slides: usize,
+}
+
+/// Lets a body roll along x at a speed in metres per second, without slip to begin with.
+fn roll(body: impl FnOnce(&mut App) -> Entity, radius: f32, speed: f32) -> Rolled {
+    let mut app = app();
+    app.world_mut().spawn((StaticObb::new(200.0, 0.5, 200.0), Transform::from_xyz(0.0, -0.5, 0.0)));
+    let velocity = Velocity { linear: Vec3::X * speed, angular: Vec3::Z * (-speed / radius) };
+    let body = body(&mut app);
+    app.world_mut().entity_mut(body).insert((velocity, Friction::coefficient(0.5)));
+    let mut rolled = Rolled { way: 0.0, heights: [f32::MAX, f32::MIN], lost: 0.0, slides: 0 };
+    for _ in 0..(SECONDS / DT) as u32 {
+        run(&mut app, 1);
+        let stops = &app.world().resource::<MedialStep>().output.stops;
+        rolled.lost += stops.iter().map(|stop| 1.0 - stop.fraction).sum::<f32>();
+        rolled.slides += stops.len();
+        let height = position(&mut app, body).y - radius;
+        rolled.heights = [rolled.heights[0].min(height), rolled.heights[1].max(height)];
+    }
+    rolled.way = position(&mut app, body).x;
+    rolled
+}
+
+#[test]
+fn balls_and_rollers_roll_as_far_as_rapiers_own() {
+    let shapes = [
+        ("ball", MedialAxis::sphere(0.15).unwrap(), Collider::ball(0.15), 0.15),
+        (
+            "roller",
+            MedialAxis::capsule(Vec3::Z * -0.3, Vec3::Z * 0.3, 0.1).unwrap(),
+            Collider::capsule_z(0.3, 0.1),
+            0.1,
+        ),
+    ];
+    let mut slides = 0;
+    for (name, axis, collider, radius) in shapes {
+        for speed in [1.0, 3.0, 10.0, 30.0] {
+            let transform = Transform::from_xyz(0.0, radius, 0.0);
+            let ours = roll(|app| spawn_body(app, axis.clone(), transform), radius, speed);
+            let spawn = |app: &mut App| app.world_mut().spawn((RigidBody::Dynamic, collider.clone(), transform)).id();
+            let rapiers = roll(spawn, radius, speed);
+            println!(
+                "{name} at {speed} m/s: {:.2} m, rapier's {:.2}; {} slides, {:.2} steps lost, height {:?}, rapier's {:?}",
+                ours.way, rapiers.way, ours.slides, ours.lost, ours.heights, rapiers.heights
+            );
+            assert!(ours.way > 0.95 * rapiers.way && ours.way < 1.05 * SECONDS * speed);
+            assert!(ours.lost < 4.0, "{}", ours.lost);
+            assert!(ours.heights[0] > rapiers.heights[0] - 1e-3 && ours.heights[1] < 0.01);
+            slides += ours.slides;
+        }
+    }
+    assert!(slides > 300, "{slides}");
+}
+
+/// Of 104 cones: at each corner the next one comes down.
+#[test]
+fn a_tyre_rolls() {
+    let upright = Transform::from_xyz(0.0, 0.3, 0.0).with_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
+    for speed in [5.0, 10.0, 30.0] {
+        let tyre = MedialAxis::torus(0.25, 0.05, 104).unwrap();
+        let rolled = roll(|app| spawn_body(app, tyre, upright), 0.3, speed);
+        println!("{speed} m/s: {:.2} m, {} slides, {:.2} steps lost", rolled.way, rolled.slides, rolled.lost);
+        assert!(rolled.way > 0.7 * SECONDS * speed && rolled.slides > 20);
+        assert!(rolled.lost < 4.0 && rolled.heights[0] > -0.005, "{}", rolled.lost);
+    }
+}
