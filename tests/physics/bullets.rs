@@ -324,6 +324,15 @@ fn same_turn(angular: Vec3, dt: f32) -> Vec3 {
     angular.normalize_or_zero() * spin as f32
 }
 
+/// What impulses do to a flight.
+#[derive(Clone)]
+struct Work {
+    /// Kinetic energy at first, in joules.
+    energy: f64,
+    /// Of all impulses so far, in joules.
+    work: f64,
+}
+
 fn without_gyroscopic_term(
     added: Query<&RapierRigidBodyHandle, Added<RapierRigidBodyHandle>>,
     mut set: Single<&mut RapierRigidBodySet>,
@@ -351,7 +360,7 @@ struct Hits {
     ratios: Vec<f64>,
     /// Change of the total momentum, in momenta of the flying body.
     momentum_error: f64,
-    /// Hits with a step that makes energy, more than a hundredth of what there was at first.
+    /// Hits whose impulses together make energy, at any time more than a hundredth of what there was at first.
     gains: usize,
     /// Bodies that got behind the wall.
     behind: usize,
@@ -392,7 +401,7 @@ fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> Hits 
     let mut clocks = vec![1.0; count];
     let mut measured: Vec<Option<(Vec<DVec3>, f32)>> = (0..count).map(|_| None).collect();
     let mut gained = vec![false; count];
-    let mut energies = vec![None; count];
+    let mut works: Vec<Option<Work>> = vec![None; count];
     let mut steps = 1;
     while measured.iter().any(Option::is_none) {
         run(&mut coarse.app, 1);
@@ -404,7 +413,9 @@ fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> Hits 
             // A body that has just stopped has its impact before it.
             let is_over = *clock > STEPS as f32 - 0.5 && stop.is_none();
             let [energy_before, energy_after] = coarse.energies(i);
-            gained[i] |= energy_after > energy_before + 0.01 * *energies[i].get_or_insert(energy_before);
+            let Work { energy, work } = works[i].get_or_insert(Work { energy: energy_before, work: 0.0 });
+            *work += energy_after - energy_before;
+            gained[i] |= *work > 0.01 * *energy;
             if measured[i].is_none() && (is_over || steps == PATIENCE) {
                 measured[i] = Some((coarse.momenta(i), *clock));
                 hits.taken.push(steps);
@@ -509,7 +520,7 @@ fn stays_clear(first: &Solid, second: &Solid) -> bool {
 fn bullets_hit_as_in_fine_steps_and_miss_without_a_trace() {
     let aims = [Aim::Wall, Aim::Resting, Aim::HeadOn];
     let shapes = shapes();
-    let (mut close, mut compared, mut misses) = (0, 0, 0);
+    let (mut close, mut ratios, mut misses) = (0, Vec::new(), 0);
     for i in 0..12 {
         let (name, shape) = shapes[i % 4].clone();
         let spin = if (i + i / 6) % 2 == 0 { 0.0 } else { 100.0 };
@@ -517,17 +528,19 @@ fn bullets_hit_as_in_fine_steps_and_miss_without_a_trace() {
         let hits = run_hits(&cell, 1, 20, true);
         println!("{name} {:?} {} {spin}: {hits:?}", cell.aim, cell.speed);
         assert_eq!((hits.lost, hits.behind, hits.gains), (0, 0, 0));
-        assert!(hits.momentum_error < 0.01 && (hits.median() - 1.0).abs() < 0.1);
+        assert!(hits.momentum_error < 0.01);
         close += hits.within(0.25);
-        compared += hits.ratios.len();
+        ratios.extend(hits.ratios);
         if cell.speed > 1.0 {
             let [proven, ghosts] = run_misses(&cell, 1, 10);
             assert_eq!(ghosts, 0);
             misses += proven;
         }
     }
+    ratios.sort_by(f64::total_cmp);
+    let (compared, median) = (ratios.len(), ratios[ratios.len() / 2]);
     assert!(compared > 200 && misses > 90, "{compared} hits, {misses} misses");
-    assert!(close * 10 >= compared * 9, "{close} of {compared}");
+    assert!(close * 20 >= compared * 19 && (median - 1.0).abs() < 0.02, "{close} of {compared}, median {median}");
 }
 
 #[test]
