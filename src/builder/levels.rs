@@ -249,7 +249,7 @@ mod tests {
     fn damage_never_passes_for_a_shape() {
         let good = chain().to_bytes();
         let mut random = Random::new(3);
-        let mut sealed_meshes = 0;
+        let mut passed = 0;
         for round in 0..2000 {
             let mut bytes = good.clone();
             let at = random.below(bytes.len() as u64) as usize;
@@ -260,9 +260,11 @@ mod tests {
             }
             assert!(MedialLevels::from_bytes(&bytes).is_err(), "round {round}");
             // The same behind a checksum that fits must not panic either, nor ask for memory that the bytes do not back.
-            let body = bytes.get(HEADER..).unwrap_or_default();
-            sealed_meshes += usize::from(MedialLevels::from_bytes(&sealed(body)).is_ok());
+            if round % 20 == 0 {
+                let body = bytes.get(HEADER..).unwrap_or_default();
+                passed += usize::from(MedialLevels::from_bytes(&sealed(body)).is_ok());
+            }
         }
-        assert!(sealed_meshes > 100, "only {sealed_meshes} reached the lists");
+        assert!(passed > 10, "only {passed} reached the shapes");
     }
 }

@@ -278,7 +278,7 @@ pub(super) mod tests {
         assert!(matches!(TriangleMesh::from_bevy(&wild), Err(MeshError::IndexOutOfRange { index: 4, .. })));
         for (mesh, why) in [
             (of(PrimitiveTopology::LineList), "LineList"),
-            (Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default()), "attribute"),
+            (Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default()), "wasn't found"),
         ] {
             let error = TriangleMesh::from_bevy(&mesh).unwrap_err().to_string();
             assert!(error.contains(why), "{error}");

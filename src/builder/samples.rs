@@ -156,7 +156,7 @@ mod tests {
             let (count, sum, found) = moments(patch, 0.05);
             assert!((sum / area - 1.0).abs() < 1e-4, "{patch:?}: area {sum} instead of {area}");
             assert!((count as f32 * 0.0025 / area - 1.0).abs() < 0.01, "{patch:?}: {count} points");
-            assert!(found.distance(center) < 5e-3, "{patch:?}: {found} instead of {center}");
+            assert!(found.distance(center) < 0.01, "{patch:?}: {found} instead of {center}");
             let least = moments(patch, 1e3).0;
             assert_eq!(least, if matches!(patch, Patch::Triangle(_)) { 1 } else { LEAST as u32 });
         }

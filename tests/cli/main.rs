@@ -6,7 +6,10 @@ use std::{
     process::{Command, Output},
 };
 
-use bevy_medial::medial_axis::{ma, triangulate};
+use bevy_medial::{
+    builder::{Level, MedialLevels, TriangleMesh, measure},
+    medial_axis::{MedialAxis, ma, triangulate},
+};
 
 const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/models/");
 
@@ -92,6 +95,29 @@ fn info_describes_either_kind() {
     let open = folder.file("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nf 1 2 3\n");
     let text = prints(&["info", &open]);
     assert!(text.contains("triangles: 1") && text.contains("3 boundary edges: "), "{text}");
+}
+
+#[test]
+fn levels_are_described_and_measured_one_by_one() {
+    let folder = Folder::new("levels");
+    let level = |segments| {
+        let axis = MedialAxis::torus(1.0, 0.2, segments).unwrap();
+        let surface = triangulate(axis.spheres(), axis.primitives(), 24);
+        let positions = surface.positions.into_iter().map(Into::into).collect();
+        let mesh = TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap();
+        Level { error: measure(&mesh, &axis), axis }
+    };
+    let chain = MedialLevels { levels: vec![level(24), level(6)] };
+    let path = folder.0.join("torus.medial");
+    chain.save(&path).unwrap();
+    let path = path.to_str().unwrap();
+    let text = prints(&["info", path]);
+    assert!(text.contains("2 levels") && text.contains("level 1: 6 spheres, 6 cones, 0 slabs; mesh to "), "{text}");
+    let mesh = folder.file("bear.obj", &obj("bear"));
+    let text = prints(&["measure", &mesh, path]);
+    assert!(text.contains("torus.medial level 0 ") && text.contains("torus.medial level 1 "), "{text}");
+    fs::write(path, b"medial").unwrap();
+    assert!(fails(&["info", path], 1).contains("torus.medial: it is no .medial file"));
 }
 
 #[test]

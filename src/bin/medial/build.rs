@@ -1,9 +1,6 @@
 use std::path::PathBuf;
 
-use bevy_medial::{
-    builder::{MeshReport, TriangleMesh, TwoSidedError},
-    medial_axis::MedialAxis,
-};
+use bevy_medial::builder::{Level, MedialLevels, MeshReport, TriangleMesh};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Outcome, load_mesh, write_axis};
@@ -21,7 +18,7 @@ pub struct Args {
     /// Greatest error of the finest level, either way, in percent of the mesh's diagonal.
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     max_error: Option<f32>,
-    /// Write all levels of detail, finest first: OUT.ma, OUT.1.ma, OUT.2.ma, ...
+    /// Also write all levels of detail with their errors, beside the finest one: OUT.medial.
     #[arg(long)]
     levels: bool,
     /// The same seed gives the same result.
@@ -46,14 +43,15 @@ pub fn run(args: &Args) -> Outcome {
     }
     let levels = build(&mesh, args, &|fraction| bar.set_position((fraction * 1000.0) as u64));
     bar.finish_and_clear();
-    let count = if args.levels { usize::MAX } else { 1 };
-    for (number, (axis, error)) in levels?.iter().enumerate().take(count) {
-        let path = match number {
-            0 => args.output.clone(),
-            _ => args.output.with_extension(format!("{number}.ma")),
-        };
-        write_axis(&path, axis)?;
-        text += &format!("{}: {} spheres, {error}\n", path.display(), axis.spheres().len());
+    let chain = levels?;
+    for (number, Level { axis, error }) in chain.levels.iter().enumerate() {
+        text += &format!("level {number}: {} spheres, {error}\n", axis.spheres().len());
+    }
+    if let Some(finest) = chain.levels.first() {
+        write_axis(&args.output, &finest.axis)?;
+    }
+    if args.levels {
+        chain.save(&args.output.with_extension("medial")).map_err(|error| error.to_string())?;
     }
     Ok(text)
 }
@@ -63,6 +61,6 @@ fn build(
     _mesh: &TriangleMesh,
     Args { spheres: _, max_error: _, seed: _, .. }: &Args,
     _progress: &dyn Fn(f32),
-) -> Result<Vec<(MedialAxis, TwoSidedError)>, String> {
+) -> Result<MedialLevels, String> {
     Err("this program has no builder".into())
 }

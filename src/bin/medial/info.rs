@@ -1,14 +1,36 @@
 use std::{fmt::Write, path::Path};
 
 use bevy_medial::{
-    builder::{MeshReport, load::MeshFormat},
+    builder::{MedialLevels, MeshReport, load::MeshFormat},
     geometry::{Aabb, Primitive},
 };
 
 use super::{Outcome, at, load_mesh, read_file};
 
 pub fn of(path: &Path) -> Outcome {
-    if MeshFormat::of(path).is_some() { mesh(path) } else { medial(path) }
+    if MeshFormat::of(path).is_some() {
+        mesh(path)
+    } else if has_levels(path) {
+        levels(path)
+    } else {
+        medial(path)
+    }
+}
+
+/// True if the name is that of a file of levels.
+pub fn has_levels(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("medial"))
+}
+
+fn levels(path: &Path) -> Outcome {
+    let levels = MedialLevels::load(path).map_err(|error| error.to_string())?.levels;
+    let mut text = format!("{}: {} levels, finest first\n", path.display(), levels.len());
+    for (number, level) in levels.iter().enumerate() {
+        let [_, cones, slabs] = kinds(level.axis.primitives());
+        let spheres = level.axis.spheres().len();
+        let _ = writeln!(text, "level {number}: {spheres} spheres, {cones} cones, {slabs} slabs; {}", level.error);
+    }
+    Ok(text)
 }
 
 fn mesh(path: &Path) -> Outcome {

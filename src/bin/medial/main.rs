@@ -12,7 +12,7 @@ use std::{
 };
 
 use bevy_medial::{
-    builder::{TriangleMesh, load, measure},
+    builder::{MedialLevels, TriangleMesh, load, measure},
     medial_axis::{MedialAxis, ma},
 };
 use clap::{Parser, Subcommand};
@@ -32,11 +32,11 @@ enum Command {
     Measure {
         /// The triangle mesh.
         mesh: PathBuf,
-        /// The medial meshes (.ma).
+        /// The medial meshes (.ma, or .medial with a row for each level).
         #[arg(required = true)]
         medial: Vec<PathBuf>,
     },
-    /// Describes a medial mesh (.ma), or a triangle mesh and its flaws.
+    /// Describes a medial mesh (.ma), levels of detail (.medial), or a triangle mesh and its flaws.
     Info {
         /// The file.
         file: PathBuf,
@@ -76,15 +76,16 @@ type Outcome = Result<String, String>;
 
 fn measured(mesh: &Path, medial: &[PathBuf]) -> Outcome {
     let mesh = load_mesh(mesh)?;
-    let width = medial.iter().map(|path| path.display().to_string().len()).max().unwrap_or(0).max("medial mesh".len());
+    let rows: Vec<_> = medial.iter().map(|path| read_axes(path)).collect::<Result<_, _>>()?;
+    let rows: Vec<_> = rows.into_iter().flatten().collect();
+    let width = rows.iter().map(|row| row.0.len()).max().unwrap_or(0).max("medial mesh".len());
     let mut text = format!("diagonal {} m; errors in percent of it\n", mesh.diagonal());
     let _ = writeln!(text, "{:width$}  spheres  cones  slabs |   mesh to envelope |   envelope to mesh", "medial mesh");
     let _ = writeln!(text, "{:width$}                        |      max      mean |      max      mean", "");
-    for path in medial {
-        let axis = read_file(path)?.into_medial_axis().map_err(|error| at(path, error))?.0;
+    for (name, axis) in rows {
         let error = measure(&mesh, &axis);
         let [_, cones, slabs] = info::kinds(axis.primitives());
-        let _ = write!(text, "{:width$}  {:7}  {cones:5}  {slabs:5}", path.display().to_string(), axis.spheres().len());
+        let _ = write!(text, "{name:width$}  {:7}  {cones:5}  {slabs:5}", axis.spheres().len());
         for deviation in [error.mesh_to_envelope, error.envelope_to_mesh] {
             let _ = write!(text, " | {:8.3} {:9.4}", deviation.max, deviation.mean);
         }
@@ -97,6 +98,17 @@ fn cleaned(medial: &Path, output: &Path) -> Outcome {
     let (axis, report) = read_file(medial)?.into_medial_axis().map_err(|error| at(medial, error))?;
     write_axis(output, &axis)?;
     Ok(format!("{}: {report}\n", output.display()))
+}
+
+/// The medial meshes of a file with their names: one, or one for each level.
+fn read_axes(path: &Path) -> Result<Vec<(String, MedialAxis)>, String> {
+    let name = path.display().to_string();
+    if !info::has_levels(path) {
+        let (axis, _) = read_file(path)?.into_medial_axis().map_err(|error| at(path, error))?;
+        return Ok(vec![(name, axis)]);
+    }
+    let levels = MedialLevels::load(path).map_err(|error| error.to_string())?.levels;
+    Ok(levels.into_iter().enumerate().map(|(number, level)| (format!("{name} level {number}"), level.axis)).collect())
 }
 
 fn load_mesh(path: &Path) -> Result<TriangleMesh, String> {

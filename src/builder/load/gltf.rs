@@ -17,14 +17,25 @@ use crate::builder::{
 /// Bytes of the head of a GLB file, which its own length includes.
 const GLB_HEADER: u32 = 12;
 
+/// Characters of a file's name in an error.
+const LONGEST_NAME: usize = 100;
+
 /// Reads all meshes of the default scene, or of the first one if there is no default, placed by their nodes.
 pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatError> {
     let length = bytes.get(8..12).and_then(|length| length.try_into().ok()).map(u32::from_le_bytes);
     if bytes.starts_with(b"glTF") && length.is_none_or(|length| length < GLB_HEADER) {
         return Err(FormatError::damaged("the GLB header", "it is cut, or states an impossible length"));
     }
-    let Gltf { document, blob } =
-        Gltf::from_slice(bytes).map_err(|error| FormatError::damaged("the glTF document", error.to_string()))?;
+    let damaged = |error: gltf::Error| FormatError::damaged("the glTF document", error.to_string());
+    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(damaged)?;
+    let json = document.into_json();
+    // The validation looks these up unchecked.
+    let mut attributes = json.meshes.iter().flat_map(|mesh| &mesh.primitives).flat_map(|p| p.attributes.values());
+    if let Some(accessor) = attributes.find(|accessor| accessor.value() >= json.accessors.len()) {
+        let problem = format!("a mesh refers to accessor {accessor}, which does not exist");
+        return Err(FormatError::damaged("the glTF document", problem));
+    }
+    let document = Document::from_json(json).map_err(damaged)?;
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let scene = scene.ok_or_else(|| {
         FormatError::new("the glTF document", "it has no scene", "put the meshes into a scene and export it again")
@@ -73,8 +84,10 @@ fn read_uri(uri: &str, folder: &Path) -> Result<Vec<u8>, String> {
         let (_, text) = data.split_once(";base64,").ok_or("its data URI is not in base64")?;
         return data_encoding::BASE64.decode(text.as_bytes()).map_err(|error| format!("its data URI: {error}"));
     }
-    let name = percent_decoded(uri).filter(|name| !name.contains(':')).ok_or_else(|| format!("`{uri}` is no file"))?;
-    std::fs::read(folder.join(&name)).map_err(|error| format!("`{name}` cannot be read: {error}"))
+    let name = percent_decoded(uri).filter(|name| !name.contains(':'));
+    let bytes = name.map(|name| std::fs::read(folder.join(name)).map_err(|error| error.to_string()));
+    let shown: String = uri.chars().take(LONGEST_NAME).collect();
+    bytes.unwrap_or(Err("not a relative path".into())).map_err(|error| format!("`{shown}` cannot be read: {error}"))
 }
 
 /// A relative URI as a file name: `%20` is a space. None if that is no UTF-8 text.

@@ -286,7 +286,7 @@ fn obj_records_and_errors() {
 fn stl_errors_name_the_line() {
     let good = String::from_utf8(stl_text(&tetrahedron())).unwrap();
     for (from, to, expected) in [
-        ("endloop", "vertex 1 2 3\n endloop", "line 7: a facet has 4 corners, not 3; export it again"),
+        ("endloop", "vertex 1 2 3\n endloop", "line 8: a facet has 4 corners, not 3; export it again"),
         ("vertex 0.0", "vertex zero", "line 4: `zero` is no finite number; export it again"),
         ("endsolid ring", "", "the end of the file: `endsolid` is missing; export it again"),
         ("outer", "inner", "line 3: `inner` stands where it cannot; export it again"),
@@ -342,12 +342,15 @@ fn gltf_modes_and_errors() {
     }
     let lines = "mesh 0, primitive 0: it is drawn as Lines, not as triangles; remove it, or turn it into triangles";
     assert_eq!(error(MeshFormat::Gltf, &with_mode(1)), lines);
+    let wild = json.replace(r#""POSITION": 0"#, r#""POSITION": 9"#);
+    let missing = "the glTF document: a mesh refers to accessor 9, which does not exist; export it again";
+    assert_eq!(error(MeshFormat::Gltf, &wild), missing);
     let unindexed = json.replace(r#", "indices": 1 }"#, " }");
     assert_eq!(parse(MeshFormat::Gltf, unindexed.as_bytes()).unwrap().triangles, [[0, 1, 2]]);
 
     let beside = gltf_document(&tetrahedron(), Some("a%20file.bin"));
     let missing = parse(MeshFormat::Gltf, beside.0.as_bytes()).unwrap_err().to_string();
-    assert!(missing.starts_with("buffer 0: `a file.bin` cannot be read: ") && missing.contains(".glb"), "{missing}");
+    assert!(missing.starts_with("buffer 0: `a%20file.bin` cannot be read: ") && missing.contains(".glb"), "{missing}");
     let folder = std::env::temp_dir().join(format!("bevy_medial_{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("a file.bin"), &beside.1).unwrap();
@@ -359,7 +362,7 @@ fn gltf_modes_and_errors() {
     assert!(short.ends_with("model.GLTF: buffer 0: it promises 72 bytes and has 71; export it again"), "{short}");
 
     let remote = gltf_document(&tetrahedron(), Some("https://example.org/a.bin")).0;
-    assert!(error(MeshFormat::Gltf, &remote).contains("is no file"));
+    assert!(error(MeshFormat::Gltf, &remote).contains("not a relative path"));
     assert!(load(Path::new("model.fbx")).unwrap_err().to_string().contains("the extension is not .obj"));
     assert!(load(Path::new("no such.obj")).unwrap_err().to_string().starts_with("no such.obj: cannot be read"));
 }
