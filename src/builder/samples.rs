@@ -64,7 +64,7 @@ impl Patch {
     /// Calls `visit` with points about `spacing` apart, each with the area it stands for.
     pub fn sample(&self, spacing: f32, mut visit: impl FnMut(Vec3, f32)) {
         let area = self.area();
-        let wanted = (area / (spacing * spacing)).ceil();
+        let wanted = (area / (spacing * spacing)).round();
         match *self {
             // A triangle without area, or an area that is no number, is one point.
             Self::Triangle([a, b, c]) => {

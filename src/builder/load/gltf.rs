@@ -17,9 +17,6 @@ use crate::builder::{
 /// Bytes of the head of a GLB file, which its own length includes.
 const GLB_HEADER: u32 = 12;
 
-/// Characters of a file's name in an error.
-const LONGEST_NAME: usize = 100;
-
 /// Reads all meshes of the default scene, or of the first one if there is no default, placed by their nodes.
 pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatError> {
     let length = bytes.get(8..12).and_then(|length| length.try_into().ok()).map(u32::from_le_bytes);
@@ -85,9 +82,8 @@ fn read_uri(uri: &str, folder: &Path) -> Result<Vec<u8>, String> {
         return data_encoding::BASE64.decode(text.as_bytes()).map_err(|error| format!("its data URI: {error}"));
     }
     let name = percent_decoded(uri).filter(|name| !name.contains(':'));
-    let bytes = name.map(|name| std::fs::read(folder.join(name)).map_err(|error| error.to_string()));
-    let shown: String = uri.chars().take(LONGEST_NAME).collect();
-    bytes.unwrap_or(Err("not a relative path".into())).map_err(|error| format!("`{shown}` cannot be read: {error}"))
+    let name = name.ok_or_else(|| format!("its URI is no relative path: `{uri}`"))?;
+    std::fs::read(folder.join(&name)).map_err(|error| format!("it cannot be read: {error}: `{name}`"))
 }
 
 /// A relative URI as a file name: `%20` is a space. None if that is no UTF-8 text.

@@ -70,12 +70,18 @@ pub struct FormatError {
     pub remedy: &'static str,
 }
 
+/// Most characters of a problem's text.
+const LONGEST_PROBLEM: usize = 240;
+
 /// The remedy for content that some program has written wrongly, or that was cut or altered on its way.
 const EXPORT_AGAIN: &str = "export it again";
 
 impl FormatError {
+    /// The problem may quote the file: it is cut, and made one line.
     fn new(place: impl Into<String>, problem: impl Into<String>, remedy: &'static str) -> Self {
-        Self { place: place.into(), problem: problem.into(), remedy }
+        let printable = |c: char| if c.is_control() { ' ' } else { c };
+        let problem = problem.into().chars().map(printable).take(LONGEST_PROBLEM).collect();
+        Self { place: place.into(), problem, remedy }
     }
 
     fn damaged(place: impl Into<String>, problem: impl Into<String>) -> Self {

@@ -107,11 +107,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     Ok(TriangleMesh::new(positions, triangles)?)
 }
 
-/// The crate's message, which quotes lines of the file, as one short line.
+/// The crate's message, which quotes lines of the file, without its line breaks.
 fn damaged(error: ParseError) -> FormatError {
-    const LONGEST: usize = 200;
     let place = error.line().map_or("the header".into(), |line| format!("line {line}"));
     let message = error.to_string();
-    let words: Vec<&str> = message.split_whitespace().collect();
-    FormatError::damaged(place, words.join(" ").chars().take(LONGEST).collect::<String>())
+    FormatError::damaged(place, message.split_whitespace().collect::<Vec<_>>().join(" "))
 }

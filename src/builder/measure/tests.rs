@@ -154,7 +154,7 @@ fn known_errors_are_measured() {
     let cube = cuboid(Vec3::ONE);
     let diagonal = 2.0 * 3f32.sqrt();
     let near = |found: f32, expected: f32| {
-        assert!((found - 100.0 * expected / diagonal).abs() < 0.05, "{found} % instead of {expected} of {diagonal}");
+        assert!((found - 100.0 * expected / diagonal).abs() < 0.08, "{found} % instead of {expected} of {diagonal}");
     };
     let sphere = measure(&capsule(1.0, 0.0, 128), &ball);
     for deviation in [sphere.mesh_to_envelope, sphere.envelope_to_mesh] {
@@ -208,7 +208,7 @@ fn agrees_with_brute_force_on_simple_shapes() {
 #[test]
 fn agrees_with_brute_force_on_a_model() {
     let [(mesh, _), (_, cow)] = ["bear", "cow"].map(|name| model(name, 8));
-    assert_like_brute_force("bear against cow", &mesh, &cow, 1000);
+    assert_like_brute_force("bear against cow", &mesh, &cow, 4000);
 }
 
 #[cfg(feature = "mesh_files")]
