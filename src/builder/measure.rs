@@ -15,7 +15,7 @@ use crate::{
 const SPACING: f64 = 1.0 / 250.0;
 
 /// Most points on the envelope, or on the mesh, beyond those that every patch has. Large parts far from the mesh would ask for more.
-const MOST_SAMPLES: f64 = 1.0e6;
+const MOST_SAMPLES: f64 = 3.0e5;
 
 /// Points of the envelope's patches deeper inside than this, relative to the size of all, are hidden by other primitives.
 const HIDDEN: f32 = 1.0e-5;
