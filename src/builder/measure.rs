@@ -12,10 +12,10 @@ use crate::{
 };
 
 /// Distance of the points at which surfaces are sampled, per diagonal.
-const SPACING: f64 = 1.0 / 250.0;
+const SPACING: f64 = 1.0 / 300.0;
 
 /// Most points on the envelope, or on the mesh, beyond those that every patch has. Large parts far from the mesh would ask for more.
-const MOST_SAMPLES: f64 = 3.0e5;
+const MOST_SAMPLES: f64 = 6.0e5;
 
 /// Points of the envelope's patches deeper inside than this, relative to the size of all, are hidden by other primitives.
 const HIDDEN: f32 = 1.0e-5;
@@ -61,7 +61,7 @@ impl fmt::Display for TwoSidedError {
 
 /// The two-sided error of a medial mesh, both in one frame.
 ///
-/// Surfaces are sampled evenly, about 250 points to the diagonal, the mesh also at its vertices; distances are to the surfaces
+/// Surfaces are sampled evenly, about 300 points to the diagonal, the mesh also at its vertices; distances are to the surfaces
 /// themselves. The same input gives the same bits, whatever the number of threads.
 ///
 /// # Panics
