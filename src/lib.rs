@@ -47,6 +47,7 @@
 //! | [`query`] | kernels on two primitives: separation, time of impact, ray |
 //! | [`medial_axis`] | the asset: `.ma` files, clean-up, mass, packed form, surface |
 //! | [`pipeline`] | one step on plain data |
+//! | [`builder`] | triangle meshes: files, flaws, the error of a medial mesh |
 //! | [`plugin`] | components, messages, settings, diagnostics, gizmos |
 //! | [`rapier`] | custom shape, dispatcher, contact table, scene queries |
 //! | [`scenes`] | the demo scenes, for examples, tests and benchmarks |
@@ -64,9 +65,13 @@
 //! | `rapier` | yes | response through `bevy_rapier3d`; without it bodies move as their transforms say, and messages tell what they hit |
 //! | `debug` | no | gizmos for spheres, sweeps, boxes and contacts |
 //! | `serialize` | no | serde for components, settings and geometry |
+//! | `bevy_mesh` | no | triangle meshes from Bevy's |
+//! | `mesh_files` | no | triangle meshes from OBJ, glTF, STL and PLY files |
+//! | `cli` | no | the program `medial` |
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod builder;
 pub mod constants;
 pub mod geometry;
 pub mod medial_axis;

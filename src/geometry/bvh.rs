@@ -94,6 +94,37 @@ impl Bvh {
         }
     }
 
+    /// The item of least cost with its cost; none if there are no items.
+    ///
+    /// `bound` of a box must not exceed the `cost` of an item in it. Nearer boxes come first, and those whose bound is no less than the best cost
+    /// so far are left out.
+    pub fn least(&self, mut bound: impl FnMut(&Aabb) -> f32, mut cost: impl FnMut(u32) -> f32) -> Option<(u32, f32)> {
+        let root = self.nodes.first()?;
+        let mut best: Option<(u32, f32)> = None;
+        let mut stack = Stack::new((0, bound(&root.aabb)));
+        while let Some((index, least)) = stack.pop() {
+            if best.is_some_and(|(_, best)| least >= best) {
+                continue;
+            }
+            let node = &self.nodes[index as usize];
+            match node.item() {
+                Some(item) => {
+                    let cost = cost(item);
+                    if best.is_none_or(|(_, best)| cost < best) {
+                        best = Some((item, cost));
+                    }
+                }
+                None => {
+                    let [left, right] = [index + 1, node.link].map(|i| (i, bound(&self.nodes[i as usize].aabb)));
+                    let (near, far) = if right.1 < left.1 { (right, left) } else { (left, right) };
+                    stack.push(far);
+                    stack.push(near);
+                }
+            }
+        }
+        best
+    }
+
     /// Calls `visit` with every pair of items, one of each tree, whose boxes and ancestors' boxes pass `test`.
     ///
     /// `test` compares a box of this tree with one of the other, in whatever frames it knows them.
@@ -186,6 +217,25 @@ mod tests {
             }
         }
         assert!(found > 500, "only {found} overlaps: the queries miss");
+    }
+
+    #[test]
+    fn the_least_item_is_the_one_of_brute_force() {
+        let mut visited = 0;
+        for count in [0, 1, 2, 3, 17, 200] {
+            let items = boxes(count, count);
+            let bvh = Bvh::new(&items);
+            for query in boxes(50, 7) {
+                let distance = |item: u32| items[item as usize].center().distance(query.min);
+                let cost = |item: u32| {
+                    visited += 1;
+                    distance(item)
+                };
+                let found = bvh.least(|aabb| aabb.distance(query.min), cost).map(|(_, distance)| distance);
+                assert_eq!(found, (0..count).map(distance).reduce(f32::min));
+            }
+        }
+        assert!(visited < 50 * 223 / 2, "{visited} items visited: nothing is left out");
     }
 
     #[test]

@@ -15,7 +15,7 @@ mod shapes;
 mod surface;
 
 #[cfg(test)]
-mod oracle;
+pub(crate) mod oracle;
 
 use std::sync::Arc;
 

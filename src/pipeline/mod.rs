@@ -17,7 +17,7 @@ pub mod contact;
 mod mid_phase;
 mod motion;
 mod narrow_phase;
-mod parallel;
+pub(crate) mod parallel;
 mod parts;
 mod reduce;
 mod seams;

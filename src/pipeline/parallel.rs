@@ -1,7 +1,7 @@
 use bevy::tasks::TaskPool;
 
 /// Applies `function` to every item on the pool's threads; results are in the items' order, whatever the number of threads.
-pub(super) fn map<T: Sync, R: Send + 'static>(
+pub(crate) fn map<T: Sync, R: Send + 'static>(
     pool: &TaskPool,
     items: &[T],
     least_per_task: usize,

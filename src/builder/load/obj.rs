@@ -1,0 +1,67 @@
+use glam::Vec3;
+
+use super::{FormatError, polygon::triangulate};
+use crate::builder::TriangleMesh;
+
+/// Reads `v` and `f` records. Indices count from 1, or from the latest vertex backwards if negative.
+pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
+    let mut positions: Vec<Vec3> = Vec::new();
+    // The corners of all faces one after the other, and for each face its line and the end of its corners.
+    let (mut corners, mut faces) = (Vec::new(), Vec::new());
+    let mut joined = String::new();
+    for (line, content) in (1..).zip(bytes.split(|&byte| byte == b'\n')) {
+        // Names may be in any encoding; what is read is ASCII.
+        joined.push_str(String::from_utf8_lossy(content).trim_end());
+        if joined.ends_with('\\') {
+            joined.pop();
+            continue;
+        }
+        let mut fields = joined.split_whitespace();
+        let damaged = |problem: String| FormatError::damaged(format!("line {line}"), problem);
+        match fields.next() {
+            Some("v") => {
+                let mut position = Vec3::ZERO;
+                for axis in 0..3 {
+                    let field = fields.next().ok_or_else(|| damaged("a vertex has fewer than 3 coordinates".into()))?;
+                    let value = field.parse().ok().filter(|value: &f32| value.is_finite());
+                    position[axis] = value.ok_or_else(|| damaged(format!("`{field}` is no finite number")))?;
+                }
+                positions.push(position);
+            }
+            Some("f") => {
+                let before = corners.len();
+                for field in fields {
+                    let number = field.split('/').next().unwrap_or_default();
+                    let index = index(number, positions.len());
+                    corners.push(index.ok_or_else(|| damaged(format!("`{field}` names no vertex")))?);
+                }
+                if corners.len() - before < 3 {
+                    return Err(damaged("a face has fewer than 3 corners".into()));
+                }
+                faces.push((line, corners.len()));
+            }
+            _ => {}
+        }
+        joined.clear();
+    }
+    let mut triangles = Vec::with_capacity(faces.len());
+    let mut start = 0;
+    for (line, end) in faces {
+        let face = &corners[start..end];
+        // A face may stand before its vertices.
+        if let Some(index) = face.iter().find(|&&index| index as usize >= positions.len()) {
+            let problem = format!("there is no vertex {}: the file has {}", u64::from(*index) + 1, positions.len());
+            return Err(FormatError::damaged(format!("line {line}"), problem));
+        }
+        triangulate(face, &positions, &mut triangles);
+        start = end;
+    }
+    Ok(TriangleMesh::new(positions, triangles)?)
+}
+
+/// The index, from 0, that a face's number means when there are `count` vertices so far.
+fn index(number: &str, count: usize) -> Option<u32> {
+    let number: i64 = number.parse().ok()?;
+    let index = if number > 0 { number - 1 } else { i64::try_from(count).ok()?.checked_add(number)? };
+    if number == 0 { None } else { u32::try_from(index).ok() }
+}

@@ -1,0 +1,115 @@
+use glam::Vec3;
+use ply_rs_bw::{
+    parser::{ParseError, Parser, Reader},
+    ply::{Property, PropertyAccess, PropertyAccessResult},
+};
+
+use super::{FormatError, polygon::triangulate};
+use crate::builder::TriangleMesh;
+
+/// Any element: what a vertex and what a face has.
+struct Element {
+    position: [Option<f64>; 3],
+    corners: Vec<i64>,
+}
+
+impl PropertyAccess for Element {
+    fn new() -> Self {
+        Self { position: [None; 3], corners: Vec::new() }
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        match name {
+            "x" => self.position[0] = scalar(&property),
+            "y" => self.position[1] = scalar(&property),
+            "z" => self.position[2] = scalar(&property),
+            "vertex_indices" | "vertex_index" => match indices(property) {
+                Some(corners) => self.corners = corners,
+                None => return PropertyAccessResult::UnsupportedType,
+            },
+            _ => return PropertyAccessResult::Ignored,
+        }
+        PropertyAccessResult::Set
+    }
+}
+
+fn scalar(property: &Property) -> Option<f64> {
+    match *property {
+        Property::Char(x) => Some(x.into()),
+        Property::UChar(x) => Some(x.into()),
+        Property::Short(x) => Some(x.into()),
+        Property::UShort(x) => Some(x.into()),
+        Property::Int(x) => Some(x.into()),
+        Property::UInt(x) => Some(x.into()),
+        Property::Float(x) => Some(x.into()),
+        Property::Double(x) => Some(x),
+        _ => None,
+    }
+}
+
+fn indices(property: Property) -> Option<Vec<i64>> {
+    fn widen<T: Into<i64>>(list: Vec<T>) -> Option<Vec<i64>> {
+        Some(list.into_iter().map(Into::into).collect())
+    }
+    match property {
+        Property::ListChar(list) => widen(list),
+        Property::ListUChar(list) => widen(list),
+        Property::ListShort(list) => widen(list),
+        Property::ListUShort(list) => widen(list),
+        Property::ListInt(list) => widen(list),
+        Property::ListUInt(list) => widen(list),
+        _ => None,
+    }
+}
+
+/// Reads the elements `vertex` (x, y, z) and `face` (`vertex_indices` or `vertex_index`) of all three encodings.
+pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
+    let parser = Parser::<Element>::new();
+    let mut reader = Reader::new(bytes);
+    let header = parser.read_header(&mut reader).map_err(damaged)?;
+    let (mut positions, mut faces) = (Vec::new(), Vec::new());
+    for (name, definition) in &header.elements {
+        let count = definition.count;
+        // Every element takes a byte or more, unless it has no property: then it would take time and memory, but no byte.
+        if count > bytes.len() {
+            return Err(FormatError::damaged(
+                format!("element `{name}`"),
+                format!("the file is too short for {count}"),
+            ));
+        }
+        let elements = parser.read_payload_for_element(&mut reader, definition, &header).map_err(damaged)?;
+        match name.as_str() {
+            "vertex" => {
+                for (number, vertex) in elements.iter().enumerate() {
+                    let [Some(x), Some(y), Some(z)] = vertex.position else {
+                        return Err(FormatError::damaged(format!("vertex {number}"), "x, y or z is missing"));
+                    };
+                    positions.push(Vec3::new(x as f32, y as f32, z as f32));
+                }
+            }
+            "face" => faces = elements,
+            _ => {}
+        }
+    }
+    let mut triangles = Vec::with_capacity(faces.len());
+    for (number, face) in faces.iter().enumerate() {
+        let damaged = |problem: String| FormatError::damaged(format!("face {number}"), problem);
+        let in_range =
+            |&index: &i64| u32::try_from(index).ok().filter(|&i| (i as usize) < positions.len()).ok_or(index);
+        let corners = face.corners.iter().map(in_range).collect::<Result<Vec<u32>, i64>>();
+        let corners =
+            corners.map_err(|index| damaged(format!("there is no vertex {index} among {}", positions.len())))?;
+        if corners.len() < 3 {
+            return Err(damaged(format!("it has {} corners in `vertex_indices`, not 3 or more", corners.len())));
+        }
+        triangulate(&corners, &positions, &mut triangles);
+    }
+    Ok(TriangleMesh::new(positions, triangles)?)
+}
+
+/// The crate's message, which quotes lines of the file, without its line breaks.
+fn damaged(error: ParseError) -> FormatError {
+    let place = error.line().map_or("the header".into(), |line| format!("line {line}"));
+    let message = error.to_string();
+    FormatError::damaged(place, message.split_whitespace().collect::<Vec<_>>().join(" "))
+}

@@ -1,0 +1,67 @@
+use glam::Vec3;
+
+use super::FormatError;
+use crate::builder::TriangleMesh;
+
+/// Bytes before the triangles of a binary file: a free text, and the number of triangles.
+const HEADER: usize = 84;
+/// Bytes of a triangle: a normal, three corners, and two bytes for anything.
+const TRIANGLE: usize = 50;
+
+/// Reads either form. Many binary files start with `solid`, as text does, so the size decides first.
+pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
+    let count = bytes.get(80..HEADER).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
+    let promised = count.map(|count| HEADER as u64 + TRIANGLE as u64 * u64::from(count));
+    let is_text = bytes.trim_ascii_start().starts_with(b"solid");
+    let positions =
+        if promised == Some(bytes.len() as u64) || !is_text { binary(bytes, promised) } else { text(bytes) }?;
+    let triangles = (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    Ok(TriangleMesh::new(positions, triangles)?)
+}
+
+fn binary(bytes: &[u8], promised: Option<u64>) -> Result<Vec<Vec3>, FormatError> {
+    let cut = |problem: String| FormatError::damaged("the end of the file", problem);
+    let end = promised.ok_or_else(|| cut(format!("{} bytes are no STL header of {HEADER}", bytes.len())))?;
+    let body = usize::try_from(end).ok().and_then(|end| bytes.get(HEADER..end));
+    let body = body.ok_or_else(|| cut(format!("the header promises {end} bytes, there are {}", bytes.len())))?;
+    let corners = body.as_chunks::<TRIANGLE>().0.iter().flat_map(|triangle| triangle[12..48].as_chunks::<12>().0);
+    Ok(corners
+        .map(|corner| bytemuck::pod_read_unaligned::<[[u8; 4]; 3]>(corner).map(f32::from_le_bytes).into())
+        .collect())
+}
+
+/// Reads the `vertex` lines between `outer loop` and `endloop`.
+fn text(bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
+    let mut positions = Vec::new();
+    let mut open = None;
+    let mut ended = false;
+    for (line, content) in (1..).zip(bytes.split(|&byte| byte == b'\n')) {
+        let content = String::from_utf8_lossy(content);
+        let mut fields = content.split_whitespace();
+        let damaged = |problem: String| FormatError::damaged(format!("line {line}"), problem);
+        match (fields.next(), open) {
+            (Some("outer"), None) => open = Some(positions.len()),
+            (Some("vertex"), Some(_)) => {
+                let mut position = Vec3::ZERO;
+                for axis in 0..3 {
+                    let field = fields.next().ok_or_else(|| damaged("a vertex has fewer than 3 coordinates".into()))?;
+                    let value = field.parse().ok().filter(|value: &f32| value.is_finite());
+                    position[axis] = value.ok_or_else(|| damaged(format!("`{field}` is no finite number")))?;
+                }
+                positions.push(position);
+            }
+            (Some("endloop"), Some(start)) if positions.len() == start + 3 => open = None,
+            (Some("endloop"), Some(start)) => {
+                return Err(damaged(format!("a facet has {} corners, not 3", positions.len() - start)));
+            }
+            (Some("endsolid"), None) => ended = true,
+            (None | Some("solid" | "facet" | "endfacet"), None) => {}
+            (None, Some(_)) => {}
+            (Some(word), _) => return Err(damaged(format!("`{word}` stands where it cannot"))),
+        }
+    }
+    if !ended {
+        return Err(FormatError::damaged("the end of the file", "`endsolid` is missing"));
+    }
+    Ok(positions)
+}

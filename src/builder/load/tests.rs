@@ -1,0 +1,373 @@
+use std::fmt::Write;
+
+use glam::Vec3;
+
+use super::*;
+use crate::{
+    builder::{MeshReport, mesh::tests::tetrahedron},
+    medial_axis::oracle::Random,
+};
+
+/// A closed ring of 4 by 6 quads, cut in triangles.
+fn ring() -> TriangleMesh {
+    let at = |i: u32, j: u32| (i % 6) * 4 + j % 4;
+    let positions = (0..24).map(|k| {
+        let [a, b] = [(k / 4) as f32 / 6.0, (k % 4) as f32 / 4.0].map(|turn| turn * std::f32::consts::TAU);
+        let radius = 2.0 + 0.7 * b.cos();
+        Vec3::new(radius * a.cos(), radius * a.sin(), 0.7 * b.sin())
+    });
+    let quads = (0..6).flat_map(|i| (0..4).map(move |j| [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)]));
+    let triangles = quads.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
+    TriangleMesh::new(positions.collect(), triangles.collect()).unwrap()
+}
+
+fn obj(mesh: &TriangleMesh) -> Vec<u8> {
+    let mut text = String::from("# a comment\nmtllib none.mtl\no ring\n");
+    mesh.positions.iter().for_each(|p| writeln!(text, "v {:?} {:?} {:?}", p.x, p.y, p.z).unwrap());
+    text += "vn 0 0 1\nvt 0 0\ns off\n";
+    for [a, b, c] in &mesh.triangles {
+        writeln!(text, "f {}/1/1 {}//1 {}", a + 1, b + 1, c + 1).unwrap();
+    }
+    text.into_bytes()
+}
+
+fn stl_text(mesh: &TriangleMesh) -> Vec<u8> {
+    let mut text = String::from("solid\n");
+    for triangle in &mesh.triangles {
+        text += " facet normal 0 0 0\n  outer loop\n";
+        for p in mesh.corners(*triangle) {
+            writeln!(text, "   vertex {:?} {:e} {:?}", p.x, p.y, p.z).unwrap();
+        }
+        text += "  endloop\n endfacet\n";
+    }
+    (text + "endsolid ring\n").into_bytes()
+}
+
+/// With a header that starts as text does.
+fn stl_binary(mesh: &TriangleMesh) -> Vec<u8> {
+    let mut bytes = vec![b' '; 80];
+    bytes[..10].copy_from_slice(b"solid ring");
+    bytes.extend((mesh.triangles.len() as u32).to_le_bytes());
+    for triangle in &mesh.triangles {
+        bytes.extend([0; 12]);
+        bytes.extend(mesh.corners(*triangle).iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes));
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+fn ply(mesh: &TriangleMesh, encoding: &str) -> Vec<u8> {
+    let header = format!(
+        "ply\nformat {encoding} 1.0\ncomment made by a test\nelement vertex {}\nproperty float x\nproperty float y\n\
+         property float z\nproperty uchar red\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        mesh.positions.len(),
+        mesh.triangles.len()
+    );
+    let mut bytes = header.into_bytes();
+    for p in &mesh.positions {
+        match encoding {
+            "ascii" => bytes.extend(format!("{:?} {:?} {:?} 255\n", p.x, p.y, p.z).bytes()),
+            "binary_little_endian" => bytes.extend(p.to_array().iter().flat_map(|x| x.to_le_bytes()).chain([255])),
+            _ => bytes.extend(p.to_array().iter().flat_map(|x| x.to_be_bytes()).chain([255])),
+        }
+    }
+    for t in &mesh.triangles {
+        match encoding {
+            "ascii" => bytes.extend(format!("3 {} {} {}\n", t[0], t[1], t[2]).bytes()),
+            "binary_little_endian" => bytes.extend([3].into_iter().chain(t.iter().flat_map(|i| i.to_le_bytes()))),
+            _ => bytes.extend([3].into_iter().chain(t.iter().flat_map(|i| i.to_be_bytes()))),
+        }
+    }
+    bytes
+}
+
+/// A glTF document of one node and one mesh; its buffer holds positions, then u16 indices. With a URI for the buffer, or as in GLB.
+fn gltf_document(mesh: &TriangleMesh, uri: Option<&str>) -> (String, Vec<u8>) {
+    let mut buffer: Vec<u8> = mesh.positions.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect();
+    let split = buffer.len();
+    buffer.extend(mesh.triangles.iter().flatten().flat_map(|&i| (i as u16).to_le_bytes()));
+    let uri = uri.map_or(String::new(), |uri| format!(r#", "uri": "{uri}""#));
+    let (min, max) = (mesh.aabb().min.to_array(), mesh.aabb().max.to_array());
+    let document = format!(
+        r#"{{ "asset": {{ "version": "2.0" }}, "scene": 0, "scenes": [{{ "nodes": [0] }}], "nodes": [{{ "mesh": 0 }}],
+  "meshes": [{{ "primitives": [{{ "attributes": {{ "POSITION": 0 }}, "indices": 1 }}] }}],
+  "accessors": [
+    {{ "bufferView": 0, "componentType": 5126, "count": {}, "type": "VEC3", "min": {min:?}, "max": {max:?} }},
+    {{ "bufferView": 1, "componentType": 5123, "count": {}, "type": "SCALAR" }} ],
+  "bufferViews": [ {{ "buffer": 0, "byteLength": {split} }},
+    {{ "buffer": 0, "byteOffset": {split}, "byteLength": {} }} ],
+  "buffers": [{{ "byteLength": {}{uri} }}] }}"#,
+        mesh.positions.len(),
+        3 * mesh.triangles.len(),
+        buffer.len() - split,
+        buffer.len()
+    );
+    (document, buffer)
+}
+
+fn gltf_json(mesh: &TriangleMesh) -> String {
+    let (_, buffer) = gltf_document(mesh, None);
+    let uri = format!("data:application/octet-stream;base64,{}", data_encoding::BASE64.encode(&buffer));
+    gltf_document(mesh, Some(&uri)).0
+}
+
+fn glb(mesh: &TriangleMesh) -> Vec<u8> {
+    let (document, mut buffer) = gltf_document(mesh, None);
+    let mut json = document.into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    buffer.resize(buffer.len().next_multiple_of(4), 0);
+    let mut bytes = b"glTF\x02\0\0\0".to_vec();
+    bytes.extend((12 + 8 + json.len() as u32 + 8 + buffer.len() as u32).to_le_bytes());
+    for (kind, chunk) in [(b"JSON", json), (b"BIN\0", buffer)] {
+        bytes.extend((chunk.len() as u32).to_le_bytes());
+        bytes.extend(kind);
+        bytes.extend(chunk);
+    }
+    bytes
+}
+
+/// One mesh in all formats.
+fn files(mesh: &TriangleMesh) -> [(&'static str, MeshFormat, Vec<u8>); 8] {
+    [
+        ("OBJ", MeshFormat::Obj, obj(mesh)),
+        ("glTF", MeshFormat::Gltf, gltf_json(mesh).into_bytes()),
+        ("GLB", MeshFormat::Gltf, glb(mesh)),
+        ("STL text", MeshFormat::Stl, stl_text(mesh)),
+        ("STL binary", MeshFormat::Stl, stl_binary(mesh)),
+        ("PLY text", MeshFormat::Ply, ply(mesh, "ascii")),
+        ("PLY little endian", MeshFormat::Ply, ply(mesh, "binary_little_endian")),
+        ("PLY big endian", MeshFormat::Ply, ply(mesh, "binary_big_endian")),
+    ]
+}
+
+fn parse(format: MeshFormat, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
+    format.parse(bytes, Path::new("no such folder"))
+}
+
+fn error(format: MeshFormat, text: &str) -> String {
+    parse(format, text.as_bytes()).expect_err(text).to_string()
+}
+
+#[test]
+fn all_formats_give_the_same_mesh() {
+    let mesh = ring();
+    for (name, format, bytes) in files(&mesh) {
+        let read = parse(format, &bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let corners = |mesh: &TriangleMesh| mesh.triangles.iter().map(|t| mesh.corners(*t)).collect::<Vec<_>>();
+        assert_eq!(corners(&read), corners(&mesh), "{name}");
+        let report = MeshReport::new(&read);
+        assert!(report.is_closed() && report.volume > 0.0 && report.vertices == 24, "{name}: {report}");
+    }
+}
+
+#[test]
+fn damaged_files_are_meshes_or_clear_errors() {
+    const TOKENS: [&str; 16] = [
+        "nan",
+        "-inf",
+        "1e39",
+        "0",
+        "-1",
+        "4294967295",
+        "4294967296",
+        "18446744073709551615",
+        "-9223372036854775808",
+        "x",
+        "",
+        "\n",
+        "\\\n",
+        "\"",
+        "null",
+        "1e6",
+    ];
+    let mesh = ring();
+    let mut random = Random::new(17);
+    for (name, format, good) in files(&mesh) {
+        let (mut meshes, mut errors) = (0, 0);
+        for round in 0..1200 {
+            let mut bytes = good.clone();
+            let place = |random: &mut Random, bytes: &[u8]| random.below(bytes.len() as u64 + 1) as usize;
+            for _ in 0..1 + random.below(3) {
+                let [a, b] = [place(&mut random, &bytes), place(&mut random, &bytes)];
+                let (from, to) = (a.min(b), a.max(b));
+                match round % 6 {
+                    0 => bytes.truncate(from),
+                    1 => drop(bytes.drain(from..to.min(from + 40))),
+                    2 => {
+                        let part = bytes[from..to.min(from + 200)].to_vec();
+                        drop(bytes.splice(to..to, part));
+                    }
+                    3 => bytes.iter_mut().skip(from).take(1).for_each(|byte| *byte ^= 1 << random.below(8)),
+                    4 => bytes.iter_mut().skip(from).take(4).for_each(|byte| *byte = random.next() as u8),
+                    // A word becomes another.
+                    _ => {
+                        let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || b".-+".contains(byte);
+                        let start = from + bytes[from..].iter().position(is_word).unwrap_or(0);
+                        let length = bytes[start..].iter().position(|byte| !is_word(byte)).unwrap_or(0);
+                        let token = TOKENS[random.below(TOKENS.len() as u64) as usize];
+                        drop(bytes.splice(start..start + length, token.bytes()));
+                    }
+                }
+            }
+            match parse(format, &bytes) {
+                Ok(mesh) => {
+                    let _ = MeshReport::new(&mesh).to_string();
+                    assert!(mesh.triangles.len() < 1000, "{name}: {} triangles", mesh.triangles.len());
+                    TriangleMesh::new(mesh.positions, mesh.triangles).unwrap();
+                    meshes += 1;
+                }
+                Err(error) => {
+                    let lengths = [error.place.len(), error.problem.len(), error.remedy.len()];
+                    assert!(lengths.iter().all(|length| (1..600).contains(length)), "{name}: {error}");
+                    assert!(!error.to_string().contains('\n'), "{name}: {error}");
+                    errors += 1;
+                }
+            }
+        }
+        println!("{name}: {meshes} meshes, {errors} errors");
+        assert!(meshes > 20 && errors > 300, "{name}: {meshes} meshes, {errors} errors");
+        assert!(parse(format, b"").is_err() && parse(format, b"\n").is_err(), "{name}");
+        for length in [3, 83, 84, 85, 5000] {
+            let noise: Vec<u8> = (0..length).map(|_| random.next() as u8).collect();
+            assert!(parse(format, &noise).is_err(), "{name}");
+        }
+    }
+}
+
+#[test]
+fn promises_cost_nothing() {
+    let mut stl = stl_binary(&tetrahedron());
+    stl[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
+    stl[..5].copy_from_slice(b"other");
+    let promised = "the end of the file: the header promises 214748364834 bytes, there are 284; export it again";
+    assert_eq!(parse(MeshFormat::Stl, &stl).unwrap_err().to_string(), promised);
+    let text = String::from_utf8(ply(&tetrahedron(), "ascii")).unwrap();
+    for (from, to) in [("vertex 4\n", "vertex 4000000000\n"), ("face 4\n", "face 18446744073709551615\n")] {
+        let error = error(MeshFormat::Ply, &text.replace(from, to));
+        assert!(
+            error.contains("the file is too short for 4000000000") || error.contains("18446744073709551615"),
+            "{error}"
+        );
+    }
+    let nothing = "ply\nformat binary_little_endian 1.0\nelement air 4000000000\nend_header\n";
+    assert_eq!(error(MeshFormat::Ply, nothing), "element `air`: the file is too short for 4000000000; export it again");
+    let json = gltf_json(&tetrahedron());
+    for (from, to) in
+        [("\"count\": 4,", "\"count\": 4000000000,"), ("\"count\": 12,", "\"count\": 18446744073709551615,")]
+    {
+        let error = error(MeshFormat::Gltf, &json.replace(from, to));
+        assert!(error.contains("its elements do not lie within its buffer"), "{error}");
+    }
+}
+
+#[test]
+fn obj_records_and_errors() {
+    let head = "v 0 0 0\nv 1 0 0 0.5 0.5 0.5\nv 1 1 0\nv 0 1 0\n";
+    let triangles = |faces: &str| parse(MeshFormat::Obj, format!("{head}{faces}").as_bytes()).unwrap().triangles;
+    assert_eq!(triangles("f 1 2 3 4"), [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(triangles("f -4/1 -3/2/3 -2//1\r\n"), [[0, 1, 2]]);
+    assert_eq!(triangles("f 1 2 \\\n 3\nl 1 2\n# \u{e9}"), [[0, 1, 2]]);
+    assert_eq!(parse(MeshFormat::Obj, format!("f 1 2 3\n{head}").as_bytes()).unwrap().triangles, [[0, 1, 2]]);
+    for (faces, expected) in [
+        ("f 1 2", "line 5: a face has fewer than 3 corners; export it again"),
+        ("\nf 1 2 0", "line 6: `0` names no vertex; export it again"),
+        ("f 1 2 -5", "line 5: `-5` names no vertex; export it again"),
+        ("f 1 2 x/1", "line 5: `x/1` names no vertex; export it again"),
+        ("f 1 2 9", "line 5: there is no vertex 9: the file has 4; export it again"),
+        ("v 0 nan 0", "line 5: `nan` is no finite number; export it again"),
+        ("v 0 0", "line 5: a vertex has fewer than 3 coordinates; export it again"),
+        ("", "the mesh: the mesh has no triangles; repair it in a modelling program and export it again"),
+    ] {
+        assert_eq!(error(MeshFormat::Obj, &format!("{head}{faces}")), expected);
+    }
+}
+
+#[test]
+fn stl_errors_name_the_line() {
+    let good = String::from_utf8(stl_text(&tetrahedron())).unwrap();
+    for (from, to, expected) in [
+        ("endloop", "vertex 1 2 3\n endloop", "line 8: a facet has 4 corners, not 3; export it again"),
+        ("vertex 0.0", "vertex zero", "line 4: `zero` is no finite number; export it again"),
+        ("endsolid ring", "", "the end of the file: `endsolid` is missing; export it again"),
+        ("outer", "inner", "line 3: `inner` stands where it cannot; export it again"),
+    ] {
+        assert_eq!(error(MeshFormat::Stl, &good.replacen(from, to, 1)), expected);
+    }
+}
+
+#[test]
+fn ply_polygons_are_cut_and_errors_name_line_and_element() {
+    let head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\nproperty double z\n\
+                element face 1\nproperty list uchar uint vertex_index\nend_header\n0 0 0\n1 0 0\n1 1 0\n";
+    let mesh = parse(MeshFormat::Ply, format!("{head}0 1 0\n4 0 1 2 3\n").as_bytes()).unwrap();
+    assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+    for (rest, expected) in [
+        ("0 1 0\n3 0 1 4\n", "face 0: there is no vertex 4 among 4; export it again"),
+        ("0 1 0\n2 0 1\n", "face 0: it has 2 corners in `vertex_indices`, not 3 or more; export it again"),
+        ("0 1\n3 0 1 2\n", "line 13: "),
+        ("0 1 0\n", "line 14: "),
+    ] {
+        let error = error(MeshFormat::Ply, &format!("{head}{rest}"));
+        assert!(error.starts_with(expected) && error.ends_with("; export it again"), "{error}");
+    }
+}
+
+#[test]
+fn gltf_nodes_place_their_meshes() {
+    let json = gltf_json(&tetrahedron());
+    let with_nodes = |nodes: &str| json.replace(r#""nodes": [{ "mesh": 0 }]"#, &format!(r#""nodes": [{nodes}]"#));
+    let read = |nodes: &str| parse(MeshFormat::Gltf, with_nodes(nodes).as_bytes()).unwrap();
+    let nested = r#"{ "translation": [10, 0, 0], "children": [1, 2] }, { "mesh": 0, "scale": [2, 2, 2] },
+                    { "mesh": 0, "translation": [0, 5, 0], "scale": [-1, 1, 1] }, { "mesh": 0 }"#;
+    let mesh = read(nested);
+    let report = MeshReport::new(&mesh);
+    assert_eq!(
+        (report.triangles, report.components, report.is_closed()),
+        (8, 2, true),
+        "the fourth node is in no scene"
+    );
+    assert!((report.volume - 9.0 / 6.0).abs() < 1e-6, "the mirrored one is inside out: {report}");
+    assert_eq!((mesh.aabb().min, mesh.aabb().max), (Vec3::new(9.0, 0.0, 0.0), Vec3::new(12.0, 6.0, 2.0)));
+
+    let cycle = error(MeshFormat::Gltf, &with_nodes(r#"{ "children": [1] }, { "children": [0], "mesh": 0 }"#));
+    assert_eq!(cycle, "node 0: the scene reaches it twice, so its nodes are no tree; export it again");
+}
+
+#[test]
+fn gltf_modes_and_errors() {
+    let json = gltf_json(&tetrahedron());
+    let with_mode = |mode: u32| json.replace(r#""indices": 1 }"#, &format!(r#""indices": 1, "mode": {mode} }}"#));
+    for (mode, count) in [(4, 4), (5, 10), (6, 10)] {
+        assert_eq!(parse(MeshFormat::Gltf, with_mode(mode).as_bytes()).unwrap().triangles.len(), count);
+    }
+    let lines = "mesh 0, primitive 0: it is drawn as Lines, not as triangles; remove it, or turn it into triangles";
+    assert_eq!(error(MeshFormat::Gltf, &with_mode(1)), lines);
+    let wild = json.replace(r#""POSITION": 0"#, r#""POSITION": 9"#);
+    let missing = "the glTF document: a mesh refers to accessor 9, which does not exist; export it again";
+    assert_eq!(error(MeshFormat::Gltf, &wild), missing);
+    let unindexed = json.replace(r#", "indices": 1 }"#, " }");
+    assert_eq!(parse(MeshFormat::Gltf, unindexed.as_bytes()).unwrap().triangles, [[0, 1, 2]]);
+
+    let beside = gltf_document(&tetrahedron(), Some("a%20file.bin"));
+    let missing = parse(MeshFormat::Gltf, beside.0.as_bytes()).unwrap_err().to_string();
+    assert!(
+        missing.starts_with("buffer 0: it cannot be read: ")
+            && missing.contains("a file.bin")
+            && missing.contains(".glb"),
+        "{missing}"
+    );
+    let folder = std::env::temp_dir().join(format!("bevy_medial_{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("a file.bin"), &beside.1).unwrap();
+    std::fs::write(folder.join("model.GLTF"), &beside.0).unwrap();
+    assert_eq!(load(&folder.join("model.GLTF")).unwrap(), tetrahedron().welded());
+    std::fs::write(folder.join("a file.bin"), &beside.1[1..]).unwrap();
+    let short = load(&folder.join("model.GLTF")).unwrap_err().to_string();
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert!(short.ends_with("model.GLTF: buffer 0: it promises 72 bytes and has 71; export it again"), "{short}");
+
+    let remote = gltf_document(&tetrahedron(), Some("https://example.org/a.bin")).0;
+    assert!(error(MeshFormat::Gltf, &remote).contains("its URI is no relative path: `https://"));
+    assert!(load(Path::new("model.fbx")).unwrap_err().to_string().contains("the extension is not .obj"));
+    assert!(load(Path::new("no such.obj")).unwrap_err().to_string().starts_with("no such.obj: cannot be read"));
+}

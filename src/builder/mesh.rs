@@ -1,0 +1,287 @@
+use std::collections::HashMap;
+
+use glam::Vec3;
+use thiserror::Error;
+
+use crate::{geometry::Aabb, medial_axis::MAX_EXTENT};
+
+/// Largest number of vertices, and of triangles, of a mesh.
+pub const MAX_MESH_SIZE: usize = 1 << 24;
+
+/// A surface made of triangles, in metres, in the shape's own frame.
+///
+/// Triangles of a closed surface are counter-clockwise as seen from outside. [`new`](Self::new) checks the lists; the functions that take a
+/// mesh rely on what it checks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TriangleMesh {
+    /// Vertices.
+    pub positions: Vec<Vec3>,
+    /// Three vertices per triangle.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// Why lists are no surface.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum MeshError {
+    /// There is no triangle.
+    #[error("the mesh has no triangles")]
+    Empty,
+    /// There are more vertices or triangles than [`MAX_MESH_SIZE`].
+    #[error("the mesh has {count} {what}, more than {MAX_MESH_SIZE}; reduce it first")]
+    TooLarge {
+        /// `vertices` or `triangles`.
+        what: &'static str,
+        /// How many.
+        count: usize,
+    },
+    /// A coordinate is NaN, infinite or beyond [`MAX_EXTENT`].
+    #[error("vertex {vertex}: {value} is not a number from -{MAX_EXTENT} to {MAX_EXTENT}; move or scale the mesh")]
+    NotFinite {
+        /// Index of the vertex.
+        vertex: usize,
+        /// The offending coordinate.
+        value: f32,
+    },
+    /// A triangle refers to a vertex that does not exist.
+    #[error("triangle {triangle}: there is no vertex {index} among {vertices}")]
+    IndexOutOfRange {
+        /// Index of the triangle.
+        triangle: usize,
+        /// The offending index.
+        index: u32,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// All triangles lie in one point.
+    #[error("the mesh has no size: all of its triangles lie in one point")]
+    NoSize,
+    /// A Bevy mesh is not made of triangles, or lies on the GPU only.
+    #[cfg(feature = "bevy_mesh")]
+    #[error("the Bevy mesh gives no triangles: {0}; a triangle list or strip with f32 positions in main memory does")]
+    Bevy(String),
+}
+
+impl TriangleMesh {
+    /// A mesh from its lists.
+    ///
+    /// # Errors
+    /// If there is no triangle, if there are too many, if a coordinate is not finite or too large, if an index is out of range, or if
+    /// all triangles lie in one point. Flaws of a surface that has a size are no errors: see [`MeshReport`](super::MeshReport).
+    pub fn new(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
+        if triangles.is_empty() {
+            return Err(MeshError::Empty);
+        }
+        for (what, count) in [("vertices", positions.len()), ("triangles", triangles.len())] {
+            if count > MAX_MESH_SIZE {
+                return Err(MeshError::TooLarge { what, count });
+            }
+        }
+        for (vertex, position) in positions.iter().enumerate() {
+            // NaN is in no range.
+            if let Some(&value) = position.to_array().iter().find(|v| !(-MAX_EXTENT..=MAX_EXTENT).contains(*v)) {
+                return Err(MeshError::NotFinite { vertex, value });
+            }
+        }
+        let vertices = positions.len();
+        for (triangle, corners) in triangles.iter().enumerate() {
+            if let Some(&index) = corners.iter().find(|&&i| i as usize >= vertices) {
+                return Err(MeshError::IndexOutOfRange { triangle, index, vertices });
+            }
+        }
+        let mesh = Self { positions, triangles };
+        if mesh.diagonal() > 0.0 { Ok(mesh) } else { Err(MeshError::NoSize) }
+    }
+
+    /// A Bevy mesh, with vertices at equal places made one: normals and texture coordinates that differ do not cut the surface.
+    ///
+    /// # Errors
+    /// If it is no triangle list or strip, has no f32 positions or lies on the GPU only; otherwise as for [`new`](Self::new).
+    #[cfg(feature = "bevy_mesh")]
+    pub fn from_bevy(mesh: &bevy::mesh::Mesh) -> Result<Self, MeshError> {
+        use bevy::mesh::{Mesh, PrimitiveTopology};
+
+        let refused = |why: &dyn std::fmt::Display| MeshError::Bevy(why.to_string());
+        let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION).map_err(|error| refused(&error))?;
+        let positions = positions.as_float3().ok_or_else(|| refused(&"its positions are not three f32 each"))?;
+        let indices: Vec<u32> = match mesh.try_indices_option().map_err(|error| refused(&error))? {
+            // No index exceeds u32.
+            Some(indices) => indices.iter().map(|i| i as u32).collect(),
+            None => (0..positions.len() as u32).collect(),
+        };
+        let triangles = match mesh.primitive_topology() {
+            PrimitiveTopology::TriangleList => list(&indices),
+            PrimitiveTopology::TriangleStrip => strip(&indices),
+            other => return Err(refused(&format!("it is a {other:?}"))),
+        };
+        Ok(Self::new(positions.iter().copied().map(Vec3::from).collect(), triangles)?.welded())
+    }
+
+    /// The corners of a triangle.
+    pub fn corners(&self, triangle: [u32; 3]) -> [Vec3; 3] {
+        triangle.map(|i| self.positions[i as usize])
+    }
+
+    /// The box around the triangles.
+    pub fn aabb(&self) -> Aabb {
+        let corners = self.triangles.iter().flatten().map(|&i| self.positions[i as usize]);
+        corners.fold(Aabb::EMPTY, |aabb, p| aabb.merge(Aabb { min: p, max: p }))
+    }
+
+    /// Length in metres of the diagonal of the box around the triangles: the unit of errors, as is usual for meshes of any size.
+    pub fn diagonal(&self) -> f32 {
+        let Aabb { min, max } = self.aabb();
+        min.as_dvec3().distance(max.as_dvec3()) as f32
+    }
+
+    /// The same triangles with one vertex at each place, and none that no triangle uses, in the order of first use.
+    #[must_use]
+    pub fn welded(&self) -> Self {
+        let mut number = HashMap::with_capacity(self.positions.len());
+        let mut positions = Vec::new();
+        let triangles = self.triangles.iter().map(|triangle| {
+            self.corners(*triangle).map(|position| {
+                // Adding 0 turns -0 into 0, which equals it.
+                let key = position.to_array().map(|x| (x + 0.0).to_bits());
+                *number.entry(key).or_insert_with(|| {
+                    positions.push(position);
+                    positions.len() as u32 - 1
+                })
+            })
+        });
+        let triangles = triangles.collect();
+        Self { positions, triangles }
+    }
+
+    /// The triangles of each connected piece, pieces and triangles in ascending order. Triangles hang together if they share a vertex of
+    /// the list: weld first.
+    pub fn components(&self) -> Vec<Vec<u32>> {
+        let mut parent: Vec<u32> = (0..self.positions.len() as u32).collect();
+        for &[a, b, c] in &self.triangles {
+            for other in [b, c] {
+                let (a, other) = (root(&mut parent, a), root(&mut parent, other));
+                parent[a.max(other) as usize] = a.min(other);
+            }
+        }
+        let mut number = HashMap::new();
+        let mut components: Vec<Vec<u32>> = Vec::new();
+        for (triangle, corners) in (0..).zip(&self.triangles) {
+            let at = *number.entry(root(&mut parent, corners[0])).or_insert_with(|| {
+                components.push(Vec::new());
+                components.len() - 1
+            });
+            components[at].push(triangle);
+        }
+        components
+    }
+}
+
+/// The representative of a vertex; the paths to it get shorter on the way.
+fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
+    while parent[vertex as usize] != vertex {
+        parent[vertex as usize] = parent[parent[vertex as usize] as usize];
+        vertex = parent[vertex as usize];
+    }
+    vertex
+}
+
+/// Triangles of three indices each; what is left over is no triangle.
+#[cfg(any(feature = "bevy_mesh", feature = "mesh_files"))]
+pub(super) fn list(indices: &[u32]) -> Vec<[u32; 3]> {
+    indices.as_chunks().0.to_vec()
+}
+
+/// Triangles of a strip: each index makes one with the two before it, every other one the other way round.
+#[cfg(any(feature = "bevy_mesh", feature = "mesh_files"))]
+pub(super) fn strip(indices: &[u32]) -> Vec<[u32; 3]> {
+    let turned = |(at, w): (usize, &[u32])| if at % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
+    indices.windows(3).enumerate().map(turned).collect()
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A unit tetrahedron with outward triangles.
+    pub fn tetrahedron() -> TriangleMesh {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        TriangleMesh::new(positions, vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap()
+    }
+
+    #[test]
+    fn errors_name_what_and_where() {
+        let good = tetrahedron();
+        let with = |at: usize, position: Vec3| {
+            let mut positions = good.positions.clone();
+            positions[at] = position;
+            positions
+        };
+        let range = "is not a number from -1000000 to 1000000; move or scale the mesh";
+        let cases = [
+            (good.positions.clone(), vec![], "the mesh has no triangles".into()),
+            (with(2, Vec3::new(0.0, f32::NAN, 0.0)), vec![[0, 1, 2]], format!("vertex 2: NaN {range}")),
+            (with(3, Vec3::INFINITY), vec![[0, 1, 2]], format!("vertex 3: inf {range}")),
+            (with(0, Vec3::X * 2e6), vec![[0, 1, 2]], format!("vertex 0: 2000000 {range}")),
+            (good.positions.clone(), vec![[0, 1, 2], [1, 2, 4]], "triangle 1: there is no vertex 4 among 4".into()),
+            (vec![Vec3::ONE; 3], vec![[0, 1, 2]], "the mesh has no size: all of its triangles lie in one point".into()),
+            (
+                vec![Vec3::ONE; MAX_MESH_SIZE + 1],
+                vec![[0, 1, 2]],
+                "the mesh has 16777217 vertices, more than 16777216; reduce it first".into(),
+            ),
+        ];
+        for (positions, triangles, message) in cases {
+            assert_eq!(TriangleMesh::new(positions, triangles).unwrap_err().to_string(), message);
+        }
+    }
+
+    #[test]
+    fn welding_joins_equal_places_and_drops_unused_ones() {
+        let good = tetrahedron();
+        // Every triangle with vertices of its own, one of them at -0, and a vertex that nothing uses.
+        let mut positions = vec![Vec3::splat(9.0)];
+        positions.extend(good.triangles.iter().flat_map(|t| good.corners(*t)));
+        positions[1] = -Vec3::ZERO;
+        let soup = TriangleMesh::new(positions, (0..4).map(|i| [0, 1, 2].map(|k| 1 + 3 * i + k)).collect()).unwrap();
+        assert_eq!((soup.components().len(), good.components().len()), (4, 1));
+        let welded = soup.welded();
+        assert_eq!((welded.positions.len(), welded.components()), (4, vec![vec![0, 1, 2, 3]]));
+        for (a, b) in welded.triangles.iter().zip(&good.triangles) {
+            assert_eq!(welded.corners(*a), good.corners(*b));
+        }
+        assert_eq!(soup.diagonal(), 3f32.sqrt(), "the unused vertex counts");
+    }
+
+    #[cfg(feature = "bevy_mesh")]
+    #[test]
+    fn bevy_meshes_of_triangles_are_taken() {
+        use bevy::{
+            asset::RenderAssetUsages,
+            mesh::{Indices, Mesh, MeshBuilder, Meshable, PrimitiveTopology},
+        };
+
+        let cuboid = bevy::math::primitives::Cuboid::new(1.0, 2.0, 3.0).mesh().build();
+        let mesh = TriangleMesh::from_bevy(&cuboid).unwrap();
+        assert_eq!((mesh.positions.len(), mesh.triangles.len()), (8, 12), "24 vertices with normals are 8 places");
+        let report = super::super::MeshReport::new(&mesh);
+        assert!(report.is_closed() && (report.volume - 6.0).abs() < 1e-5, "{report:?}");
+
+        let square = vec![[0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+        let of = |topology| {
+            Mesh::new(topology, RenderAssetUsages::default())
+                .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, square.clone())
+        };
+        let strip = TriangleMesh::from_bevy(&of(PrimitiveTopology::TriangleStrip)).unwrap();
+        assert_eq!(strip.triangles, [[0, 1, 2], [2, 1, 3]]);
+        let unindexed = TriangleMesh::from_bevy(&of(PrimitiveTopology::TriangleList)).unwrap();
+        assert_eq!(unindexed.triangles, [[0, 1, 2]]);
+        let wild = of(PrimitiveTopology::TriangleList).with_inserted_indices(Indices::U32(vec![0, 1, 4]));
+        assert!(matches!(TriangleMesh::from_bevy(&wild), Err(MeshError::IndexOutOfRange { index: 4, .. })));
+        for (mesh, why) in [
+            (of(PrimitiveTopology::LineList), "LineList"),
+            (Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default()), "wasn't found"),
+        ] {
+            let error = TriangleMesh::from_bevy(&mesh).unwrap_err().to_string();
+            assert!(error.contains(why), "{error}");
+        }
+    }
+}

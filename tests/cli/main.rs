@@ -1,0 +1,170 @@
+//! The program `medial`, run as a user runs it.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use bevy_medial::{
+    builder::{Level, MedialLevels, TriangleMesh, measure},
+    medial_axis::{MedialAxis, ma, triangulate},
+};
+
+const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/models/");
+
+fn medial(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_medial")).args(args).output().unwrap()
+}
+
+/// What a run prints that ends well.
+fn prints(args: &[&str]) -> String {
+    let output = medial(args);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{args:?}: {errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// What a run complains about that fails with a code: one line, or usage.
+fn fails(args: &[&str], code: i32) -> String {
+    let output = medial(args);
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{args:?}: {errors}");
+    assert!(errors.starts_with("error: ") && !errors.contains("panicked"), "{args:?}: {errors}");
+    assert!(output.stdout.is_empty(), "{args:?}");
+    errors.trim_end().into()
+}
+
+/// A folder that goes when the test ends.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}_{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        Self(folder)
+    }
+
+    /// Writes a file, and gives its path.
+    fn file(&self, name: &str, content: &str) -> String {
+        let path = self.0.join(name).to_str().unwrap().to_owned();
+        fs::write(&path, content).unwrap();
+        path
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A model of the project as an OBJ file.
+fn obj(name: &str) -> String {
+    let bytes = fs::read(format!("{MODELS}{name}.ma")).unwrap();
+    let (axis, _) = ma::parse(&bytes).unwrap().into_medial_axis().unwrap();
+    let surface = triangulate(axis.spheres(), axis.primitives(), 24);
+    let vertices = surface.positions.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n"));
+    let faces = surface.indices.chunks_exact(3).map(|f| format!("f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1));
+    vertices.chain(faces).collect()
+}
+
+#[test]
+fn measure_prints_a_row_for_each_medial_mesh() {
+    let folder = Folder::new("measure");
+    let mesh = folder.file("bear.obj", &obj("bear"));
+    let [bear, cow] = ["bear", "cow"].map(|name| format!("{MODELS}{name}.ma"));
+    let text = prints(&["measure", &mesh, &bear, &cow]);
+    let row = |name: &str| -> Vec<f32> {
+        let row = text.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name} in\n{text}"));
+        row[name.len()..].split_whitespace().filter_map(|field| field.parse().ok()).collect()
+    };
+    let (bear, cow) = (row(&bear), row(&cow));
+    assert_eq!((bear.len(), cow.len()), (7, 7), "{text}");
+    // A shape's own triangles stray from it by what they cut off; another shape is another thing.
+    assert!(bear[5] < 0.5 && cow[3] > 2.0 && cow[5] > 2.0, "{text}");
+}
+
+#[test]
+fn info_describes_either_kind() {
+    let folder = Folder::new("info");
+    let text = prints(&["info", &format!("{MODELS}dinosaur.ma")]);
+    for word in ["in the file: ", "clean-up: ", "slabs", "bounds: ", "radii: ", "volume: ", "inertia"] {
+        assert!(text.contains(word), "{word} in\n{text}");
+    }
+    let open = folder.file("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nf 1 2 3\n");
+    let text = prints(&["info", &open]);
+    assert!(text.contains("triangles: 1") && text.contains("3 boundary edges: "), "{text}");
+}
+
+#[test]
+fn levels_are_described_and_measured_one_by_one() {
+    let folder = Folder::new("levels");
+    let level = |segments| {
+        let axis = MedialAxis::torus(1.0, 0.2, segments).unwrap();
+        let surface = triangulate(axis.spheres(), axis.primitives(), 24);
+        let positions = surface.positions.into_iter().map(Into::into).collect();
+        let mesh = TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap();
+        Level { error: measure(&mesh, &axis), axis }
+    };
+    let chain = MedialLevels { levels: vec![level(24), level(6)] };
+    let path = folder.0.join("torus.medial");
+    chain.save(&path).unwrap();
+    let path = path.to_str().unwrap();
+    let text = prints(&["info", path]);
+    assert!(text.contains("2 levels") && text.contains("level 1: 6 spheres, 6 cones, 0 slabs; mesh to "), "{text}");
+    let mesh = folder.file("bear.obj", &obj("bear"));
+    let text = prints(&["measure", &mesh, path]);
+    assert!(text.contains("torus.medial level 0 ") && text.contains("torus.medial level 1 "), "{text}");
+    fs::write(path, b"medial").unwrap();
+    assert!(fails(&["info", path], 1).contains("torus.medial: it is no .medial file"));
+}
+
+#[test]
+fn clean_keeps_the_shape() {
+    let folder = Folder::new("clean");
+    // A cone within a slab, a ball within a ball, and a sphere that nothing uses.
+    let raw = "5 2 1\nv 0 0 0 1\nv 4 0 0 1\nv 0 4 0 1\nv 0 0 0 0.5\nv 9 9 9 1\ne 0 1\ne 0 3\nf 0 1 2\n";
+    let raw = folder.file("raw.ma", raw);
+    let out = folder.0.join("out.ma");
+    let text = prints(&["clean", &raw, "-o", out.to_str().unwrap()]);
+    assert!(text.contains("degenerate cones simplified: 1") && text.contains("isolated spheres"), "{text}");
+    let clean = ma::parse(&fs::read(&out).unwrap()).unwrap();
+    assert_eq!((clean.spheres.len(), clean.edges.len(), clean.faces.len()), (4, 0, 1));
+    assert!(prints(&["clean", out.to_str().unwrap(), "-o", out.to_str().unwrap()]).contains("isolated spheres"));
+}
+
+#[test]
+fn errors_are_one_line_and_a_code() {
+    let folder = Folder::new("errors");
+    let bad_mesh = folder.file("bad.obj", "v 0 0 0\nf 1 2 3\n");
+    let bad_axis = folder.file("bad.ma", "1 0 0\nv 0 0 0 -1\n");
+    let good_mesh = folder.file("good.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let bear = format!("{MODELS}bear.ma");
+    let cases: [(&[&str], &str); 8] = [
+        (&["info", "no such.ma"], "no such.ma: cannot be read"),
+        (&["info", "no such.obj"], "no such.obj: cannot be read"),
+        (&["info", &bad_mesh], "bad.obj: line 2: there is no vertex 2"),
+        (&["info", &bad_axis], "bad.ma: line 2: the radius is `-1`"),
+        (&["measure", &good_mesh, &bad_axis], "bad.ma: line 2"),
+        (&["measure", &bear, &bear], "the extension is not .obj"),
+        (&["clean", &bear, "-o", "/no such folder/out.ma"], "out.ma: cannot be written"),
+        (&["build", &bad_mesh, "-o", "out.ma"], "bad.obj: line 2"),
+    ];
+    for (args, expected) in cases {
+        let errors = fails(args, 1);
+        assert!(errors.contains(expected) && errors.lines().count() == 1, "{args:?}: {errors}");
+    }
+    let usage: [&[&str]; 6] = [
+        &["measure", &good_mesh],
+        &["build", &good_mesh],
+        &["build", &good_mesh, "-o", "out.ma", "--spheres", "0"],
+        &["build", &good_mesh, "-o", "out.ma", "--max-error", "nan"],
+        &["build", &good_mesh, "-o", "out.ma", "--max-error", "-1"],
+        &["polish"],
+    ];
+    for args in usage {
+        fails(args, 2);
+    }
+    assert!(prints(&["--help"]).contains("measure") && prints(&["build", "--help"]).contains("--max-error"));
+}
