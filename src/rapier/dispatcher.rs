@@ -20,7 +20,6 @@ use super::{
     table::{ContactTable, PairKey, SecondKey},
 };
 use crate::{
-    constants::TOUCH_DISTANCE,
     geometry::Pose3,
     pipeline::{
         Manifold, Second, Shape,
@@ -71,8 +70,9 @@ impl<'a> Pair<'a> {
         let mut manifolds = table.get(&key).unwrap_or_else(|| {
             self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, prediction))
         });
-        if table.pace(self.first.key, second) >= 1.0 {
-            manifolds.retain_mut(|manifold| manifold.keep_within(TOUCH_DISTANCE));
+        let trusted = table.trusted_distance(self.first.key, second, prediction);
+        if trusted < prediction {
+            manifolds.retain_mut(|manifold| manifold.keep_within(trusted));
         }
         manifolds
     }

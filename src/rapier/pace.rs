@@ -2,11 +2,12 @@
 //!
 //! Rapier keeps normals and lever arms of contacts for a whole step, which is next to exact for bodies that hardly move in it. Fast ones need finer
 //! solver steps, see [`substeps`](super::substeps), and no contacts at a distance: the solver would stop them there, whether they come to
-//! touch or turn away and pass. Their impacts are found by the sweep.
+//! touch or turn away and pass. Their impacts are found by the sweep. What slides needs the contacts that will carry it next.
 
 use glam::Vec3;
 
 use crate::{
+    constants::TOUCH_DISTANCE,
     pipeline::{Pair, Side},
     plugin::MedialStep,
 };
@@ -31,19 +32,24 @@ impl Pace {
         Self { way, turn: rotation.length() * radius, radius }
     }
 
-    /// How far any point of one goes relative to the other at most, in radii of the smaller one. From 1 on they are fast: bodies that fall
-    /// or tumble are not.
-    pub fn against(&self, other: &Self) -> f32 {
-        (self.way.distance(other.way) + self.turn + other.turn) / self.radius.min(other.radius)
+    /// How far any point of one goes relative to the other at most, in metres.
+    fn against(&self, other: &Self) -> f32 {
+        self.way.distance(other.way) + self.turn + other.turn
+    }
+
+    /// Distance in metres up to which the solver is told of contacts: the less, the farther the pair goes.
+    pub fn trusted_distance(&self, other: &Self, prediction: f32) -> f32 {
+        let trust = (prediction / self.against(other)).min(1.0);
+        (prediction * trust * trust).max(TOUCH_DISTANCE)
     }
 }
 
-/// The pace of a pair in the last step.
+/// How far the sides of a pair have gone relative to each other in the last step, in radii of the smaller one.
 pub(super) fn pace(step: &MedialStep, pair: &Pair) -> f32 {
     let [pace1, pace2] = [pair.first, pair.second].map(|side| {
         let Side::Body(body) = side else { return Pace::REST };
         let sweep = &step.input.bodies[body as usize].sweep;
         Pace::new(sweep.translation, sweep.rotation, step.solid(side).bounding_sphere().radius)
     });
-    pace1.against(&pace2)
+    pace1.against(&pace2) / pace1.radius.min(pace2.radius)
 }

@@ -41,6 +41,7 @@ pub(super) fn refine(
     for pair in step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()) {
         let sides = [pair.first, pair.second];
         let way = pace(&step, pair);
+        // Bodies that fall or tumble are not fast.
         if way < 1.0 {
             continue;
         }

@@ -76,12 +76,12 @@ impl ContactTable {
         self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner()).paces = paces;
     }
 
-    /// How far the sides of a pair go relative to each other, in radii of the smaller one.
-    pub(super) fn pace(&self, first: u64, second: SecondKey) -> f32 {
+    /// Distance in metres up to which the solver is told of a pair's contacts.
+    pub(super) fn trusted_distance(&self, first: u64, second: SecondKey, prediction: f32) -> f32 {
         let table = self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner());
         let [pace1, pace2] =
             [SecondKey::Medial(first), second].map(|key| table.paces.get(&key).copied().unwrap_or(Pace::REST));
-        pace1.against(&pace2)
+        pace1.trusted_distance(&pace2, prediction)
     }
 
     /// Number of pairs.

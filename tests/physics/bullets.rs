@@ -591,3 +591,50 @@ fn bullets_table() {
         }
     }
 }
+
+#[test]
+#[ignore = "trace"]
+fn trace() {
+    let (_, shape) = shapes().swap_remove(0);
+    for (aim, i) in [(Aim::HeadOn, 12)] {
+        let cell = Cell { shape: shape.clone(), aim, speed: 300.0, spin: 100.0 };
+        let flights = cell.hits(&mut Random(1), 20);
+        for f in [1, 100] {
+            let mut coarse = Range::new(&cell, &flights, DT / f as f32);
+            let mut last = DVec3::ZERO;
+            for k in 0..12 * f {
+                run(&mut coarse.app, 1);
+                let s = coarse.momenta(i);
+                let step = coarse.app.world().resource::<MedialStep>();
+                let a = index(step, coarse.bodies[i][0]);
+                let b = index(step, coarse.bodies[i][1]);
+                let pairs: Vec<_> = step
+                    .output
+                    .pairs
+                    .iter()
+                    .filter(|p| p.first == bevy_medial::pipeline::Side::Body(a as u32))
+                    .map(|p| {
+                        (
+                            p.impact.map(|i| (i.fraction, i.normal, i.point)),
+                            step.output.manifolds[p.manifolds.clone()]
+                                .iter()
+                                .map(|m| (m.normal1, m.contacts().iter().map(|c| c.distance).collect::<Vec<_>>()))
+                                .collect::<Vec<_>>(),
+                        )
+                    })
+                    .collect();
+                if f == 1 || (s[0] - last).length() > 1e-6 {
+                    println!(
+                        "{} of {f}: {:?} stop {:?} pairs {pairs:?} turn {:.3} {:.3}",
+                        k as f32 / f as f32,
+                        s[0] / 300.0,
+                        step.output.stop_of(a as u32).map(|s| s.fraction),
+                        step.input.bodies[a].sweep.rotation.length(),
+                        step.input.bodies[b].sweep.rotation.length()
+                    );
+                }
+                last = s[0];
+            }
+        }
+    }
+}

