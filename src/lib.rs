@@ -34,7 +34,7 @@
 //! Stages 2 to 5 are one function on plain data, [`pipeline::step`]. It runs once a step, right *after* rapier's solver: the motion of each body is
 //! known then, so impacts are those of the motion that happens, and the contacts at its end are those that the next solve starts from.
 //! A body that would pass through another, or sink into it, stops at its first impact and keeps its velocity; the next step solves a true
-//! contact there.
+//! contact there. Where little of its way goes into the other, as when it rolls or lands gently, it slides on.
 //!
 //! # Rooms
 //!
