@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{
-    descent::Penalty,
+    descent::Target,
     envelope::{Complex, Cone, Envelope, Hull, edges_of},
     parallel,
     samples::Samples,
@@ -72,13 +72,12 @@ pub(super) fn connect(
     complex: &mut Complex,
     parts: &[u32],
     touching: &BTreeSet<[u32; 2]>,
-    solid: &Solid,
     samples: &Samples,
     limits: Limits,
-    penalty: Penalty,
+    target: &Target,
 ) {
     let pairs: Vec<[u32; 2]> = touching.iter().copied().collect();
-    let protrusions = parallel::map(pairs.len(), 8, |i| protrusion(solid, complex, pairs[i]));
+    let protrusions = parallel::map(pairs.len(), 8, |i| protrusion(target.solid, complex, pairs[i]));
     let length = |[i, j]: [u32; 2]| complex.balls[i as usize].center.distance(complex.balls[j as usize].center);
     let mut ranked: Vec<(f64, [u32; 2])> =
         pairs.iter().zip(&protrusions).map(|(&pair, out)| (out + 0.02 * length(pair), pair)).collect();
@@ -99,7 +98,7 @@ pub(super) fn connect(
     complex.edges.sort_unstable();
 
     let candidates = candidates(touching);
-    spend(complex, candidates, solid, samples, limits, penalty);
+    spend(complex, candidates, samples, limits, target);
 }
 
 /// The edges and faces of spheres whose clusters touch pairwise.
@@ -116,15 +115,14 @@ pub(super) fn candidates(touching: &BTreeSet<[u32; 2]>) -> Vec<Primitive> {
 pub(super) fn spend(
     complex: &mut Complex,
     mut candidates: Vec<Primitive>,
-    solid: &Solid,
     samples: &Samples,
     limits: Limits,
-    penalty: Penalty,
+    target: &Target,
 ) {
     candidates.retain(|c| !has(complex, c));
     let envelope = complex.envelope();
     let mut distances: Vec<f64> = envelope.hits(&samples.points).iter().map(|h| h.distance).collect();
-    let reliefs = parallel::map(candidates.len(), 2, |i| relief(complex, &candidates[i], samples, &distances, penalty));
+    let reliefs = parallel::map(candidates.len(), 2, |i| relief(complex, &candidates[i], samples, &distances, target));
     // Until it is known, the harm is taken as none.
     let mut waiting: Vec<(f64, Primitive, Option<f64>)> =
         reliefs.into_iter().zip(candidates).map(|(relief, c)| (relief, c, None)).collect();
@@ -136,8 +134,8 @@ pub(super) fn spend(
         });
         let Some(best) = best else { break };
         let (before, first, harm) = waiting[best];
-        let harm = harm.unwrap_or_else(|| self::harm(complex, &first, solid, samples, penalty));
-        let fresh = (relief(complex, &first, samples, &distances, penalty) - harm) / missing_edges(complex, &first).len().max(1) as f64;
+        let harm = harm.unwrap_or_else(|| self::harm(complex, &first, target));
+        let fresh = (relief(complex, &first, samples, &distances, target) - harm) / missing_edges(complex, &first).len().max(1) as f64;
         waiting[best] = (fresh, first, Some(harm));
         if fresh < before {
             continue;
@@ -182,7 +180,7 @@ fn add(complex: &mut Complex, candidate: &Primitive) {
 }
 
 /// By how much the candidate brings the error of the samples down.
-pub(super) fn relief(complex: &Complex, candidate: &Primitive, samples: &Samples, distances: &[f64], penalty: Penalty) -> f64 {
+pub(super) fn relief(complex: &Complex, candidate: &Primitive, samples: &Samples, distances: &[f64], target: &Target) -> f64 {
     let hull = Hull::new(&complex.balls, candidate);
     let mut sum = 0.0;
     for (block, bound) in samples.points.blocks() {
@@ -194,7 +192,7 @@ pub(super) fn relief(complex: &Complex, candidate: &Primitive, samples: &Samples
         for i in block {
             let distance = hull.distance(samples.points.positions[i]);
             if distance < distances[i] {
-                sum += samples.weights[i] * (penalty.of(distances[i]) - penalty.of(distance));
+                sum += samples.weights[i] * (target.cost_of(distances[i]) - target.cost_of(distance));
             }
         }
     }
@@ -202,16 +200,14 @@ pub(super) fn relief(complex: &Complex, candidate: &Primitive, samples: &Samples
 }
 
 /// What the surface of the candidate costs where it lies outside the solid.
-pub(super) fn harm(complex: &Complex, candidate: &Primitive, solid: &Solid, samples: &Samples, penalty: Penalty) -> f64 {
+pub(super) fn harm(complex: &Complex, candidate: &Primitive, target: &Target) -> f64 {
     const SPACING: f64 = 0.02;
     let envelope = Envelope::of(&complex.balls, vec![*candidate]);
     let surface = envelope.sides(SPACING);
     let costs = surface.iter().map(|s| {
         let point = envelope.point(s);
-        match solid.tree.closest(point, 1.0) {
-            Some(nearest) if !solid.tree.is_inside(point) => s.area * penalty.of(nearest.distance(point)),
-            _ => 0.0,
-        }
+        let away = target.solid.closest_off_rims(point).map_or(glam::DVec3::ZERO, |nearest| point - nearest);
+        if away.dot(s.normal) > 0.0 { s.area * target.penalty.of(away.length()) } else { 0.0 }
     });
-    costs.sum::<f64>() / samples.area
+    costs.sum::<f64>() / target.area
 }

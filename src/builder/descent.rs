@@ -7,9 +7,8 @@
 use glam::{DVec3, DVec4};
 
 use super::{
-    envelope::{Complex, Envelope, Hit},
+    envelope::{Complex, Envelope, Hit, Points, SurfacePoint},
     parallel,
-    samples::Samples,
     solid::Solid,
 };
 
@@ -34,18 +33,32 @@ impl Penalty {
     pub fn of(&self, error: f64) -> f64 {
         let square = error * error / self.steep;
         let bent = square.min(Self::STEEPEST);
-        self.steep * (bent + bent.powi(3) + (square - bent) * (1.0 + 3.0 * bent * bent))
+        self.steep * (bent + bent.powi(2) + (square - bent) * (1.0 + 2.0 * bent))
     }
 
     /// Slope of the cost over twice the error: the weight of a least squares residual that pulls as the cost does.
     fn pull(&self, error: f64) -> f64 {
         let square = (error * error / self.steep).min(Self::STEEPEST);
-        1.0 + 3.0 * square * square
+        1.0 + 2.0 * square
     }
 }
 
 /// How much the way from the envelope to the surface counts beside the other.
-const OUTWARD: f64 = 2.0;
+const OUTWARD: f64 = 1.0;
+
+/// How much a sample outside of the envelope counts beside one within: it stands for the way back as well, which is longer in a crease.
+const UNCOVERED: f64 = 2.5;
+
+/// Weight of a sample by its side.
+fn side(distance: f64) -> f64 {
+    if distance > 0.0 { UNCOVERED } else { 1.0 }
+}
+
+/// How deep a point of the envelope sinks into other primitives until it counts no more, in spacings.
+const FADE: f64 = 0.3;
+
+/// Points of the envelope this deep within the solid may come out of it in a descent, as a part of the diagonal.
+const NEARLY_OUTSIDE: f64 = 0.004;
 
 /// How far a sphere may move in a step, in radii, and as a part of the diagonal.
 const STRIDE: [f64; 2] = [0.3, 0.005];
@@ -55,6 +68,8 @@ const LEAST_RADIUS: f64 = 1e-4;
 
 /// A point of the envelope and the point of the surface that it should be at.
 pub(super) struct Anchor {
+    /// Index of its place.
+    place: usize,
     pub primitive: u32,
     pub weights: [f64; 3],
     normal: DVec3,
@@ -71,83 +86,142 @@ impl Anchor {
     }
 }
 
-/// Visible points of the envelope about `spacing` apart with their nearest points of the surface.
-pub(super) fn anchors(solid: &Solid, envelope: &Envelope, spacing: f64) -> Vec<Anchor> {
-    const HIDDEN: f64 = -1e-6;
-    let surface = envelope.surface(spacing);
-    let points = super::envelope::Points::new(surface.iter().map(|s| envelope.point(s)).collect());
-    let hits = envelope.hits(&points);
-    let visible: Vec<usize> = (0..surface.len()).filter(|&i| hits[i].distance > HIDDEN).collect();
-    let total: f64 = visible.iter().map(|&i| surface[i].area).sum();
-    let anchors = parallel::map(visible.len(), 32, |at| {
-        let i = visible[at];
-        let (s, point) = (&surface[i], points.positions[i]);
-        let target = solid.closest_off_rims(point)?;
-        let away = point - target;
-        let out = if away.length() > 1e-9 { away.normalize() } else { s.normal };
-        let (primitive, weights, normal) = (s.primitive, s.weights, s.normal);
-        Some(Anchor { primitive, weights, normal, target, out, weight: OUTWARD * s.area / total })
-    });
-    anchors.into_iter().flatten().collect()
-}
-
-/// How a descent runs.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Descent {
-    /// Times that the points of the envelope are taken anew.
-    pub rounds: usize,
-    /// Steps between.
-    pub steps: usize,
+/// What a shape is to fit.
+pub(super) struct Target<'a> {
+    pub solid: &'a Solid,
+    pub points: &'a Points,
+    /// Weights of the points.
+    pub weights: &'a [f64],
+    /// Area of the whole surface.
+    pub area: f64,
+    pub penalty: Penalty,
     /// Distance of points of the envelope.
     pub spacing: f64,
+    /// What else there is that does not move, if the shape is a part of one.
+    pub rest: Option<Rest<'a>>,
 }
 
-pub(super) fn descend(complex: &mut Complex, solid: &Solid, samples: &Samples, penalty: Penalty, descent: Descent) -> f64 {
+/// The part of a shape that does not move.
+pub(super) struct Rest<'a> {
+    pub envelope: &'a Envelope,
+    /// The primitives of the envelope that count.
+    pub primitives: Vec<u32>,
+    /// Their distances to the target's points.
+    pub distances: Vec<f64>,
+    /// Which spheres of the moving part do not move either.
+    pub frozen: Vec<bool>,
+}
+
+/// Stands for the primitives of the rest in a hit.
+const NONE: u32 = u32::MAX;
+
+impl Target<'_> {
+    fn hits(&self, envelope: &Envelope) -> Vec<Hit> {
+        let mut hits = envelope.hits(self.points);
+        if let Some(rest) = &self.rest {
+            for (hit, &distance) in hits.iter_mut().zip(&rest.distances) {
+                if distance < hit.distance {
+                    (hit.distance, hit.primitive) = (distance, NONE);
+                }
+            }
+        }
+        hits
+    }
+
+    /// Visible points of the envelope with their nearest points of the surface.
+    pub fn anchors(&self, envelope: &Envelope) -> Vec<Anchor> {
+        self.anchors_at(envelope, &envelope.surface(self.spacing), 0.0)
+    }
+
+    /// The same at given places; those that lie no deeper within the solid than `depth_limit` count as well. A place fades as it
+    /// sinks into other primitives.
+    fn anchors_at(&self, envelope: &Envelope, places: &[SurfacePoint], depth_limit: f64) -> Vec<Anchor> {
+        let fade = FADE * self.spacing + depth_limit;
+        let points = Points::new(places.iter().map(|s| envelope.point(s)).collect());
+        let own = envelope.hits(&points);
+        let others = self.rest.as_ref().map(|rest| rest.envelope.hits_among(&points, &rest.primitives));
+        let weight = |i: usize| {
+            let depth = others.as_ref().map_or(0.0, |others| -others[i].distance).max(-own[i].distance).max(0.0);
+            1.0 - depth / fade
+        };
+        let visible: Vec<(usize, f64)> =
+            (0..places.len()).map(|i| (i, weight(i))).filter(|(_, weight)| *weight > 0.0).collect();
+        let anchors = parallel::map(visible.len(), 32, |at| {
+            let (i, weight) = visible[at];
+            let (s, point) = (&places[i], points.positions[i]);
+            let target = self.solid.closest_off_rims(point)?;
+            let away = point - target;
+            let out = if away.length() > 1e-9 { away.normalize() } else { s.normal };
+            // Where the envelope lies within the solid, the samples above see it, and without its jumps at creases.
+            if out.dot(s.normal) < 0.0 && away.length() > depth_limit {
+                return None;
+            }
+            let (primitive, weights, normal) = (s.primitive, s.weights, s.normal);
+            Some(Anchor { place: i, primitive, weights, normal, target, out, weight: OUTWARD * weight * s.area / self.area })
+        });
+        anchors.into_iter().flatten().collect()
+    }
+
+    /// What the distance of a sample to the envelope costs.
+    pub fn cost_of(&self, distance: f64) -> f64 {
+        side(distance) * self.penalty.of(distance)
+    }
+
+    fn total(&self, hits: &[Hit], anchors: &[Anchor], envelope: &Envelope) -> f64 {
+        let inward: f64 = hits.iter().zip(self.weights).map(|(h, w)| w * self.cost_of(h.distance)).sum();
+        let outward: f64 = anchors.iter().map(|a| a.weight * self.penalty.of(a.error(envelope))).sum();
+        inward + outward
+    }
+}
+
+/// Moves the spheres downhill in some steps; returns the cost.
+///
+/// The points of the envelope are taken anew for every trial: what comes to light as spheres move counts at once.
+pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize) -> f64 {
+    // The places on the envelope stay the same, relative to the spheres, so that costs compare.
+    let envelope = complex.envelope();
+    let mut places = envelope.surface(target.spacing);
+    let anchored: std::collections::BTreeSet<usize> =
+        target.anchors_at(&envelope, &places, NEARLY_OUTSIDE).iter().map(|a| a.place).collect();
+    let mut place = 0;
+    places.retain(|_| {
+        place += 1;
+        anchored.contains(&(place - 1))
+    });
+    let measure = |complex: &Complex| {
+        let envelope = complex.envelope();
+        let hits = target.hits(&envelope);
+        let anchors = target.anchors_at(&envelope, &places, 0.0);
+        let cost = target.total(&hits, &anchors, &envelope);
+        (cost, envelope, hits, anchors)
+    };
     let mut damping = 1e-2;
-    let mut envelope = complex.envelope();
-    let mut hits = envelope.hits(&samples.points);
-    let mut cost;
-    let mut best = (f64::INFINITY, complex.clone());
-    for round in 0..=descent.rounds {
-        let anchors = anchors(solid, &envelope, descent.spacing);
-        cost = total(samples, &hits, &anchors, &envelope, penalty);
-        // Only now is the whole cost known: points of the envelope may have come to light.
-        if cost < best.0 {
-            best = (cost, complex.clone());
+    let (mut cost, mut envelope, mut hits, mut anchors) = measure(complex);
+    for step in 0..steps {
+        if steps > 12 { eprintln!("   descent step {step} cost {cost:.4e} damping {damping:.1e}"); }
+        let normal = NormalEquations::assemble(complex, &envelope, target, &hits, &anchors);
+        let step = normal.solve(damping);
+        let mut trial = complex.clone();
+        for (ball, d) in trial.balls.iter_mut().zip(&step) {
+            let d = *d * ((ball.radius * STRIDE[0] + STRIDE[1]) / d.length()).min(1.0);
+            ball.center += d.truncate();
+            ball.radius = (ball.radius + d.w).max(LEAST_RADIUS);
+        }
+        if let Some(rest) = &target.rest {
+            for (i, _) in rest.frozen.iter().enumerate().filter(|(_, frozen)| **frozen) {
+                trial.balls[i] = complex.balls[i];
+            }
+        }
+        let measured = measure(&trial);
+        if measured.0 < cost {
+            *complex = trial;
+            (cost, envelope, hits, anchors) = measured;
+            damping = (damping * 0.3).max(1e-6);
         } else {
-            damping *= 10.0;
-        }
-        if round == descent.rounds {
-            break;
-        }
-        for _ in 0..descent.steps {
-            let normal = NormalEquations::assemble(complex, &envelope, samples, &hits, &anchors, penalty);
-            let step = normal.solve(damping);
-            let mut trial = complex.clone();
-            for (ball, d) in trial.balls.iter_mut().zip(&step) {
-                let d = *d * ((ball.radius * STRIDE[0] + STRIDE[1]) / d.length()).min(1.0);
-                ball.center += d.truncate();
-                ball.radius = (ball.radius + d.w).max(LEAST_RADIUS);
-            }
-            let trial_envelope = trial.envelope();
-            let trial_hits = trial_envelope.hits(&samples.points);
-            let trial_cost = total(samples, &trial_hits, &anchors, &trial_envelope, penalty);
-            if trial_cost < cost {
-                (*complex, envelope, hits, cost) = (trial, trial_envelope, trial_hits, trial_cost);
-                damping = (damping * 0.3).max(1e-6);
-            } else {
-                damping = (damping * 5.0).min(1e4);
-            }
+            damping = (damping * 5.0).min(1e4);
         }
     }
-    *complex = best.1;
-    best.0
-}
-
-fn total(samples: &Samples, hits: &[Hit], anchors: &[Anchor], envelope: &Envelope, penalty: Penalty) -> f64 {
-    let inward: f64 = hits.iter().zip(&samples.weights).map(|(h, w)| w * penalty.of(h.distance)).sum();
-    let outward: f64 = anchors.iter().map(|a| a.weight * penalty.of(a.error(envelope))).sum();
-    inward + outward
+    cost
 }
 
 /// Upper half of a symmetric 4x4 matrix.
@@ -211,11 +285,11 @@ impl NormalEquations {
     fn assemble(
         complex: &Complex,
         envelope: &Envelope,
-        samples: &Samples,
+        target: &Target,
         hits: &[Hit],
         anchors: &[Anchor],
-        penalty: Penalty,
     ) -> Self {
+        let penalty = target.penalty;
         let mut this = Self {
             diagonal: vec![Block::default(); complex.balls.len()],
             pairs: complex.edges.iter().map(|e| (e.map(|i| i as usize), Block::default())).collect(),
@@ -248,14 +322,22 @@ impl NormalEquations {
                 }
             }
         };
-        for (hit, weight) in hits.iter().zip(&samples.weights) {
+        for (hit, weight) in hits.iter().zip(target.weights).filter(|(hit, _)| hit.primitive != NONE) {
             let slope = -hit.normal.extend(1.0);
-            add(hit.primitive, &hit.weights, slope, hit.distance, weight * penalty.pull(hit.distance));
+            add(hit.primitive, &hit.weights, slope, hit.distance, weight * side(hit.distance) * penalty.pull(hit.distance));
         }
         for anchor in anchors {
             let error = anchor.error(envelope);
             let slope = anchor.out.extend(anchor.out.dot(anchor.normal));
             add(anchor.primitive, &anchor.weights, slope, error, anchor.weight * penalty.pull(error));
+        }
+        // What does not move is as if infinitely heavy.
+        if let Some(rest) = &target.rest {
+            for i in (0..rest.frozen.len()).filter(|&i| rest.frozen[i]) {
+                this.diagonal[i] = Block([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0]);
+                this.downhill[i] = DVec4::ZERO;
+            }
+            this.pairs.retain(|([i, j], _)| !rest.frozen[*i] && !rest.frozen[*j]);
         }
         this
     }

@@ -1,7 +1,7 @@
 //! The shape in the making, and the distance of points to its envelope.
 
 use std::{
-    collections::HashSet,
+    collections::{BTreeSet, HashSet},
     f64::consts::{PI, TAU},
     ops::Range,
 };
@@ -49,6 +49,26 @@ impl Complex {
         slabs.chain(cones).chain(alone).collect()
     }
 
+    /// Drops spheres that nothing refers to, and numbers the others anew.
+    pub fn compact(&mut self, gone: &BTreeSet<u32>) {
+        let mut next = 0;
+        let numbers: Vec<u32> = (0..self.balls.len() as u32)
+            .map(|i| {
+                next += u32::from(!gone.contains(&i));
+                next.saturating_sub(1)
+            })
+            .collect();
+        let mut index = 0;
+        self.balls.retain(|_| {
+            index += 1;
+            !gone.contains(&(index - 1))
+        });
+        self.edges.iter_mut().flatten().for_each(|i| *i = numbers[*i as usize]);
+        self.faces.iter_mut().flatten().for_each(|i| *i = numbers[*i as usize]);
+        self.edges.sort_unstable();
+        self.faces.sort_unstable();
+    }
+
     pub fn envelope(&self) -> Envelope {
         Envelope::of(&self.balls, self.primitives())
     }
@@ -78,12 +98,17 @@ pub(super) struct Points {
     pub positions: Vec<DVec3>,
     blocks: Vec<Ball>,
     lanes: Vec<Lanes>,
+    /// Middles of the blocks of each group.
+    middles: Vec<Lanes>,
 }
 
 const BLOCK: usize = 16;
 
-/// Blocks that share a list of primitives.
-const GROUP: usize = 16;
+/// Blocks that share a list of primitives: as many as fit one set of lanes.
+const GROUP: usize = BLOCK;
+
+/// More than distances in f32 are off.
+const ROUNDING: f32 = 1e-5;
 
 /// The points of a block, coordinate by coordinate; the last block is filled up with its last point.
 #[derive(Clone, Copy)]
@@ -106,9 +131,11 @@ impl Lanes {
 
 impl Points {
     pub fn new(positions: Vec<DVec3>) -> Self {
-        let blocks = positions.chunks(BLOCK).map(bound).collect();
+        let blocks: Vec<Ball> = positions.chunks(BLOCK).map(bound).collect();
         let lanes = positions.chunks(BLOCK).map(Lanes::new).collect();
-        Self { positions, blocks, lanes }
+        let middles = blocks.chunks(GROUP).map(|g| Lanes::new(&g.iter().map(|b| b.center).collect::<Vec<_>>()));
+        let middles = middles.collect();
+        Self { positions, blocks, lanes, middles }
     }
 
     /// The places of each block's points, and a ball around them.
@@ -190,15 +217,29 @@ impl Envelope {
 
     /// The nearest primitive to each point.
     pub fn hits(&self, points: &Points) -> Vec<Hit> {
+        let all: Vec<u32> = (0..self.hulls.len() as u32).collect();
+        self.hits_among(points, &all)
+    }
+
+    /// The nearest of some primitives to each point, infinitely far if there is none.
+    pub fn hits_among(&self, points: &Points, among: &[u32]) -> Vec<Hit> {
+        if among.is_empty() {
+            let none = Hit { distance: f64::INFINITY, primitive: u32::MAX, weights: [0.0; 3], normal: DVec3::Z };
+            return vec![none; points.positions.len()];
+        }
         let groups = points.blocks.len().div_ceil(GROUP);
         let hits = parallel::map(groups, 1, |group| {
             let blocks = group * GROUP..points.blocks.len().min((group + 1) * GROUP);
-            let all: Vec<u32> = (0..self.hulls.len() as u32).collect();
             let positions = points.range(blocks.start).start..points.range(blocks.end - 1).end;
-            let shared = self.near(&bound(&points.positions[positions.clone()]), &all);
+            let shared = self.near(&bound(&points.positions[positions.clone()]), among);
+            let gaps: Vec<[f32; BLOCK]> =
+                shared.iter().map(|&p| self.hulls[p as usize].distances(&points.middles[group])).collect();
             let mut hits = Vec::with_capacity(positions.len());
-            for block in blocks {
-                let near = self.near(&points.blocks[block], &shared);
+            for (at, block) in blocks.enumerate() {
+                let least = gaps.iter().map(|g| g[at]).fold(f32::INFINITY, f32::min);
+                let reach = least + 2.0 * points.blocks[block].radius as f32 + ROUNDING;
+                let near: Vec<u32> =
+                    shared.iter().zip(&gaps).filter(|(_, gaps)| gaps[at] <= reach).map(|(&p, _)| p).collect();
                 let nearest = self.nearest(&points.lanes[block], &near);
                 hits.extend(points.range(block).zip(nearest).map(|(i, nearest)| self.hit(points.positions[i], nearest)));
             }

@@ -3,6 +3,7 @@ mod clusters;
 mod connect;
 mod descent;
 mod envelope;
+mod exchange;
 mod mesh;
 mod parallel;
 mod refine;
@@ -80,29 +81,32 @@ pub fn build(mesh: &TriangleMesh, options: &BuildOptions) -> Result<(MedialAxis,
     lap("clusters");
     let touching = connect::touching(&samples, &clusters.labels);
     lap("touching");
+    eprintln!("{} touching pairs, triples {}", touching.len(), connect::candidates(&touching).len() - touching.len());
     let mut complex = envelope::Complex { balls: clusters.balls.clone(), ..Default::default() };
     let n = options.spheres;
+    let cycles = touching.len().saturating_sub(complex.balls.len());
     let plan = refine::Plan {
         spheres: n,
-        extra_edges: std::env::var("XE").map_or(n * 16 / 100, |v| v.parse().unwrap()),
-        seed: options.seed,
-        faces: std::env::var("XF").map_or(n * 18 / 100, |v| v.parse().unwrap()),
+        extra_edges: std::env::var("XE").map_or(cycles * n * 35 / (100 * complex.balls.len()), |v| v.parse().unwrap()),
+        faces: std::env::var("XF").map_or(cycles * n * 35 / (100 * complex.balls.len()), |v| v.parse().unwrap()),
         rounds: std::env::var("XR").map_or(8, |v| v.parse().unwrap()),
-        descent: descent::Descent { rounds: 2, steps: 4, spacing: 0.02 },
+        steps: 8,
+        spacing: 0.02,
     };
     let limits = connect::Limits { edges: complex.balls.len() + plan.extra_edges, faces: plan.faces };
-    connect::connect(&mut complex, &clusters.parts, &touching, &solid, &samples, limits, descent::Penalty::new(1e-5));
+    connect::connect(&mut complex, &clusters.parts, &touching, &samples, limits, &refine::target(&solid, &samples, descent::Penalty::new(1e-5), plan.spacing));
     lap("connect");
     let mut ball_parts = clusters.parts.clone();
     refine::refine(&mut complex, &mut ball_parts, &solid, &samples, &plan);
     lap("refine");
     let samples = samples::Samples::new(&solid, 10000, 5000, options.seed);
-    let d = descent::Descent { rounds: 6, steps: 4, spacing: 0.015 };
-    let penalty = refine::State::new(&complex, &solid, &samples, 0.015).penalty(&samples);
-    let cost = descent::descend(&mut complex, &solid, &samples, penalty, d);
+    let d = std::env::var("XD").map_or(12, |v| v.parse().unwrap());
+    let target = refine::target_for(&complex, &solid, &samples, 0.012);
+    let penalty = target.penalty;
+    let cost = descent::descend(&mut complex, &target, d);
     lap(&format!("descent {cost:e}"));
     {
-        let st = refine::State::new(&complex, &solid, &samples, 0.007);
+        let st = refine::State::new(&complex, &target);
         let mut worst: std::collections::BTreeMap<u32, (f64, f64, glam::DVec3)> = Default::default();
         for a in &st.anchors {
             let e = a.error(&st.envelope).abs();
