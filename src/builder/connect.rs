@@ -2,11 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use glam::DVec3;
+
 use super::{
     descent::Target,
     envelope::{Complex, Cone, Envelope, Hull, edges_of},
     parallel,
-    samples::Samples,
+    surface_samples::Samples,
     solid::{Sets, Solid},
 };
 use crate::geometry::Primitive;
@@ -97,7 +99,7 @@ pub(super) fn connect(
     complex.edges.extend(rest.iter().filter(|(_, [i, j])| sets.join(*i, *j)).map(|r| r.1));
     complex.edges.sort_unstable();
 
-    let candidates = candidates(touching);
+    let candidates = touching.iter().map(|&pair| Primitive::Cone(pair)).collect();
     spend(complex, candidates, samples, limits, target);
 }
 
@@ -122,7 +124,12 @@ pub(super) fn spend(
     candidates.retain(|c| !has(complex, c));
     let envelope = complex.envelope();
     let mut distances: Vec<f64> = envelope.hits(&samples.points).iter().map(|h| h.distance).collect();
-    let reliefs = parallel::map(candidates.len(), 2, |i| relief(complex, &candidates[i], samples, &distances, target));
+    let slabs = candidates.iter().any(|c| matches!(c, Primitive::Slab(_)));
+    let mut creases = if slabs { target.creases(&envelope) } else { vec![] };
+    let relief = |complex: &Complex, candidate: &Primitive, distances: &[f64], creases: &[(DVec3, f64)]| {
+        relief(complex, candidate, samples, distances, target) + filled(complex, candidate, creases)
+    };
+    let reliefs = parallel::map(candidates.len(), 2, |i| relief(complex, &candidates[i], &distances, &creases));
     // Until it is known, the harm is taken as none.
     let mut waiting: Vec<(f64, Primitive, Option<f64>)> =
         reliefs.into_iter().zip(candidates).map(|(relief, c)| (relief, c, None)).collect();
@@ -135,7 +142,7 @@ pub(super) fn spend(
         let Some(best) = best else { break };
         let (before, first, harm) = waiting[best];
         let harm = harm.unwrap_or_else(|| self::harm(complex, &first, target));
-        let fresh = (relief(complex, &first, samples, &distances, target) - harm) / missing_edges(complex, &first).len().max(1) as f64;
+        let fresh = (relief(complex, &first, &distances, &creases) - harm) / missing_edges(complex, &first).len().max(1) as f64;
         waiting[best] = (fresh, first, Some(harm));
         if fresh < before {
             continue;
@@ -146,6 +153,7 @@ pub(super) fn spend(
         for (distance, &point) in distances.iter_mut().zip(&samples.points.positions) {
             *distance = distance.min(hull.distance(point));
         }
+        creases.retain(|(point, _)| hull.distance(*point) > -DEEP);
     }
 }
 
@@ -179,6 +187,15 @@ fn add(complex: &mut Complex, candidate: &Primitive) {
     }
 }
 
+/// A point this deep within a primitive is no longer at the bottom of a crease.
+const DEEP: f64 = 5e-4;
+
+/// What the creases cost that the candidate fills.
+fn filled(complex: &Complex, candidate: &Primitive, creases: &[(DVec3, f64)]) -> f64 {
+    let hull = Hull::new(&complex.balls, candidate);
+    creases.iter().filter(|(point, _)| hull.distance(*point) <= -DEEP).map(|(_, cost)| cost).sum()
+}
+
 /// By how much the candidate brings the error of the samples down.
 pub(super) fn relief(complex: &Complex, candidate: &Primitive, samples: &Samples, distances: &[f64], target: &Target) -> f64 {
     let hull = Hull::new(&complex.balls, candidate);
@@ -207,7 +224,7 @@ pub(super) fn harm(complex: &Complex, candidate: &Primitive, target: &Target) ->
     let costs = surface.iter().map(|s| {
         let point = envelope.point(s);
         let away = target.solid.closest_off_rims(point).map_or(glam::DVec3::ZERO, |nearest| point - nearest);
-        if away.dot(s.normal) > 0.0 { s.area * target.penalty.of(away.length()) } else { 0.0 }
+        if target.solid.is_out(point, away, s.normal) { s.area * target.penalty.of(away.length()) } else { 0.0 }
     });
     costs.sum::<f64>() / target.area
 }

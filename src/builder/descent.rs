@@ -47,7 +47,7 @@ impl Penalty {
 const OUTWARD: f64 = 1.0;
 
 /// How much a sample outside of the envelope counts beside one within: it stands for the way back as well, which is longer in a crease.
-const UNCOVERED: f64 = 2.5;
+const UNCOVERED: f64 = 2.0;
 
 /// Weight of a sample by its side.
 fn side(distance: f64) -> f64 {
@@ -133,10 +133,23 @@ impl Target<'_> {
         self.anchors_at(envelope, &envelope.surface(self.spacing), 0.0)
     }
 
+    /// Visible points of the envelope that lie within the solid, as at the bottom of a crease, and what each costs.
+    pub fn creases(&self, envelope: &Envelope) -> Vec<(DVec3, f64)> {
+        let mut creases = vec![];
+        for anchor in self.anchors_at(envelope, &envelope.surface(self.spacing), f64::INFINITY) {
+            let ball = envelope.hulls[anchor.primitive as usize].blend(&anchor.weights);
+            let point = ball.center + anchor.normal * ball.radius;
+            if !self.solid.is_out(point, point - anchor.target, anchor.normal) {
+                creases.push((point, anchor.weight * self.penalty.of(anchor.error(envelope))));
+            }
+        }
+        creases
+    }
+
     /// The same at given places; those that lie no deeper within the solid than `depth_limit` count as well. A place fades as it
     /// sinks into other primitives.
     fn anchors_at(&self, envelope: &Envelope, places: &[SurfacePoint], depth_limit: f64) -> Vec<Anchor> {
-        let fade = FADE * self.spacing + depth_limit;
+        let fade = FADE * self.spacing + depth_limit.min(NEARLY_OUTSIDE);
         let points = Points::new(places.iter().map(|s| envelope.point(s)).collect());
         let own = envelope.hits(&points);
         let others = self.rest.as_ref().map(|rest| rest.envelope.hits_among(&points, &rest.primitives));
@@ -153,7 +166,7 @@ impl Target<'_> {
             let away = point - target;
             let out = if away.length() > 1e-9 { away.normalize() } else { s.normal };
             // Where the envelope lies within the solid, the samples above see it, and without its jumps at creases.
-            if out.dot(s.normal) < 0.0 && away.length() > depth_limit {
+            if away.length() > depth_limit && !self.solid.is_out(point, away, s.normal) {
                 return None;
             }
             let (primitive, weights, normal) = (s.primitive, s.weights, s.normal);
@@ -197,8 +210,7 @@ pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize) -> f
     };
     let mut damping = 1e-2;
     let (mut cost, mut envelope, mut hits, mut anchors) = measure(complex);
-    for step in 0..steps {
-        if steps > 12 { eprintln!("   descent step {step} cost {cost:.4e} damping {damping:.1e}"); }
+    for _ in 0..steps {
         let normal = NormalEquations::assemble(complex, &envelope, target, &hits, &anchors);
         let step = normal.solve(damping);
         let mut trial = complex.clone();

@@ -8,7 +8,7 @@ use super::{
     envelope::{Ball, Complex, Hull, Points, edges_of},
     parallel,
     refine::{Plan, State, mergers, renamed},
-    samples::{self, Samples},
+    surface_samples::{self, Samples},
 };
 use crate::geometry::Primitive;
 
@@ -81,7 +81,7 @@ impl Edit {
     }
 }
 
-const STEPS: usize = 6;
+const STEPS: usize = 4;
 
 /// By how much the points of the envelope are farther apart in a trial.
 const COARSER: f64 = 1.3;
@@ -199,7 +199,7 @@ fn insertions(
     let distances: Vec<f64> = state.hits.iter().map(|h| h.distance).collect();
     let edits = parallel::map(worst.len(), 1, |at| {
         let sample = worst[at].1 as usize;
-        let ball = samples::medial_ball(target.solid, samples.points.positions[sample], samples.normals[sample]);
+        let ball = surface_samples::medial_ball(target.solid, samples.points.positions[sample], samples.normals[sample]);
         let new = complex.balls.len() as u32;
         let part = samples.parts[sample];
         let hit = &state.hits[sample];
@@ -240,7 +240,7 @@ fn insertions(
     edits.into_iter().flatten().collect()
 }
 
-/// Takes spheres from where they do little and puts them where they do more; returns how many.
+/// Takes spheres from where they do little and puts them where they do more.
 pub(super) fn exchange(
     complex: &mut Complex,
     parts: &mut Vec<u32>,
@@ -248,7 +248,7 @@ pub(super) fn exchange(
     samples: &Samples,
     plan: &Plan,
     count: usize,
-) -> usize {
+) {
     let state = State::new(complex, target);
     let cheapest = mergers(complex, &state, samples, target);
     let mut seen = BTreeSet::new();
@@ -278,9 +278,7 @@ pub(super) fn exchange(
         }
         taken.push(insertion);
     }
-    let count = taken.len();
     commit(complex, parts, &taken);
-    count
 }
 
 /// Applies outcomes that do not touch one another, and numbers the spheres anew.

@@ -1,13 +1,13 @@
 //! Spheres go where they are needed: out where little is lost, in where the error is largest.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, ops::ControlFlow};
 
 use super::{
     connect::{self, Limits},
     descent::{self, Anchor, Penalty, Target},
     envelope::{Complex, Envelope, Hit, Hull},
     exchange::exchange,
-    samples::Samples,
+    surface_samples::Samples,
     solid::{Sets, Solid},
 };
 use crate::geometry::Primitive;
@@ -196,7 +196,9 @@ pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, tar
             break;
         }
         match primitive {
-            Primitive::Slab(f) => complex.faces.retain(|g| *g != f),
+            // A face fills creases besides.
+            Primitive::Slab(f) if loss < 0.0 => complex.faces.retain(|g| *g != f),
+            Primitive::Slab(_) => {}
             Primitive::Cone(e) => {
                 let mut sets = Sets::new(complex.balls.len());
                 complex.edges.iter().filter(|o| **o != e).for_each(|&[i, j]| {
@@ -227,13 +229,35 @@ pub(super) fn respend(complex: &mut Complex, state: &State, samples: &Samples, l
     connect::spend(complex, candidates, samples, limits, target);
 }
 
+/// How far to go.
 pub(super) struct Plan {
+    /// Largest numbers.
     pub spheres: usize,
-    pub extra_edges: usize,
+    pub edges: usize,
     pub faces: usize,
+    /// Rounds of exchanges.
     pub rounds: usize,
+    /// Steps of a descent.
     pub steps: usize,
+    /// Distance of points of the envelope.
     pub spacing: f64,
+}
+
+impl Plan {
+    /// Rounds that the time allows which a mesh of this size may take.
+    pub fn rounds(triangles: usize) -> usize {
+        const TRIANGLES_PER_ROUND: usize = 5000;
+        const BOUNDS: [usize; 2] = [3, 9];
+        (2 + triangles / TRIANGLES_PER_ROUND).clamp(BOUNDS[0], BOUNDS[1])
+    }
+
+    /// The next plan of a chain: half as many spheres, but not fewer than `least`, with their share of edges and faces.
+    pub fn coarsen(&mut self, least: usize) {
+        let spheres = (self.spheres / 2).max(least);
+        self.edges = self.edges * spheres / self.spheres;
+        self.faces = self.faces * spheres / self.spheres;
+        self.spheres = spheres;
+    }
 }
 
 pub(super) fn target<'a>(solid: &'a Solid, samples: &'a Samples, penalty: Penalty, spacing: f64) -> Target<'a> {
@@ -247,8 +271,21 @@ pub(super) fn target_for<'a>(complex: &Complex, solid: &'a Solid, samples: &'a S
     Target { penalty, ..rough }
 }
 
+/// Of so many rounds the last is about edges and faces, the others about spheres.
+const CYCLE: usize = 3;
+
+/// Rounds of a cycle that leave more than this part of the cost end the search.
+const ENOUGH: f64 = 0.97;
+
 /// The whole: first fewer spheres, then better ones.
-pub(super) fn refine(complex: &mut Complex, parts: &mut Vec<u32>, solid: &Solid, samples: &Samples, plan: &Plan) {
+pub(super) fn refine(
+    complex: &mut Complex,
+    parts: &mut Vec<u32>,
+    solid: &Solid,
+    samples: &Samples,
+    plan: &Plan,
+    progress: &dyn Fn(f32) -> ControlFlow<()>,
+) -> ControlFlow<()> {
     while complex.balls.len() > plan.spheres {
         let target = target_for(complex, solid, samples, plan.spacing);
         let state = State::new(complex, &target);
@@ -259,33 +296,37 @@ pub(super) fn refine(complex: &mut Complex, parts: &mut Vec<u32>, solid: &Solid,
             break;
         }
         descent::descend(complex, &target, plan.steps);
+        progress(0.0)?;
     }
     let target = target_for(complex, solid, samples, plan.spacing);
     let mut cost = descent::descend(complex, &target, plan.steps);
     let mut count = plan.spheres.div_ceil(6);
+    let mut cycle_start = cost;
     for round in 0..plan.rounds {
+        progress(round as f32 / plan.rounds as f32)?;
         let (mut trial, mut trial_parts) = (complex.clone(), parts.clone());
-        let mut accepted = 0;
-        if round % 3 == 2 {
+        let connects = round % CYCLE == CYCLE - 1;
+        if connects {
             let state = State::new(&trial, &target);
             prune(&mut trial, &state, samples, &target);
             let state = State::new(&trial, &target);
-            let limits = Limits { edges: trial.balls.len() + plan.extra_edges, faces: plan.faces };
+            let limits = Limits { edges: plan.edges, faces: plan.faces };
             respend(&mut trial, &state, samples, limits, &target);
         } else {
-            accepted = exchange(&mut trial, &mut trial_parts, &target, samples, plan, count);
+            exchange(&mut trial, &mut trial_parts, &target, samples, plan, count);
         }
-        let trial_cost = descent::descend(&mut trial, &target, 4);
-        eprintln!(
-            "round {round} count {count} accepted {accepted} cost {cost:.3e} -> {trial_cost:.3e} spheres {} edges {} faces {}",
-            trial.balls.len(),
-            trial.edges.len(),
-            trial.faces.len()
-        );
+        let trial_cost = descent::descend(&mut trial, &target, plan.steps / 2);
         if trial_cost < cost {
             (*complex, *parts, cost) = (trial, trial_parts, trial_cost);
-        } else if round % 3 != 2 {
+        } else if !connects {
             count = (count / 2).max(1);
         }
+        if connects {
+            if cost > ENOUGH * cycle_start {
+                break;
+            }
+            cycle_start = cost;
+        }
     }
+    progress(1.0)
 }

@@ -83,6 +83,15 @@ impl Solid {
         });
         (!on_rim).then_some(closest)
     }
+
+    /// True if a point of an envelope, `away` from the nearest point of the surface, is outside of the solid.
+    ///
+    /// Mostly the normal of the envelope tells: within the solid it leads to the surface.
+    pub fn is_out(&self, point: DVec3, away: DVec3, normal: DVec3) -> bool {
+        const SURE: f64 = 0.5;
+        let along = away.dot(normal);
+        if along.abs() > SURE * away.length() { along > 0.0 } else { !self.tree.is_inside(point) }
+    }
 }
 
 /// Connected component of each triangle, their number, and open edges; corners at the same place are one vertex.
