@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::{
     TriangleMesh, clusters,
     connect::{self, Limits},
-    descent::{self, Penalty},
+    descent::{self, Penalty, Target},
     envelope::Complex,
     parallel,
     refine::{self, Plan},
@@ -87,7 +87,9 @@ pub enum BuildError {
     #[error("the mesh encloses no volume; close its holes or give its sheets a thickness")]
     NoVolume,
     /// Each component needs a sphere.
-    #[error("the mesh has {components} components that enclose a volume, more than {spheres} spheres; allow more spheres or join components")]
+    #[error(
+        "the mesh has {components} components that enclose a volume, more than {spheres} spheres; allow more spheres or join components"
+    )]
     TooFewSpheres {
         /// Components with a volume.
         components: usize,
@@ -114,11 +116,14 @@ const SAMPLES: [usize; 2] = [3000, 20_000];
 /// Distance of points of the envelope, as a part of the diagonal: coarse and fine.
 const SPACING: [f64; 2] = [0.02, 0.012];
 
+/// Steps of the last descent.
+const LAST_STEPS: usize = 12;
+
 /// How many more spheres there are at first.
 const SURPLUS: f64 = 1.3;
 
 /// Edges beyond the number of spheres, and faces, per cycle of the graph of spheres that touch on the surface: limbs have few.
-const PER_CYCLE: f64 = 0.35;
+const PER_CYCLE: f64 = 0.39;
 
 /// A medial mesh of a solid.
 ///
@@ -237,8 +242,9 @@ impl<'a> Builder<'a> {
         if done.is_break() {
             return Err(BuildError::Cancelled);
         }
-        let target = refine::target_for(&self.complex, &self.solid, &self.fine, SPACING[1]);
-        descent::descend(&mut self.complex, &target, self.plan.steps);
+        let fine = refine::target_for(&self.complex, &self.solid, &self.fine, SPACING[1]);
+        let even = Target { uncovered: 1.0, ..fine };
+        descent::descend(&mut self.complex, &even, LAST_STEPS);
         Ok(())
     }
 

@@ -117,7 +117,8 @@ impl Clusters {
             }
             let fitted = system.solve(ball);
             let off = |b: &Ball| b.center.distance_squared(fitted.center) + (b.radius - fitted.radius).powi(2);
-            let nearest = members.iter().filter_map(|&i| medial[i as usize].as_ref()).min_by(|a, b| off(a).total_cmp(&off(b)));
+            let nearest =
+                members.iter().filter_map(|&i| medial[i as usize].as_ref()).min_by(|a, b| off(a).total_cmp(&off(b)));
             if let Some(nearest) = nearest {
                 *ball = *nearest;
             }

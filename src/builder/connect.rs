@@ -8,8 +8,8 @@ use super::{
     descent::Target,
     envelope::{Complex, Cone, Envelope, Hull, edges_of},
     parallel,
-    surface_samples::Samples,
     solid::{Sets, Solid},
+    surface_samples::Samples,
 };
 use crate::geometry::Primitive;
 
@@ -136,13 +136,13 @@ pub(super) fn spend(
     loop {
         waiting.retain(|(gain, c, _)| *gain > 0.0 && !has(complex, c) && fits(complex, c, limits));
         // Gains only fall: the first whose gain, measured anew, leads still is the best.
-        let best = (0..waiting.len()).max_by(|&a, &b| {
-            waiting[a].0.total_cmp(&waiting[b].0).then(waiting[b].1.cmp(&waiting[a].1))
-        });
+        let best = (0..waiting.len())
+            .max_by(|&a, &b| waiting[a].0.total_cmp(&waiting[b].0).then(waiting[b].1.cmp(&waiting[a].1)));
         let Some(best) = best else { break };
         let (before, first, harm) = waiting[best];
         let harm = harm.unwrap_or_else(|| self::harm(complex, &first, target));
-        let fresh = (relief(complex, &first, &distances, &creases) - harm) / missing_edges(complex, &first).len().max(1) as f64;
+        let fresh =
+            (relief(complex, &first, &distances, &creases) - harm) / missing_edges(complex, &first).len().max(1) as f64;
         waiting[best] = (fresh, first, Some(harm));
         if fresh < before {
             continue;
@@ -197,7 +197,13 @@ fn filled(complex: &Complex, candidate: &Primitive, creases: &[(DVec3, f64)]) ->
 }
 
 /// By how much the candidate brings the error of the samples down.
-pub(super) fn relief(complex: &Complex, candidate: &Primitive, samples: &Samples, distances: &[f64], target: &Target) -> f64 {
+pub(super) fn relief(
+    complex: &Complex,
+    candidate: &Primitive,
+    samples: &Samples,
+    distances: &[f64],
+    target: &Target,
+) -> f64 {
     let hull = Hull::new(&complex.balls, candidate);
     let mut sum = 0.0;
     for (block, bound) in samples.points.blocks() {

@@ -21,7 +21,7 @@ pub(super) struct Penalty {
 
 impl Penalty {
     /// Errors of this many times their root mean square are large.
-    const LARGE: f64 = 3.0;
+    const LARGE: f64 = 2.5;
     /// Beyond this, in squares of large ones, the cost grows as the square again: one bad place does not hide all others.
     const STEEPEST: f64 = 9.0;
 
@@ -45,14 +45,6 @@ impl Penalty {
 
 /// How much the way from the envelope to the surface counts beside the other.
 const OUTWARD: f64 = 1.0;
-
-/// How much a sample outside of the envelope counts beside one within: it stands for the way back as well, which is longer in a crease.
-const UNCOVERED: f64 = 2.0;
-
-/// Weight of a sample by its side.
-fn side(distance: f64) -> f64 {
-    if distance > 0.0 { UNCOVERED } else { 1.0 }
-}
 
 /// How deep a point of the envelope sinks into other primitives until it counts no more, in spacings.
 const FADE: f64 = 0.3;
@@ -97,6 +89,8 @@ pub(super) struct Target<'a> {
     pub penalty: Penalty,
     /// Distance of points of the envelope.
     pub spacing: f64,
+    /// How much a sample outside of the envelope counts beside one within.
+    pub uncovered: f64,
     /// What else there is that does not move, if the shape is a part of one.
     pub rest: Option<Rest<'a>>,
 }
@@ -170,14 +164,26 @@ impl Target<'_> {
                 return None;
             }
             let (primitive, weights, normal) = (s.primitive, s.weights, s.normal);
-            Some(Anchor { place: i, primitive, weights, normal, target, out, weight: OUTWARD * weight * s.area / self.area })
+            Some(Anchor {
+                place: i,
+                primitive,
+                weights,
+                normal,
+                target,
+                out,
+                weight: OUTWARD * weight * s.area / self.area,
+            })
         });
         anchors.into_iter().flatten().collect()
     }
 
+    fn side(&self, distance: f64) -> f64 {
+        if distance > 0.0 { self.uncovered } else { 1.0 }
+    }
+
     /// What the distance of a sample to the envelope costs.
     pub fn cost_of(&self, distance: f64) -> f64 {
-        side(distance) * self.penalty.of(distance)
+        self.side(distance) * self.penalty.of(distance)
     }
 
     fn total(&self, hits: &[Hit], anchors: &[Anchor], envelope: &Envelope) -> f64 {
@@ -186,6 +192,9 @@ impl Target<'_> {
         inward + outward
     }
 }
+
+/// A step that brings the cost down by a lesser part is the last.
+const NO_MORE: f64 = 1e-4;
 
 /// Moves the spheres downhill in some steps; returns the cost.
 ///
@@ -227,8 +236,12 @@ pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize) -> f
         let measured = measure(&trial);
         if measured.0 < cost {
             *complex = trial;
+            let done = measured.0 > cost * (1.0 - NO_MORE);
             (cost, envelope, hits, anchors) = measured;
             damping = (damping * 0.3).max(1e-6);
+            if done {
+                break;
+            }
         } else {
             damping = (damping * 5.0).min(1e4);
         }
@@ -294,13 +307,7 @@ struct NormalEquations {
 }
 
 impl NormalEquations {
-    fn assemble(
-        complex: &Complex,
-        envelope: &Envelope,
-        target: &Target,
-        hits: &[Hit],
-        anchors: &[Anchor],
-    ) -> Self {
+    fn assemble(complex: &Complex, envelope: &Envelope, target: &Target, hits: &[Hit], anchors: &[Anchor]) -> Self {
         let penalty = target.penalty;
         let mut this = Self {
             diagonal: vec![Block::default(); complex.balls.len()],
@@ -336,7 +343,13 @@ impl NormalEquations {
         };
         for (hit, weight) in hits.iter().zip(target.weights).filter(|(hit, _)| hit.primitive != NONE) {
             let slope = -hit.normal.extend(1.0);
-            add(hit.primitive, &hit.weights, slope, hit.distance, weight * side(hit.distance) * penalty.pull(hit.distance));
+            add(
+                hit.primitive,
+                &hit.weights,
+                slope,
+                hit.distance,
+                weight * target.side(hit.distance) * penalty.pull(hit.distance),
+            );
         }
         for anchor in anchors {
             let error = anchor.error(envelope);

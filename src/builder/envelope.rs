@@ -241,7 +241,9 @@ impl Envelope {
                 let near: Vec<u32> =
                     shared.iter().zip(&gaps).filter(|(_, gaps)| gaps[at] <= reach).map(|(&p, _)| p).collect();
                 let nearest = self.nearest(&points.lanes[block], &near);
-                hits.extend(points.range(block).zip(nearest).map(|(i, nearest)| self.hit(points.positions[i], nearest)));
+                hits.extend(
+                    points.range(block).zip(nearest).map(|(i, nearest)| self.hit(points.positions[i], nearest)),
+                );
             }
             hits
         });
@@ -350,9 +352,7 @@ impl Hull {
     pub fn blend(&self, w: &[f64; 3]) -> Ball {
         match self {
             Hull::Sphere(ball) => *ball,
-            Hull::Cone(c) => {
-                Ball { center: c.from.center + c.along * w[1], radius: c.from.radius + c.widening * w[1] }
-            }
+            Hull::Cone(c) => Ball { center: c.from.center + c.along * w[1], radius: c.from.radius + c.widening * w[1] },
             Hull::Slab(s) => Ball {
                 center: s.from.center + s.u * w[1] + s.v * w[2],
                 radius: s.from.radius + s.widening[0] * w[1] + s.widening[1] * w[2],
@@ -463,8 +463,11 @@ impl Slab {
         let area_squared = cross.length_squared();
         let (uu, vv, uv) = (u.length_squared(), v.length_squared(), u.dot(v));
         let proper = area_squared > 1e-12 * uu * vv;
-        let to_weights =
-            if proper { [(u * vv - v * uv) / area_squared, (v * uu - u * uv) / area_squared] } else { [DVec3::ZERO; 2] };
+        let to_weights = if proper {
+            [(u * vv - v * uv) / area_squared, (v * uu - u * uv) / area_squared]
+        } else {
+            [DVec3::ZERO; 2]
+        };
         let gradient = to_weights[0] * widening[0] + to_weights[1] * widening[1];
         let rest = 1.0 - gradient.length_squared();
         Self {

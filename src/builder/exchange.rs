@@ -91,11 +91,8 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
     let free = edit.free(complex.balls.len());
     let mut edited = complex.clone();
     edit.apply(&mut edited);
-    let moving: Vec<Primitive> = edited
-        .primitives()
-        .into_iter()
-        .filter(|p| p.indices().iter().any(|i| free.contains(i)))
-        .collect();
+    let moving: Vec<Primitive> =
+        edited.primitives().into_iter().filter(|p| p.indices().iter().any(|i| free.contains(i))).collect();
     let is_old = |p: &Primitive| p.indices().iter().any(|i| free.contains(i) || edit.removed == Some(*i));
     let old: Vec<bool> = state.envelope.primitives.iter().map(is_old).collect();
     let rest: Vec<u32> = (0..old.len() as u32).filter(|&p| !old[p as usize]).collect();
@@ -147,6 +144,7 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
         area: target.area,
         penalty,
         spacing: target.spacing * COARSER,
+        uncovered: target.uncovered,
         rest: Some(Rest {
             envelope: &state.envelope,
             primitives: rest,
@@ -199,7 +197,8 @@ fn insertions(
     let distances: Vec<f64> = state.hits.iter().map(|h| h.distance).collect();
     let edits = parallel::map(worst.len(), 1, |at| {
         let sample = worst[at].1 as usize;
-        let ball = surface_samples::medial_ball(target.solid, samples.points.positions[sample], samples.normals[sample]);
+        let ball =
+            surface_samples::medial_ball(target.solid, samples.points.positions[sample], samples.normals[sample]);
         let new = complex.balls.len() as u32;
         let part = samples.parts[sample];
         let hit = &state.hits[sample];

@@ -7,8 +7,8 @@ use super::{
     descent::{self, Anchor, Penalty, Target},
     envelope::{Complex, Envelope, Hit, Hull},
     exchange::exchange,
-    surface_samples::Samples,
     solid::{Sets, Solid},
+    surface_samples::Samples,
 };
 use crate::geometry::Primitive;
 
@@ -93,7 +93,8 @@ pub(super) fn mergers(complex: &Complex, state: &State, samples: &Samples, targe
             let point = samples.points.positions[i as usize];
             let old = near.iter().map(|&p| state.envelope.hulls[p as usize].distance(point));
             let distance = old.chain(fresh.iter().map(|h| h.distance(point))).fold(f64::INFINITY, f64::min);
-            cost += samples.weights[i as usize] * (target.cost_of(distance) - target.cost_of(state.hits[i as usize].distance));
+            cost += samples.weights[i as usize]
+                * (target.cost_of(distance) - target.cost_of(state.hits[i as usize].distance));
         }
         cost
     };
@@ -105,7 +106,14 @@ pub(super) fn mergers(complex: &Complex, state: &State, samples: &Samples, targe
 }
 
 /// Merges up to `count` spheres into neighbours, apart from one another, where it costs least.
-pub(super) fn merge(complex: &mut Complex, parts: &mut Vec<u32>, state: &State, samples: &Samples, count: usize, target: &Target) {
+pub(super) fn merge(
+    complex: &mut Complex,
+    parts: &mut Vec<u32>,
+    state: &State,
+    samples: &Samples,
+    count: usize,
+    target: &Target,
+) {
     let mut busy = vec![false; complex.balls.len()];
     let mut heir: Vec<u32> = (0..complex.balls.len() as u32).collect();
     let mut left = count;
@@ -185,7 +193,8 @@ pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, tar
                         distance = distance.min(Hull::new(&complex.balls, &Primitive::Cone(e)).distance(point));
                     }
                 }
-                samples.weights[i as usize] * (target.cost_of(distance) - target.cost_of(state.hits[i as usize].distance))
+                samples.weights[i as usize]
+                    * (target.cost_of(distance) - target.cost_of(state.hits[i as usize].distance))
             })
             .sum();
         losses.push((loss - harms[p], *primitive));
@@ -214,19 +223,65 @@ pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, tar
 }
 
 /// Spends what the limits leave on edges and faces.
-pub(super) fn respend(complex: &mut Complex, state: &State, samples: &Samples, limits: Limits, target: &Target) {
+pub(super) fn respend(
+    complex: &mut Complex,
+    parts: &[u32],
+    state: &State,
+    samples: &Samples,
+    limits: Limits,
+    target: &Target,
+) {
     let labels: Vec<u32> = state
         .hits
         .iter()
         .enumerate()
-        .map(|(i, h)| {
-            if samples.normals[i] == glam::DVec3::ZERO { u32::MAX } else { state.sphere(h.primitive, &h.weights) }
-        })
+        .map(
+            |(i, h)| {
+                if samples.normals[i] == glam::DVec3::ZERO { u32::MAX } else { state.sphere(h.primitive, &h.weights) }
+            },
+        )
         .collect();
     let mut touching = connect::touching(samples, &labels);
     touching.extend(&complex.edges);
-    let candidates = connect::candidates(&touching);
+    let mut candidates = connect::candidates(&touching);
+    candidates.extend(fillings(complex, parts, state, target));
+    candidates.sort_unstable();
+    candidates.dedup();
     connect::spend(complex, candidates, samples, limits, target);
+}
+
+/// Cones and slabs that would fill the deepest creases and voids.
+fn fillings(complex: &Complex, parts: &[u32], state: &State, target: &Target) -> Vec<Primitive> {
+    const MOST: usize = 12;
+    const NEAREST: usize = 6;
+    let mut creases = target.creases(&state.envelope);
+    creases.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut places: Vec<glam::DVec3> = vec![];
+    let mut found = vec![];
+    for (place, _) in creases {
+        if places.len() == MOST {
+            break;
+        }
+        if places.iter().any(|p| p.distance(place) < 2.0 * target.spacing) {
+            continue;
+        }
+        places.push(place);
+        let mut near: Vec<(f64, u32)> = (0..).zip(&complex.balls).map(|(i, b)| (b.distance(place), i)).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        near.truncate(NEAREST);
+        let mut near: Vec<u32> = near.into_iter().map(|n| n.1).collect();
+        near.sort_unstable();
+        for (at, &i) in near.iter().enumerate() {
+            for (next, &j) in near.iter().enumerate().skip(at + 1) {
+                let fill = near[next + 1..].iter().map(|&k| Primitive::Slab([i, j, k]));
+                found.extend(std::iter::once(Primitive::Cone([i, j])).chain(fill).filter(|p| {
+                    let one = p.indices().iter().all(|&k| parts[k as usize] == parts[i as usize]);
+                    one && Hull::new(&complex.balls, p).distance(place) < 0.0
+                }));
+            }
+        }
+    }
+    found
 }
 
 /// How far to go.
@@ -247,7 +302,7 @@ impl Plan {
     /// Rounds that the time allows which a mesh of this size may take.
     pub fn rounds(triangles: usize) -> usize {
         const TRIANGLES_PER_ROUND: usize = 5000;
-        const BOUNDS: [usize; 2] = [3, 9];
+        const BOUNDS: [usize; 2] = [3, 18];
         (2 + triangles / TRIANGLES_PER_ROUND).clamp(BOUNDS[0], BOUNDS[1])
     }
 
@@ -260,8 +315,21 @@ impl Plan {
     }
 }
 
+/// How much a sample outside of the envelope counts beside one within while spheres are sought: it stands for the way back as well, which is
+/// longer in a crease.
+const UNCOVERED: f64 = 1.5;
+
 pub(super) fn target<'a>(solid: &'a Solid, samples: &'a Samples, penalty: Penalty, spacing: f64) -> Target<'a> {
-    Target { solid, points: &samples.points, weights: &samples.weights, area: samples.area, penalty, spacing, rest: None }
+    Target {
+        solid,
+        points: &samples.points,
+        weights: &samples.weights,
+        area: samples.area,
+        penalty,
+        spacing,
+        uncovered: UNCOVERED,
+        rest: None,
+    }
 }
 
 /// The target with the penalty that suits the errors of a shape.
@@ -311,7 +379,7 @@ pub(super) fn refine(
             prune(&mut trial, &state, samples, &target);
             let state = State::new(&trial, &target);
             let limits = Limits { edges: plan.edges, faces: plan.faces };
-            respend(&mut trial, &state, samples, limits, &target);
+            respend(&mut trial, &trial_parts, &state, samples, limits, &target);
         } else {
             exchange(&mut trial, &mut trial_parts, &target, samples, plan, count);
         }

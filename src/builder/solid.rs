@@ -62,7 +62,8 @@ impl Solid {
         let parts = tree.order().iter().map(|&i| of_source[i as usize]).collect();
         let mut seen = vec![false; mesh.positions.len()];
         let first_seen = |&triangle: &u32| {
-            let fresh = proper[triangle as usize].into_iter().filter(|&i| !std::mem::replace(&mut seen[i as usize], true));
+            let fresh =
+                proper[triangle as usize].into_iter().filter(|&i| !std::mem::replace(&mut seen[i as usize], true));
             fresh.map(place).collect()
         };
         let vertices = tree.order().iter().map(first_seen).collect();
