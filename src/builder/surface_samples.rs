@@ -89,11 +89,6 @@ fn outward(solid: &Solid, point: DVec3, normal: DVec3) -> DVec3 {
 pub(super) struct Random(pub u64);
 
 impl Random {
-    /// From a half to one and a half.
-    pub fn about_one(&mut self) -> f64 {
-        0.5 + self.unit()
-    }
-
     pub fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
