@@ -1,19 +1,40 @@
-//! From triangle meshes to medial meshes: reading, judging and measuring.
+//! From triangle meshes to medial meshes: reading, judging, building and measuring.
 //!
 //! ```text
 //! file --load--> TriangleMesh --MeshReport--> what is wrong with it
 //!                     |
+//!                     +-- fit --> MedialLevels: medial meshes with their errors, finest first
+//!                     |    |
+//!                     |    +-- build: --solid--> checked, scaled, in a tree --surface_samples--> points, normals, medial balls
+//!                     |          --clusters--> spheres --connect--> edges, faces --refine (exchange, descent)--> Built
+//!                     |
 //!                     +-- measure(mesh, axis) --> two-sided error of a medial mesh
 //! ```
+//!
+//! Within a build, the diagonal of the mesh's bounding box is 1. The same mesh and options give the same bytes, for any number of threads.
 
+mod build;
+mod clusters;
+mod connect;
+mod descent;
+mod envelope;
+mod exchange;
+mod fit;
 mod levels;
 #[cfg(feature = "mesh_files")]
 pub mod load;
 mod measure;
 mod mesh;
+mod parallel;
+mod refine;
 mod report;
 mod samples;
+mod solid;
+mod surface_samples;
+mod tree;
 
+pub use build::{BuildError, BuildOptions, BuildReport, Built, build, build_levels};
+pub use fit::{FitOptions, fit};
 pub use levels::{Level, MedialFileError, MedialLevels, MedialLevelsError};
 pub use measure::{Deviation, TwoSidedError, measure, vertex_errors};
 pub use mesh::{MAX_MESH_SIZE, MeshError, TriangleMesh};

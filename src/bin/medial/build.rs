@@ -1,6 +1,6 @@
-use std::path::PathBuf;
+use std::{ops::ControlFlow, path::PathBuf};
 
-use bevy_medial::builder::{Level, MedialLevels, MeshReport, TriangleMesh};
+use bevy_medial::builder::{FitOptions, Level, MeshReport, fit};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Outcome, load_mesh, write_axis};
@@ -41,26 +41,29 @@ pub fn run(args: &Args) -> Outcome {
     if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {wide_bar} {percent} %") {
         bar.set_style(style);
     }
-    let levels = build(&mesh, args, &|fraction| bar.set_position((fraction * 1000.0) as u64));
+    let options = FitOptions {
+        spheres: args.spheres.map(|spheres| spheres as usize),
+        max_error: args.max_error,
+        levels: args.levels,
+        seed: args.seed,
+    };
+    let levels = fit(&mesh, &options, &|fraction| {
+        bar.set_position((fraction * 1000.0) as u64);
+        ControlFlow::Continue(())
+    });
     bar.finish_and_clear();
-    let chain = levels?;
+    let chain = levels.map_err(|error| format!("{}: {error}", args.mesh.display()))?;
     for (number, Level { axis, error }) in chain.levels.iter().enumerate() {
         text += &format!("level {number}: {} spheres, {error}\n", axis.spheres().len());
     }
     if let Some(finest) = chain.levels.first() {
+        if let Some(asked) = args.max_error.filter(|asked| finest.error.max() > *asked) {
+            text += &format!("warning: the error is more than {asked} %; allow more spheres\n");
+        }
         write_axis(&args.output, &finest.axis)?;
     }
     if args.levels {
         chain.save(&args.output.with_extension("medial")).map_err(|error| error.to_string())?;
     }
     Ok(text)
-}
-
-/// The levels of detail, finest first, with their errors.
-fn build(
-    _mesh: &TriangleMesh,
-    Args { spheres: _, max_error: _, seed: _, .. }: &Args,
-    _progress: &dyn Fn(f32),
-) -> Result<MedialLevels, String> {
-    Err("this program has no builder".into())
 }

@@ -1,0 +1,236 @@
+//! Edges and faces between the spheres.
+
+use std::collections::BTreeSet;
+
+use glam::DVec3;
+
+use super::{
+    descent::Target,
+    envelope::{Complex, Cone, Envelope, Hull, edges_of},
+    parallel,
+    solid::{Sets, Solid},
+    surface_samples::Samples,
+};
+use crate::geometry::Primitive;
+
+/// Samples up to this many spacings apart are neighbours.
+const NEIGHBOR_SPACINGS: f64 = 2.0;
+
+/// Neighbours whose normals have a lesser dot product are on two sides of a gap.
+const LEAST_AGREEMENT: f64 = -0.2;
+
+/// Pairs of spheres whose clusters touch on the surface.
+pub(super) fn touching(samples: &Samples, labels: &[u32]) -> BTreeSet<[u32; 2]> {
+    let size = NEIGHBOR_SPACINGS * samples.spacing;
+    let positions = &samples.points.positions;
+    let cell = |i: usize| (positions[i] / size).floor().as_i64vec3().to_array();
+    let mut cells: Vec<([i64; 3], u32)> =
+        (0..samples.len()).filter(|&i| labels[i] != u32::MAX).map(|i| (cell(i), i as u32)).collect();
+    cells.sort_unstable();
+    let mut pairs = BTreeSet::new();
+    for &(at, i) in &cells {
+        let i = i as usize;
+        for dx in -1..=1 {
+            for dy in -1..=1 {
+                let row = [at[0] + dx, at[1] + dy];
+                let from = cells.partition_point(|c| c.0 < [row[0], row[1], at[2] - 1]);
+                let row = cells[from..].iter().take_while(|c| c.0 <= [row[0], row[1], at[2] + 1]);
+                for j in row.map(|c| c.1 as usize).filter(|&j| labels[i] < labels[j]) {
+                    let near = positions[i].distance_squared(positions[j]) < size * size;
+                    let agree = samples.normals[i].dot(samples.normals[j]) > LEAST_AGREEMENT;
+                    if near && agree && samples.parts[i] == samples.parts[j] {
+                        pairs.insert([labels[i], labels[j]]);
+                    }
+                }
+            }
+        }
+    }
+    pairs
+}
+
+/// How many edges and faces there may be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    pub edges: usize,
+    pub faces: usize,
+}
+
+/// By how much the cone of two spheres leaves the solid.
+fn protrusion(solid: &Solid, complex: &Complex, [i, j]: [u32; 2]) -> f64 {
+    const STEPS: usize = 6;
+    let hull = Hull::Cone(Cone::new(complex.balls[i as usize], complex.balls[j as usize]));
+    let at = |step: usize| {
+        let t = step as f64 / STEPS as f64;
+        let ball = hull.blend(&[1.0 - t, t, 0.0]);
+        let Some(nearest) = solid.tree.closest(ball.center, 1.0) else { return 1.0 };
+        let distance = nearest.distance(ball.center);
+        ball.radius + if solid.tree.is_inside(ball.center) { -distance } else { distance }
+    };
+    (1..STEPS).map(at).fold(0.0, f64::max)
+}
+
+/// Joins the spheres of each part to a tree, then spends what the limits leave where it helps most.
+pub(super) fn connect(
+    complex: &mut Complex,
+    parts: &[u32],
+    touching: &BTreeSet<[u32; 2]>,
+    samples: &Samples,
+    limits: Limits,
+    target: &Target,
+) {
+    let pairs: Vec<[u32; 2]> = touching.iter().copied().collect();
+    let protrusions = parallel::map(pairs.len(), 8, |i| protrusion(target.solid, complex, pairs[i]));
+    let length = |[i, j]: [u32; 2]| complex.balls[i as usize].center.distance(complex.balls[j as usize].center);
+    let mut ranked: Vec<(f64, [u32; 2])> =
+        pairs.iter().zip(&protrusions).map(|(&pair, out)| (out + 0.02 * length(pair), pair)).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut sets = Sets::new(complex.balls.len());
+    complex.edges = ranked.iter().filter(|(_, [i, j])| sets.join(*i, *j)).map(|r| r.1).collect();
+    // What no surface joins is joined where it is nearest.
+    let mut rest = vec![];
+    for i in 0..complex.balls.len() as u32 {
+        for j in i + 1..complex.balls.len() as u32 {
+            if parts[i as usize] == parts[j as usize] && sets.find(i) != sets.find(j) {
+                rest.push((length([i, j]), [i, j]));
+            }
+        }
+    }
+    rest.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    complex.edges.extend(rest.iter().filter(|(_, [i, j])| sets.join(*i, *j)).map(|r| r.1));
+    complex.edges.sort_unstable();
+
+    let candidates = touching.iter().map(|&pair| Primitive::Cone(pair)).collect();
+    spend(complex, candidates, samples, limits, target);
+}
+
+/// The edges and faces of spheres whose clusters touch pairwise.
+pub(super) fn candidates(touching: &BTreeSet<[u32; 2]>) -> Vec<Primitive> {
+    let mut candidates: Vec<Primitive> = touching.iter().map(|&p| Primitive::Cone(p)).collect();
+    for &[i, j] in touching {
+        let third = touching.range([j, 0]..[j + 1, 0]).filter(|[_, k]| touching.contains(&[i, *k]));
+        candidates.extend(third.map(|&[_, k]| Primitive::Slab([i, j, k])));
+    }
+    candidates
+}
+
+/// Adds the candidates that bring the error down most.
+pub(super) fn spend(
+    complex: &mut Complex,
+    mut candidates: Vec<Primitive>,
+    samples: &Samples,
+    limits: Limits,
+    target: &Target,
+) {
+    candidates.retain(|c| !has(complex, c));
+    let envelope = complex.envelope();
+    let mut distances: Vec<f64> = envelope.hits(&samples.points).iter().map(|h| h.distance).collect();
+    let slabs = candidates.iter().any(|c| matches!(c, Primitive::Slab(_)));
+    let mut creases = if slabs { target.creases(&envelope) } else { vec![] };
+    let relief = |complex: &Complex, candidate: &Primitive, distances: &[f64], creases: &[(DVec3, f64)]| {
+        relief(complex, candidate, samples, distances, target) + filled(complex, candidate, creases)
+    };
+    let reliefs = parallel::map(candidates.len(), 2, |i| relief(complex, &candidates[i], &distances, &creases));
+    // Until it is known, the harm is taken as none.
+    let mut waiting: Vec<(f64, Primitive, Option<f64>)> =
+        reliefs.into_iter().zip(candidates).map(|(relief, c)| (relief, c, None)).collect();
+    loop {
+        waiting.retain(|(gain, c, _)| *gain > 0.0 && !has(complex, c) && fits(complex, c, limits));
+        // Gains only fall: the first whose gain, measured anew, leads still is the best.
+        let best = (0..waiting.len())
+            .max_by(|&a, &b| waiting[a].0.total_cmp(&waiting[b].0).then(waiting[b].1.cmp(&waiting[a].1)));
+        let Some(best) = best else { break };
+        let (before, first, harm) = waiting[best];
+        let harm = harm.unwrap_or_else(|| self::harm(complex, &first, target));
+        let fresh =
+            (relief(complex, &first, &distances, &creases) - harm) / missing_edges(complex, &first).len().max(1) as f64;
+        waiting[best] = (fresh, first, Some(harm));
+        if fresh < before {
+            continue;
+        }
+        waiting.swap_remove(best);
+        add(complex, &first);
+        let hull = Hull::new(&complex.balls, &first);
+        for (distance, &point) in distances.iter_mut().zip(&samples.points.positions) {
+            *distance = distance.min(hull.distance(point));
+        }
+        creases.retain(|(point, _)| hull.distance(*point) > -DEEP);
+    }
+}
+
+fn missing_edges(complex: &Complex, candidate: &Primitive) -> Vec<[u32; 2]> {
+    let edges = match *candidate {
+        Primitive::Sphere(_) => vec![],
+        Primitive::Cone(e) => vec![e],
+        Primitive::Slab(f) => edges_of(f).to_vec(),
+    };
+    edges.into_iter().filter(|e| complex.edges.binary_search(e).is_err()).collect()
+}
+
+fn has(complex: &Complex, candidate: &Primitive) -> bool {
+    match candidate {
+        Primitive::Slab(f) => complex.faces.contains(f),
+        _ => missing_edges(complex, candidate).is_empty(),
+    }
+}
+
+fn fits(complex: &Complex, candidate: &Primitive, limits: Limits) -> bool {
+    let faces = complex.faces.len() + usize::from(matches!(candidate, Primitive::Slab(_)));
+    complex.edges.len() + missing_edges(complex, candidate).len() <= limits.edges && faces <= limits.faces
+}
+
+fn add(complex: &mut Complex, candidate: &Primitive) {
+    complex.edges.extend(missing_edges(complex, candidate));
+    complex.edges.sort_unstable();
+    if let Primitive::Slab(f) = candidate {
+        complex.faces.push(*f);
+        complex.faces.sort_unstable();
+    }
+}
+
+/// A point this deep within a primitive is no longer at the bottom of a crease.
+const DEEP: f64 = 5e-4;
+
+/// What the creases cost that the candidate fills.
+fn filled(complex: &Complex, candidate: &Primitive, creases: &[(DVec3, f64)]) -> f64 {
+    let hull = Hull::new(&complex.balls, candidate);
+    creases.iter().filter(|(point, _)| hull.distance(*point) <= -DEEP).map(|(_, cost)| cost).sum()
+}
+
+/// By how much the candidate brings the error of the samples down.
+pub(super) fn relief(
+    complex: &Complex,
+    candidate: &Primitive,
+    samples: &Samples,
+    distances: &[f64],
+    target: &Target,
+) -> f64 {
+    let hull = Hull::new(&complex.balls, candidate);
+    let mut sum = 0.0;
+    for (block, bound) in samples.points.blocks() {
+        // What is farther than this from all points of the block is nearest to none.
+        let reach = distances[block.clone()].iter().copied().fold(0.0, f64::max) + bound.radius;
+        if hull.distance(bound.center) > reach {
+            continue;
+        }
+        for i in block {
+            let distance = hull.distance(samples.points.positions[i]);
+            if distance < distances[i] {
+                sum += samples.weights[i] * (target.cost_of(distances[i]) - target.cost_of(distance));
+            }
+        }
+    }
+    sum
+}
+
+/// What the surface of the candidate costs where it lies outside the solid.
+pub(super) fn harm(complex: &Complex, candidate: &Primitive, target: &Target) -> f64 {
+    const SPACING: f64 = 0.02;
+    let envelope = Envelope::of(&complex.balls, vec![*candidate]);
+    let surface = envelope.sides(SPACING);
+    let costs = surface.iter().map(|s| {
+        let point = envelope.point(s);
+        let away = target.solid.closest_off_rims(point).map_or(glam::DVec3::ZERO, |nearest| point - nearest);
+        if target.solid.is_out(point, away, s.normal) { s.area * target.penalty.of(away.length()) } else { 0.0 }
+    });
+    costs.sum::<f64>() / target.area
+}

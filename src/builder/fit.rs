@@ -1,0 +1,65 @@
+//! Medial meshes of a triangle mesh by what they may cost or how exact they have to be.
+
+use std::ops::ControlFlow;
+
+use super::{BuildError, BuildOptions, Built, Level, MedialLevels, TriangleMesh, build, build_levels, measure};
+
+/// Spheres where nothing is said.
+const DEFAULT_SPHERES: usize = 60;
+
+/// Fewest spheres with which an error is tried, and most where no number is given.
+const TRIED: [usize; 2] = [8, 512];
+
+/// What to make of a triangle mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FitOptions {
+    /// Most spheres of the finest level. `None`: 60, or as many as the error takes, up to 512.
+    pub spheres: Option<usize>,
+    /// Greatest error of the finest level, either way, in percent of the mesh's diagonal. The fewest spheres of 8, 16, 32, ... that
+    /// reach it are taken; if none do, the most.
+    pub max_error: Option<f32>,
+    /// All levels of detail, down to one sphere a component; else the finest alone.
+    pub levels: bool,
+    /// The same seed gives the same result.
+    pub seed: u64,
+}
+
+/// Medial meshes of a solid with their two-sided errors.
+///
+/// `progress` is told the part of the work that is done, from 0 to 1, and may break it off. It starts anew with each trial.
+///
+/// # Errors
+/// As for [`build`].
+pub fn fit(
+    mesh: &TriangleMesh,
+    options: &FitOptions,
+    progress: &dyn Fn(f32) -> ControlFlow<()>,
+) -> Result<MedialLevels, BuildError> {
+    let with = |spheres: usize| BuildOptions { spheres, seed: options.seed, ..BuildOptions::default() };
+    let level = |built: Built| Level { error: measure(mesh, &built.axis), axis: built.axis };
+    let (spheres, finest) = match options.max_error {
+        None => (options.spheres.unwrap_or(DEFAULT_SPHERES), None),
+        Some(error) => {
+            let most = options.spheres.unwrap_or(TRIED[1]);
+            let mut spheres = TRIED[0].min(most);
+            loop {
+                let found = match build(mesh, &with(spheres), progress) {
+                    Ok(built) => Some(level(built)),
+                    // Each component takes one.
+                    Err(BuildError::TooFewSpheres { .. }) if spheres < most => None,
+                    Err(error) => return Err(error),
+                };
+                if spheres == most || found.as_ref().is_some_and(|level| level.error.max() <= error) {
+                    break (spheres, found);
+                }
+                spheres = (2 * spheres).min(most);
+            }
+        }
+    };
+    let levels = match finest {
+        Some(finest) if !options.levels => vec![finest],
+        _ if options.levels => build_levels(mesh, &with(spheres), progress)?.into_iter().map(level).collect(),
+        _ => vec![level(build(mesh, &with(spheres), progress)?)],
+    };
+    Ok(MedialLevels { levels })
+}

@@ -1,0 +1,151 @@
+//! The input, checked and normalised: what every later stage reads.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::{BuildError, TriangleMesh, tree::TriangleTree};
+
+/// The proper triangles of a mesh, moved and scaled so that the diagonal of their bounding box is 1.
+pub(super) struct Solid {
+    pub tree: TriangleTree,
+    /// Part of each triangle, in the order of the tree.
+    pub parts: Vec<u32>,
+    pub part_count: usize,
+    /// Which edges of each triangle, 01, 12 and 20, have no other triangle.
+    pub open_edges: Vec<[bool; 3]>,
+    /// Used vertices, each after the first triangle in the order of the tree that uses it.
+    pub vertices: Vec<Vec<DVec3>>,
+    /// Middle of the bounding box and length of its diagonal, in the units of the mesh.
+    pub origin: DVec3,
+    pub diagonal: f64,
+}
+
+/// Triangles whose height is less than this part of their longest side are left out.
+const FLAT: f64 = 1e-9;
+
+impl Solid {
+    pub fn new(mesh: &TriangleMesh) -> Result<Self, BuildError> {
+        for (triangle, indices) in mesh.triangles.iter().enumerate() {
+            for &index in indices {
+                let position = mesh.positions.get(index as usize);
+                let position = position.ok_or(BuildError::IndexOutOfRange { triangle, index })?;
+                if !position.is_finite() {
+                    return Err(BuildError::NotFinite { vertex: index });
+                }
+            }
+        }
+        let corners = mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize].as_dvec3());
+        let (min, max) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
+        let (origin, diagonal) = ((min + max) * 0.5, (max - min).length());
+        if mesh.triangles.is_empty() || diagonal <= 0.0 {
+            return Err(BuildError::Empty);
+        }
+        let place = |i: u32| (mesh.positions[i as usize].as_dvec3() - origin) / diagonal;
+        let proper: Vec<[u32; 3]> = mesh
+            .triangles
+            .iter()
+            .copied()
+            .filter(|t| {
+                let [a, b, c] = t.map(place);
+                let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+                (b - a).cross(c - a).length() > FLAT * longest
+            })
+            .collect();
+        if proper.is_empty() {
+            return Err(BuildError::Empty);
+        }
+        let source: Vec<[DVec3; 3]> = proper.iter().map(|t| t.map(place)).collect();
+        let tree = TriangleTree::new(&source);
+        let (of_source, part_count, open_of_source) = parts(&source);
+        let open_edges = tree.order().iter().map(|&i| open_of_source[i as usize]).collect();
+        let parts = tree.order().iter().map(|&i| of_source[i as usize]).collect();
+        let mut seen = vec![false; mesh.positions.len()];
+        let first_seen = |&triangle: &u32| {
+            let fresh =
+                proper[triangle as usize].into_iter().filter(|&i| !std::mem::replace(&mut seen[i as usize], true));
+            fresh.map(place).collect()
+        };
+        let vertices = tree.order().iter().map(first_seen).collect();
+        Ok(Self { parts, part_count, open_edges, vertices, tree, origin, diagonal })
+    }
+}
+
+impl Solid {
+    /// The nearest point of the surface, unless it lies on the rim of a hole: there the surface that `point` belongs to is missing.
+    pub fn closest_off_rims(&self, point: DVec3) -> Option<DVec3> {
+        const ON_EDGE: f64 = 1e-6;
+        let (closest, triangle) = self.tree.closest_with_triangle(point, f64::INFINITY)?;
+        let corners = &self.tree.triangles()[triangle];
+        let on_rim = (0..3).filter(|&e| self.open_edges[triangle][e]).any(|e| {
+            let (a, b) = (corners[e], corners[(e + 1) % 3]);
+            let along = (b - a).normalize_or_zero();
+            (closest - a).reject_from_normalized(along).length() < ON_EDGE
+        });
+        (!on_rim).then_some(closest)
+    }
+
+    /// True if a point of an envelope, `away` from the nearest point of the surface, is outside of the solid.
+    ///
+    /// Mostly the normal of the envelope tells: within the solid it leads to the surface.
+    pub fn is_out(&self, point: DVec3, away: DVec3, normal: DVec3) -> bool {
+        const SURE: f64 = 0.5;
+        let along = away.dot(normal);
+        if along.abs() > SURE * away.length() { along > 0.0 } else { !self.tree.is_inside(point) }
+    }
+}
+
+/// Connected component of each triangle, their number, and open edges; corners at the same place are one vertex.
+fn parts(triangles: &[[DVec3; 3]]) -> (Vec<u32>, usize, Vec<[bool; 3]>) {
+    let mut vertices: HashMap<[u64; 3], u32> = HashMap::new();
+    let welded: Vec<[u32; 3]> = triangles
+        .iter()
+        .map(|t| {
+            t.map(|p| {
+                let next = vertices.len() as u32;
+                // The sum turns a negative zero into a positive one.
+                *vertices.entry((p + DVec3::ZERO).to_array().map(f64::to_bits)).or_insert(next)
+            })
+        })
+        .collect();
+    let mut sets = Sets::new(vertices.len());
+    for t in &welded {
+        sets.join(t[0], t[1]);
+        sets.join(t[0], t[2]);
+    }
+    let mut numbers: HashMap<u32, u32> = HashMap::new();
+    let of_triangle = welded.iter().map(|t| {
+        let next = numbers.len() as u32;
+        *numbers.entry(sets.find(t[0])).or_insert(next)
+    });
+    let of_triangle = of_triangle.collect();
+    let edges = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[i, j]| [i.min(j), i.max(j)]);
+    let mut uses: HashMap<[u32; 2], u32> = HashMap::with_capacity(welded.len() * 2);
+    welded.iter().flat_map(|&t| edges(t)).for_each(|e| *uses.entry(e).or_default() += 1);
+    let open = welded.iter().map(|&t| edges(t).map(|e| uses[&e] == 1)).collect();
+    (of_triangle, numbers.len(), open)
+}
+
+/// Disjoint sets.
+pub(super) struct Sets(Vec<u32>);
+
+impl Sets {
+    pub fn new(count: usize) -> Self {
+        Self((0..count as u32).collect())
+    }
+
+    pub fn find(&mut self, mut item: u32) -> u32 {
+        while self.0[item as usize] != item {
+            self.0[item as usize] = self.0[self.0[item as usize] as usize];
+            item = self.0[item as usize];
+        }
+        item
+    }
+
+    /// Joins two sets; false if they were one.
+    pub fn join(&mut self, a: u32, b: u32) -> bool {
+        let (a, b) = (self.find(a), self.find(b));
+        self.0[a.max(b) as usize] = a.min(b);
+        a != b
+    }
+}

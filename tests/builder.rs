@@ -1,0 +1,209 @@
+//! The builder on shapes made here, whole and damaged.
+
+use std::{collections::HashSet, f32::consts::TAU, ops::ControlFlow};
+
+use bevy_medial::{
+    builder::{BuildError, BuildOptions, Built, TriangleMesh, build, build_levels},
+    geometry::Primitive,
+    medial_axis::{MedialAxis, ma},
+};
+use glam::Vec3;
+
+fn with(spheres: usize) -> BuildOptions {
+    BuildOptions { spheres, ..BuildOptions::default() }
+}
+
+fn built(mesh: &TriangleMesh, options: &BuildOptions) -> Result<Built, BuildError> {
+    build(mesh, options, &|_| ControlFlow::Continue(()))
+}
+
+/// A surface of `rings` times `around` quads that closes on itself both ways.
+fn torus(major: f32, minor: f32, rings: u32, around: u32) -> TriangleMesh {
+    let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
+    for i in 0..rings {
+        for j in 0..around {
+            let (u, v) = (TAU * i as f32 / rings as f32, TAU * j as f32 / around as f32);
+            let reach = major + minor * v.cos();
+            mesh.positions.push(Vec3::new(reach * u.cos(), reach * u.sin(), minor * v.sin()));
+            let at = |i: u32, j: u32| (i % rings) * around + j % around;
+            mesh.triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            mesh.triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+    }
+    mesh
+}
+
+/// Boxes, side by side along x with gaps of half their size.
+fn boxes(count: u32) -> TriangleMesh {
+    let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
+    for number in 0..count {
+        let first = mesh.positions.len() as u32;
+        for corner in 0..8u32 {
+            let unit = Vec3::new((corner & 1) as f32, (corner >> 1 & 1) as f32, (corner >> 2) as f32);
+            mesh.positions.push(unit + Vec3::X * (1.5 * number as f32));
+        }
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        for [a, b, c, d] in quads.map(|q: [u32; 4]| q.map(|i| first + i)) {
+            mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    mesh
+}
+
+/// Number of connected shapes, by shared spheres.
+fn components(axis: &MedialAxis) -> usize {
+    let mut label: Vec<u32> = (0..axis.spheres().len() as u32).collect();
+    for _ in 0..label.len() {
+        for primitive in axis.primitives() {
+            let least = primitive.indices().iter().map(|&i| label[i as usize]).min().unwrap();
+            primitive.indices().iter().for_each(|&i| label[i as usize] = least);
+        }
+    }
+    label.into_iter().collect::<HashSet<_>>().len()
+}
+
+/// Edges, those of faces included, and faces.
+fn counts(axis: &MedialAxis) -> (usize, usize) {
+    let mut edges = HashSet::new();
+    let mut faces = 0;
+    for primitive in axis.primitives() {
+        match *primitive {
+            Primitive::Sphere(_) => {}
+            Primitive::Cone(e) => {
+                edges.insert(e);
+            }
+            Primitive::Slab([i, j, k]) => {
+                edges.extend([[i, j], [j, k], [i, k]]);
+                faces += 1;
+            }
+        }
+    }
+    (edges.len(), faces)
+}
+
+#[test]
+fn a_torus_becomes_a_ring_of_cones() {
+    let (major, minor) = (0.2, 0.0525);
+    let mesh = torus(major, minor, 200, 64);
+    let Built { axis, report } = built(&mesh, &with(26)).unwrap();
+    assert_eq!(components(&axis), 1);
+    assert!(axis.spheres().len() <= 26);
+    println!("{report:?}");
+    // A regular ring of 26 reaches 0.0010.
+    assert!(report.max_error < 0.0013, "{report:?}");
+    // The hole stays open.
+    let (edges, _) = counts(&axis);
+    assert!(edges >= axis.spheres().len(), "no ring of {edges} edges");
+}
+
+#[test]
+fn the_same_input_gives_the_same_bytes() {
+    let mesh = torus(0.3, 0.1, 60, 20);
+    let text = |seed: u64| {
+        let options = BuildOptions { seed, ..with(12) };
+        ma::write(&ma::MaFile::from(&built(&mesh, &options).unwrap().axis))
+    };
+    assert_eq!(text(1), text(1));
+    assert_ne!(text(1), text(2), "the seed does nothing, so neither would a difference show");
+}
+
+#[test]
+fn each_component_is_one_shape() {
+    for (count, spheres) in [(1, 1), (1, 5), (3, 3), (3, 20), (5, 23)] {
+        let Built { axis, report } = built(&boxes(count), &with(spheres)).unwrap();
+        assert_eq!((components(&axis), report.components), (count as usize, count as usize), "{spheres} spheres");
+        assert!(axis.spheres().len() <= spheres);
+    }
+    assert_eq!(built(&boxes(4), &with(3)).unwrap_err(), BuildError::TooFewSpheres { components: 4, spheres: 3 });
+}
+
+#[test]
+fn limits_hold() {
+    let mesh = boxes(1);
+    let free = built(&mesh, &with(20)).unwrap();
+    let (edges, faces) = counts(&free.axis);
+    assert!(edges > 19 || faces > 0, "nothing to limit: {edges} edges, {faces} faces");
+    for (edges, faces) in [(19, 0), (22, 1), (30, 5)] {
+        let options = BuildOptions { edges: Some(edges), faces: Some(faces), ..with(20) };
+        let found = counts(&built(&mesh, &options).unwrap().axis);
+        assert!(found.0 <= edges && found.1 <= faces, "{found:?} of {edges} and {faces}");
+    }
+}
+
+#[test]
+fn levels_halve_down_to_one_sphere() {
+    let levels = build_levels(&torus(0.3, 0.1, 60, 20), &with(20), &|_| ControlFlow::Continue(())).unwrap();
+    let spheres: Vec<usize> = levels.iter().map(|l| l.axis.spheres().len()).collect();
+    println!("{spheres:?} {:?}", levels.iter().map(|l| l.report.rms_error).collect::<Vec<_>>());
+    assert_eq!(spheres.last(), Some(&1));
+    assert!(spheres.windows(2).all(|pair| pair[1] < pair[0]), "{spheres:?}");
+    assert!(levels.iter().all(|l| components(&l.axis) == 1));
+}
+
+#[test]
+fn an_inside_out_mesh_is_turned_round() {
+    let mut mesh = boxes(2);
+    let right = built(&mesh, &with(10)).unwrap();
+    mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+    let turned = built(&mesh, &with(10)).unwrap();
+    assert!(turned.report.max_error < 2.0 * right.report.max_error, "{:?}", turned.report);
+}
+
+#[test]
+fn what_has_no_shape_is_refused() {
+    let empty = TriangleMesh { positions: vec![], triangles: vec![] };
+    assert_eq!(built(&empty, &with(5)).unwrap_err(), BuildError::Empty);
+    let sheet = TriangleMesh {
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE.with_z(0.0)],
+        triangles: vec![[0, 1, 2], [1, 3, 2]],
+    };
+    assert_eq!(built(&sheet, &with(5)).unwrap_err(), BuildError::NoVolume);
+    let mut broken = boxes(1);
+    broken.triangles[3][1] = 99;
+    assert_eq!(built(&broken, &with(5)).unwrap_err(), BuildError::IndexOutOfRange { triangle: 3, index: 99 });
+    let mut broken = boxes(1);
+    broken.positions[2].y = f32::NAN;
+    assert_eq!(built(&broken, &with(5)).unwrap_err(), BuildError::NotFinite { vertex: 2 });
+    let stop =
+        build(&boxes(1), &with(5), &|part| if part > 0.3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) });
+    assert_eq!(stop.unwrap_err(), BuildError::Cancelled);
+}
+
+#[test]
+fn damaged_meshes_are_built_or_refused() {
+    let mut state = 7u64;
+    let mut random = |below: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % below
+    };
+    let (mut whole, mut refused) = (0, 0);
+    for case in 0..200 {
+        let mut mesh = if case % 2 == 0 { boxes(1 + case as u32 % 3) } else { torus(0.3, 0.1, 8, 6) };
+        for _ in 0..1 + random(12) {
+            let triangle = random(mesh.triangles.len());
+            let vertex = random(mesh.positions.len());
+            match random(7) {
+                0 => drop(mesh.triangles.swap_remove(triangle)),
+                1 => mesh.triangles[triangle].swap(0, 1),
+                2 => mesh.triangles.push(mesh.triangles[triangle]),
+                3 => mesh.triangles[triangle][random(3)] = vertex as u32,
+                4 => mesh.positions[vertex] *= [0.0, 2.0, -3.0, 1e-8, 1e5][random(5)],
+                5 => mesh.positions[vertex] = mesh.positions[random(mesh.positions.len())],
+                _ => mesh.positions.push(Vec3::splat(50.0)),
+            }
+        }
+        match built(&mesh, &with(1 + random(12))) {
+            Ok(Built { axis, .. }) => {
+                whole += 1;
+                let (_, again) = MedialAxis::new(axis.spheres().to_vec(), axis.primitives().to_vec()).unwrap();
+                assert!(again.is_empty(), "case {case}: {again}");
+            }
+            Err(error) => {
+                refused += 1;
+                assert!(!error.to_string().is_empty());
+            }
+        }
+    }
+    println!("{whole} built, {refused} refused");
+    assert!(whole > 100 && refused > 2, "{whole} built, {refused} refused");
+}
