@@ -69,6 +69,24 @@ fn obj(name: &str) -> String {
     vertices.chain(faces).collect()
 }
 
+/// A closed torus as an OBJ file.
+fn torus() -> String {
+    let (rings, around) = (64, 24);
+    let mut text = String::new();
+    for i in 0..rings {
+        for j in 0..around {
+            let [u, v] = [(i, rings), (j, around)].map(|(k, n)| std::f32::consts::TAU * k as f32 / n as f32);
+            let reach = 0.2 + 0.05 * v.cos();
+            text += &format!("v {} {} {}\n", reach * u.cos(), reach * u.sin(), 0.05 * v.sin());
+        }
+    }
+    let at = |i: usize, j: usize| (i % rings) * around + j % around + 1;
+    for (i, j) in (0..rings).flat_map(|i| (0..around).map(move |j| (i, j))) {
+        text += &format!("f {} {} {} {}\n", at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+    }
+    text
+}
+
 #[test]
 fn measure_prints_a_row_for_each_medial_mesh() {
     let folder = Folder::new("measure");
@@ -118,6 +136,32 @@ fn levels_are_described_and_measured_one_by_one() {
     assert!(text.contains("torus.medial level 0 ") && text.contains("torus.medial level 1 "), "{text}");
     fs::write(path, b"medial").unwrap();
     assert!(fails(&["info", path], 1).contains("torus.medial: it is no .medial file"));
+}
+
+/// By a number of spheres, with levels, and by an error that few reach.
+#[test]
+fn build_fits_what_was_asked_for() {
+    let folder = Folder::new("build");
+    let mesh = folder.file("torus.obj", &torus());
+    let [by_number, by_error] = ["number.ma", "error.ma"].map(|name| folder.file(name, ""));
+    let error = |mat: &str| {
+        let mesh = bevy_medial::builder::load::load(Path::new(&mesh)).unwrap();
+        let (axis, _) = ma::parse(&fs::read(mat).unwrap()).unwrap().into_medial_axis().unwrap();
+        (axis.spheres().len(), measure(&mesh, &axis).max())
+    };
+
+    let printed = prints(&["build", &mesh, "-o", &by_number, "--spheres", "26", "--levels"]);
+    let (spheres, found) = error(&by_number);
+    assert!(spheres <= 26 && found < 0.5, "{spheres} spheres, {found} %");
+    let levels = MedialLevels::load(Path::new(&by_number).with_extension("medial").as_path()).unwrap().levels;
+    assert!(levels.len() >= 5 && printed.lines().count() == levels.len(), "{printed}");
+    assert!(levels[0].error.max() < levels[1].error.max() && levels.last().unwrap().axis.spheres().len() == 1);
+
+    assert!(!prints(&["build", &mesh, "-o", &by_error, "--max-error", "2"]).contains("warning"));
+    let (spheres, found) = error(&by_error);
+    assert!(found <= 2.0 && spheres < 64, "{spheres} spheres, {found} %");
+    let few = ["build", &mesh, "-o", &by_error, "--max-error", "2", "--spheres", "4"];
+    assert!(prints(&few).contains("warning: the error is more than 2 %"));
 }
 
 #[test]
