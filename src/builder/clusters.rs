@@ -149,9 +149,9 @@ impl Quadric {
     fn solve(mut self, prior: &Ball) -> Ball {
         let pull = 1e-3 * self.weight + 1e-30;
         let prior = [prior.center.x, prior.center.y, prior.center.z, prior.radius];
-        for i in 0..4 {
+        for (i, prior) in prior.into_iter().enumerate() {
             self.matrix[i][i] += pull;
-            self.right[i] += pull * prior[i];
+            self.right[i] += pull * prior;
         }
         let [x, y, z, radius] = solve_symmetric(self.matrix, self.right);
         Ball { center: DVec3::new(x, y, z), radius }

@@ -145,6 +145,8 @@ pub(super) fn collect(
 ) {
     let to_second = Placement::from(pose12.inverse());
     let to_first = Placement::from(*pose12);
+    // What parts some primitives often parts the next ones.
+    let mut direction = Vec3::Y;
     for &[primitive1, primitive2] in candidates {
         let mut push = |s: &Separation| {
             contacts.push(Contact {
@@ -157,7 +159,11 @@ pub(super) fn collect(
             });
         };
         with_spheres!(shape1.hull(primitive1).placed(&to_second), |first| {
-            with_spheres!(shape2.hull(primitive2), |second| two_sided(&first, &second, prediction, &mut push))
+            with_spheres!(shape2.hull(primitive2), |second| {
+                if second.low(direction) + first.low(-direction) <= prediction {
+                    direction = two_sided(&first, &second, prediction, &mut push);
+                }
+            })
         });
     }
     seams::remove(contacts, pose12.rotation, [&primitives(shape1), &primitives(shape2)], 0.0);
@@ -190,17 +196,19 @@ fn collect_part(shape1: &Shape, part: &Part, pose12: &Pose3, prediction: f32, co
         };
         with_spheres!(shape1.hull(primitive1).placed(&to_second), |first| match &part.core {
             Core::Cuboid(half) => {
-                if let Some(main) = one_sided(&first, &Cuboid { half: *half }, prediction, &mut push) {
+                if let (main, true) = one_sided(&first, &Cuboid { half: *half }, prediction, &mut push) {
                     corners(*half, -main, |corner| at_corner(&first, corner, main, prediction, &mut push));
                 }
             }
             Core::Support(shape) => {
-                if let Some(main) = one_sided(&first, &Support(&**shape), prediction, &mut push) {
+                if let (main, true) = one_sided(&first, &Support(&**shape), prediction, &mut push) {
                     let near = first.origin() + main;
                     shape.face(-main, near, &mut |corner| at_corner(&first, corner, main, prediction, &mut push));
                 }
             }
-            Core::Hull(hull) => with_spheres!(*hull, |second| two_sided(&first, &second, prediction, &mut push)),
+            Core::Hull(hull) => with_spheres!(*hull, |second| {
+                two_sided(&first, &second, prediction, &mut push);
+            }),
         });
     }
 }
@@ -235,15 +243,15 @@ fn at_corner<const N: usize>(
 }
 
 /// The nearest points of two primitives, and the nearest points of the other spheres on either side that face the same way:
-/// a cone on a floor, or beside another cone, touches along a line, and rests on both its ends.
+/// a cone on a floor, or beside another cone, touches along a line, and rests on both its ends. Returns the normal of the nearest points.
 fn two_sided<const N: usize, const M: usize>(
     first: &[Sphere; N],
     second: &[Sphere; M],
     prediction: f32,
     push: &mut impl FnMut(&Separation),
-) {
-    let Some(main) = one_sided(first, second, prediction, push) else { return };
-    if N > 1 && M > 1 {
+) -> Vec3 {
+    let (main, is_near) = one_sided(first, second, prediction, push);
+    if is_near && N > 1 && M > 1 {
         for sphere in second {
             let ours = separation(first, &[*sphere], 0);
             if ours.distance <= prediction && ours.normal.dot(main) >= VERTEX_NORMAL_COSINE {
@@ -251,18 +259,19 @@ fn two_sided<const N: usize, const M: usize>(
             }
         }
     }
+    main
 }
 
-/// The same for the spheres of the first side alone. Returns the normal of the nearest points.
+/// The same for the spheres of the first side alone. Returns the normal of the nearest points, and whether they are near.
 fn one_sided<const N: usize, B: Convex>(
     first: &[Sphere; N],
     second: &B,
     prediction: f32,
     push: &mut impl FnMut(&Separation),
-) -> Option<Vec3> {
+) -> (Vec3, bool) {
     let main = separation(first, second, 0);
     if main.distance > prediction {
-        return None;
+        return (main.normal, false);
     }
     push(&main);
     if N > 1 {
@@ -273,5 +282,5 @@ fn one_sided<const N: usize, B: Convex>(
             }
         }
     }
-    Some(main.normal)
+    (main.normal, true)
 }

@@ -1,6 +1,7 @@
 //! Narrow phase: the first impact of each pair within the step, and its contacts at the end.
 
 use bevy::tasks::TaskPool;
+use glam::Vec3;
 
 use super::{
     Contact, Core, Impact, Second, Side, Solid, Statics, StepInput,
@@ -135,13 +136,14 @@ pub(super) fn first_impact<'a>(
     let mut approaching = Vec::new();
     for (motion, candidates) in motions.filter(|(_, candidates)| !candidates.is_empty()) {
         let chords = motion.chords();
+        result.slop = result.slop.max(motion.slop);
         result.toi_tests += candidates.len();
         let mut starts = Vec::new();
+        let mut direction = Vec3::Y;
         for &pair in candidates {
-            let start = with_sides!(motion, pair, |first, second| rigid_start(&first, second, &chords));
+            let start = with_sides!(motion, pair, |first, second| rigid_start(&first, second, &chords, &mut direction));
             if let Some(start) = start {
                 carried = carried.max(start.overlap().min(motion.allowed));
-                result.slop = result.slop.max(motion.slop);
                 result.in_touch |= start.distance() <= TOUCH_DISTANCE;
                 starts.push((pair, start));
             }

@@ -17,14 +17,14 @@
 
 use std::{
     cmp::Ordering,
-    collections::{BinaryHeap, HashMap},
+    collections::{BTreeMap, BinaryHeap, HashMap},
 };
 
 use bevy::tasks::TaskPool;
 use glam::{Quat, Vec3};
 
 use super::{
-    Impact, Statics, StepInput,
+    Body, Impact, Statics, StepInput,
     broad_phase::BodyPair,
     mid_phase,
     motion::PairMotion,
@@ -32,7 +32,7 @@ use super::{
     parallel,
 };
 use crate::{
-    constants::{LANDING, MAX_SLIDES, SLIDE_WAY},
+    constants::{KEPT_CHANGE, LANDING, LEAST_SLIDE, MAX_SLIDES, SLIDE_WAY},
     geometry::{Pose3, Sweep},
 };
 
@@ -212,16 +212,23 @@ pub(super) fn run(
                 courses.push((body, Course { from: fraction, sweep, state, slides: 0, slid: 0.0 }));
             }
         }
-        for &(body, course) in &courses {
+        // A pair that goes on all but as it did keeps its impact.
+        let mut affected: BTreeMap<usize, f32> = BTreeMap::new();
+        for (body, course) in courses {
+            let change = course.sweep.difference(&stops.sweep_from(input, body, fraction), arm(input, body));
             stops.0[body as usize] = Some(course);
+            for &other in &pairs_of[body as usize] {
+                *affected.entry(other).or_default() += change;
+            }
         }
-        let mut affected: Vec<usize> =
-            courses.iter().flat_map(|(body, _)| &pairs_of[*body as usize]).copied().collect();
-        affected.retain(|&other| (other != pair || !stands) && pairs[other].stops);
-        affected.sort_unstable();
-        affected.dedup();
-        let found =
-            parallel::map(pool, &affected, 2, |_, &other| impact_from(input, statics, &pairs[other], &stops, fraction));
+        affected.retain(|&other, change| pairs[other].stops && *change > KEPT_CHANGE * results[other].slop);
+        if stands {
+            affected.remove(&pair);
+        }
+        let affected: Vec<usize> = affected.into_keys().collect();
+        let found = parallel::map(pool, &affected, 16, |_, &other| {
+            impact_from(input, statics, &pairs[other], &stops, fraction)
+        });
         for (other, found) in affected.into_iter().zip(found) {
             results[other].toi_tests += found.toi_tests;
             results[other].unresolved += found.unresolved;
@@ -272,7 +279,15 @@ fn slides(
         let (slides, slid) = stops.0[body as usize].map_or((0, 0.0), |course| (course.slides, course.slid));
         slides < MAX_SLIDES && slid + way.length() <= most
     });
-    if slow && may { slides } else { Vec::new() }
+    // Else it is its turning that takes it into the other.
+    let helps = all * part > LEAST_SLIDE * slop;
+    if slow && may && helps { slides } else { Vec::new() }
+}
+
+/// How far any point of a body is from its centre of mass.
+fn arm(input: &StepInput, body: u32) -> f32 {
+    let Body { solid, sweep, .. } = &input.bodies[body as usize];
+    solid.bounding_sphere().farthest(sweep.local_center)
 }
 
 /// The first impact of a pair from a fraction on.

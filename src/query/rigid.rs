@@ -4,7 +4,9 @@ use glam::Vec3;
 
 use super::{
     separation::{Cuboid, Separation},
-    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, start, time_of_depth, time_of_impact},
+    time_of_impact::{
+        Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, start, stay_apart_along, time_of_depth, time_of_impact,
+    },
 };
 use crate::{
     constants::{LEAST_GROWTH, MAX_CHORDS, OVERLAP_LIMIT},
@@ -125,9 +127,24 @@ impl RigidStart {
 }
 
 /// How two primitives of rigid bodies begin the step; none if they stay apart all through it, as far as a look at the start can tell.
-pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chords: &Chords) -> Option<RigidStart> {
+///
+/// `direction`: a unit direction along which they may be apart, as that between other primitives of the two bodies; replaced by theirs.
+pub fn rigid_start<const N: usize, B: Rigid>(
+    first: &[Sphere; N],
+    second: &B,
+    chords: &Chords,
+    direction: &mut Vec3,
+) -> Option<RigidStart> {
+    let apart_along = |i| {
+        let (moving1, moving2) = chords.along(i, first, second);
+        stay_apart_along(&moving1, &moving2, *direction)
+    };
+    if (0..chords.count()).all(apart_along) {
+        return None;
+    }
     let (moving1, moving2) = chords.along(0, first, second);
     let (separation, clear) = start(&moving1, &moving2, 1.0);
+    *direction = separation.normal;
     // Along several chords nothing is known of directions.
     let apart = match chords.count() {
         1 => clear,
