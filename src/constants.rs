@@ -57,14 +57,8 @@ pub const SLIDE_WAY: f32 = 0.5;
 /// The same for a body that meets what it was not in touch with before, in slops.
 pub const LANDING: f32 = 100.0;
 
-/// How far the motion of a pair may change before its impacts are looked for anew, in slops.
-pub const KEPT_CHANGE: f32 = 0.25;
-
-/// Least way that sliding on is worth, in slops.
-pub const LEAST_SLIDE: f32 = 0.02;
-
-/// How often a body may slide on within a step before it stops. What rolls needs one; more of them cost more than they gain.
-pub const MAX_SLIDES: u32 = 2;
+/// How often a body may slide on within a step before it stops. A ball rolls on after one, a body in a corner after a few.
+pub const MAX_SLIDES: u32 = 8;
 
 /// Least part of a slop that any overlap may gain, so that bodies in deep contact are slowed and not frozen.
 pub const LEAST_GROWTH: f32 = 0.1;

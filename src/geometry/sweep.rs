@@ -117,11 +117,6 @@ impl Sweep {
         chords
     }
 
-    /// How far apart this motion and another from the same start take any point within `radius` of the centre of mass, at most.
-    pub fn difference(&self, other: &Self, radius: f32) -> f32 {
-        (self.translation - other.translation).length() + (self.rotation - other.rotation).length() * radius
-    }
-
     /// Longest way that a point within `radius` of the centre of mass goes.
     pub fn reach(&self, radius: f32) -> f32 {
         self.translation.length() + self.rotation.length() * radius

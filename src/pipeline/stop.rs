@@ -17,14 +17,14 @@
 
 use std::{
     cmp::Ordering,
-    collections::{BTreeMap, BinaryHeap, HashMap},
+    collections::{BinaryHeap, HashMap},
 };
 
 use bevy::tasks::TaskPool;
 use glam::{Quat, Vec3};
 
 use super::{
-    Body, Impact, Statics, StepInput,
+    Impact, Statics, StepInput,
     broad_phase::BodyPair,
     mid_phase,
     motion::PairMotion,
@@ -32,7 +32,7 @@ use super::{
     parallel,
 };
 use crate::{
-    constants::{KEPT_CHANGE, LANDING, LEAST_SLIDE, MAX_SLIDES, SLIDE_WAY},
+    constants::{LANDING, MAX_SLIDES, SLIDE_WAY},
     geometry::{Pose3, Sweep},
 };
 
@@ -212,23 +212,16 @@ pub(super) fn run(
                 courses.push((body, Course { from: fraction, sweep, state, slides: 0, slid: 0.0 }));
             }
         }
-        // A pair that goes on all but as it did keeps its impact.
-        let mut affected: BTreeMap<usize, f32> = BTreeMap::new();
-        for (body, course) in courses {
-            let change = course.sweep.difference(&stops.sweep_from(input, body, fraction), arm(input, body));
+        for &(body, course) in &courses {
             stops.0[body as usize] = Some(course);
-            for &other in &pairs_of[body as usize] {
-                *affected.entry(other).or_default() += change;
-            }
         }
-        affected.retain(|&other, change| pairs[other].stops && *change > KEPT_CHANGE * results[other].slop);
-        if stands {
-            affected.remove(&pair);
-        }
-        let affected: Vec<usize> = affected.into_keys().collect();
-        let found = parallel::map(pool, &affected, 16, |_, &other| {
-            impact_from(input, statics, &pairs[other], &stops, fraction)
-        });
+        let mut affected: Vec<usize> =
+            courses.iter().flat_map(|(body, _)| &pairs_of[*body as usize]).copied().collect();
+        affected.retain(|&other| (other != pair || !stands) && pairs[other].stops);
+        affected.sort_unstable();
+        affected.dedup();
+        let found =
+            parallel::map(pool, &affected, 2, |_, &other| impact_from(input, statics, &pairs[other], &stops, fraction));
         for (other, found) in affected.into_iter().zip(found) {
             results[other].toi_tests += found.toi_tests;
             results[other].unresolved += found.unresolved;
@@ -279,21 +272,15 @@ fn slides(
         let (slides, slid) = stops.0[body as usize].map_or((0, 0.0), |course| (course.slides, course.slid));
         slides < MAX_SLIDES && slid + way.length() <= most
     });
-    // Else it is its turning that takes it into the other.
-    let helps = all * part > LEAST_SLIDE * slop;
-    if slow && may && helps { slides } else { Vec::new() }
-}
-
-/// How far any point of a body is from its centre of mass.
-fn arm(input: &StepInput, body: u32) -> f32 {
-    let Body { solid, sweep, .. } = &input.bodies[body as usize];
-    solid.bounding_sphere().farthest(sweep.local_center)
+    if slow && may { slides } else { Vec::new() }
 }
 
 /// The first impact of a pair from a fraction on.
 fn impact_from(input: &StepInput, statics: &Statics, pair: &BodyPair, stops: &Stops, fraction: f32) -> ImpactResult {
     let mut motions = PairMotion::all(input, statics, pair, |body| stops.sweep_from(input, body, fraction));
     motions.retain(|motion| !motion.is_at_rest());
+    // Overlaps have grown since the start of the step already.
+    motions.iter_mut().for_each(|motion| motion.slop *= 0.5);
     let candidates: Vec<_> = motions.iter().map(|motion| mid_phase::candidates(motion, 0.0)).collect();
     let mut found = first_impact(motions.iter().zip(&candidates));
     if let Some(impact) = &mut found.impact {

@@ -10,6 +10,9 @@ use crate::common::*;
 /// Seconds that bodies roll.
 const SECONDS: f32 = 3.0;
 
+/// Steps that a body may lose to stops: a fifteenth of its time. Without slides a ball at 10 m/s loses nearly all of it.
+const MOST_LOST: f32 = 12.0;
+
 /// What came of a body that rolls.
 struct Rolled {
     way: f32,
@@ -64,7 +67,7 @@ fn balls_and_rollers_roll_as_far_as_rapiers_own() {
                 ours.way, rapiers.way, ours.slides, ours.lost, ours.heights, rapiers.heights
             );
             assert!(ours.way > 0.95 * rapiers.way && ours.way < 1.05 * SECONDS * speed);
-            assert!(ours.lost < 4.0, "{}", ours.lost);
+            assert!(ours.lost < MOST_LOST, "{}", ours.lost);
             assert!(ours.heights[0] > rapiers.heights[0] - 1e-3 && ours.heights[1] < 0.01);
             slides += ours.slides;
         }
@@ -81,6 +84,6 @@ fn a_tyre_rolls() {
         let rolled = roll(|app| spawn_body(app, tyre, upright), 0.3, speed);
         println!("{speed} m/s: {:.2} m, {} slides, {:.2} steps lost", rolled.way, rolled.slides, rolled.lost);
         assert!(rolled.way > 0.7 * SECONDS * speed && rolled.slides > 20);
-        assert!(rolled.lost < 4.0 && rolled.heights[0] > -0.005, "{}", rolled.lost);
+        assert!(rolled.lost < MOST_LOST && rolled.heights[0] > -0.005, "{}", rolled.lost);
     }
 }
