@@ -51,6 +51,10 @@ pub const CARRYING_DEPTH: f32 = 5.0e-3;
 /// An overlap of this many slops gains no more than [`LEAST_GROWTH`] of a slop within a step: what a loaded contact gains step by step ends there.
 pub const OVERLAP_LIMIT: f32 = 12.0;
 
+/// Part of the slop that an overlap may gain once more after a stop or a slide within the step. Larger, and piles sink in; smaller, and what
+/// rolls stops.
+pub const RENEWED_SLOP: f32 = 0.5;
+
 /// How far a body may leave its way to slide on, in prediction distances. Larger, and the broad phase finds more pairs.
 pub const SLIDE_WAY: f32 = 0.5;
 

@@ -32,7 +32,7 @@ use super::{
     parallel,
 };
 use crate::{
-    constants::{LANDING, MAX_SLIDES, SLIDE_WAY},
+    constants::{LANDING, MAX_SLIDES, RENEWED_SLOP, SLIDE_WAY},
     geometry::{Pose3, Sweep},
 };
 
@@ -280,7 +280,7 @@ fn impact_from(input: &StepInput, statics: &Statics, pair: &BodyPair, stops: &St
     let mut motions = PairMotion::all(input, statics, pair, |body| stops.sweep_from(input, body, fraction));
     motions.retain(|motion| !motion.is_at_rest());
     // Overlaps have grown since the start of the step already.
-    motions.iter_mut().for_each(|motion| motion.slop *= 0.5);
+    motions.iter_mut().for_each(|motion| motion.slop *= RENEWED_SLOP);
     let candidates: Vec<_> = motions.iter().map(|motion| mid_phase::candidates(motion, 0.0)).collect();
     let mut found = first_impact(motions.iter().zip(&candidates));
     if let Some(impact) = &mut found.impact {

@@ -14,6 +14,7 @@ mod stl;
 
 use std::path::{Path, PathBuf};
 
+use glam::Vec3;
 use thiserror::Error;
 
 use super::{MeshError, TriangleMesh};
@@ -131,6 +132,17 @@ pub fn load(path: &Path) -> Result<TriangleMesh, LoadError> {
     let bytes = std::fs::read(path).map_err(|source| LoadError::Io { path: path.into(), source })?;
     let folder = path.parent().unwrap_or(Path::new(""));
     format.parse(&bytes, folder).map_err(|source| LoadError::Format { path: path.into(), source })
+}
+
+/// Three coordinates, or what is wrong with them.
+fn position<'a>(fields: &mut impl Iterator<Item = &'a str>) -> Result<Vec3, String> {
+    let mut position = Vec3::ZERO;
+    for axis in 0..3 {
+        let field = fields.next().ok_or("a vertex has fewer than 3 coordinates")?;
+        let value = field.parse().ok().filter(|value: &f32| value.is_finite());
+        position[axis] = value.ok_or_else(|| format!("`{field}` is no finite number"))?;
+    }
+    Ok(position)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 use glam::Vec3;
 
-use super::{FormatError, polygon::triangulate};
+use super::{FormatError, polygon::triangulate, position};
 use crate::builder::TriangleMesh;
 
 /// Reads `v` and `f` records. Indices count from 1, or from the latest vertex backwards if negative.
@@ -20,13 +20,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
         let damaged = |problem: String| FormatError::damaged(format!("line {line}"), problem);
         match fields.next() {
             Some("v") => {
-                let mut position = Vec3::ZERO;
-                for axis in 0..3 {
-                    let field = fields.next().ok_or_else(|| damaged("a vertex has fewer than 3 coordinates".into()))?;
-                    let value = field.parse().ok().filter(|value: &f32| value.is_finite());
-                    position[axis] = value.ok_or_else(|| damaged(format!("`{field}` is no finite number")))?;
-                }
-                positions.push(position);
+                positions.push(position(&mut fields).map_err(damaged)?);
             }
             Some("f") => {
                 let before = corners.len();

@@ -1,6 +1,6 @@
 use glam::Vec3;
 
-use super::FormatError;
+use super::{FormatError, position};
 use crate::builder::TriangleMesh;
 
 /// Bytes before the triangles of a binary file: a free text, and the number of triangles.
@@ -42,13 +42,7 @@ fn text(bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
         match (fields.next(), open) {
             (Some("outer"), None) => open = Some(positions.len()),
             (Some("vertex"), Some(_)) => {
-                let mut position = Vec3::ZERO;
-                for axis in 0..3 {
-                    let field = fields.next().ok_or_else(|| damaged("a vertex has fewer than 3 coordinates".into()))?;
-                    let value = field.parse().ok().filter(|value: &f32| value.is_finite());
-                    position[axis] = value.ok_or_else(|| damaged(format!("`{field}` is no finite number")))?;
-                }
-                positions.push(position);
+                positions.push(position(&mut fields).map_err(damaged)?);
             }
             (Some("endloop"), Some(start)) if positions.len() == start + 3 => open = None,
             (Some("endloop"), Some(start)) => {
