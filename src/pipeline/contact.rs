@@ -98,8 +98,7 @@ pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, con
             collect(shape1, shape2, pose12, prediction, &near, contacts);
         }
         Second::Parts(parts) => {
-            let reach = shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(prediction);
-            let parts = parts.within(&reach);
+            let parts = parts.within(&reach(shape1, pose12, prediction));
             for part in &parts {
                 collect_part(shape1, part, pose12, prediction, contacts);
             }
@@ -109,6 +108,35 @@ pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, con
             seams::remove(contacts, pose12.rotation, [&primitives(shape1), &second], FLUSH);
         }
     }
+}
+
+/// True if a pair comes within a distance. `likely`: primitives that may, and are looked at first.
+pub(super) fn is_within(shape1: &Shape, second: Second, pose12: &Pose3, distance: f32, likely: [u32; 2]) -> bool {
+    match second {
+        Second::Shape(shape2) => {
+            let to_second = Placement::from(pose12.inverse());
+            let is_near = |[primitive1, primitive2]: [u32; 2]| {
+                with_spheres!(shape1.hull(primitive1).placed(&to_second), |first| {
+                    with_spheres!(shape2.hull(primitive2), |second| {
+                        separation(&first, &second, 0).distance <= distance
+                    })
+                })
+            };
+            is_near(likely) || near(shape1, shape2, pose12, distance).into_iter().any(is_near)
+        }
+        Second::Parts(parts) => {
+            let mut contacts = Vec::new();
+            parts.within(&reach(shape1, pose12, distance)).iter().any(|part| {
+                collect_part(shape1, part, pose12, distance, &mut contacts);
+                !contacts.is_empty()
+            })
+        }
+    }
+}
+
+/// All of the second body that can come within a distance of the shape, as a box in that body's frame.
+fn reach(shape1: &Shape, pose12: &Pose3, distance: f32) -> Aabb {
+    shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(distance)
 }
 
 /// The manifolds that a pair's contacts are reduced to.

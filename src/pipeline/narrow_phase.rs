@@ -95,19 +95,19 @@ pub(super) fn contacts(
     })
 }
 
-/// True if a pair is in touch where its bodies are.
+/// True if a pair that has met is in touch where its bodies are.
 pub(super) fn are_in_touch(
     input: &StepInput,
     statics: &Statics,
     pair: &BodyPair,
+    met: &Impact,
     pose_of: impl Fn(u32) -> Pose3,
 ) -> bool {
     let [(first, pose1), (second, pose2)] = [pair.first, pair.second].map(|side| place(input, statics, side, &pose_of));
-    let mut contacts = Vec::new();
-    if let Some(shape1) = first.medial() {
-        contact::find(shape1, second.second(), &pose1.inv_mul(&pose2), TOUCH_DISTANCE, &mut contacts);
-    }
-    !contacts.is_empty()
+    let met = [met.primitive1, met.primitive2];
+    first.medial().is_some_and(|shape1| {
+        contact::is_within(shape1, second.second(), &pose1.inv_mul(&pose2), TOUCH_DISTANCE, met)
+    })
 }
 
 /// A side of a pair, and where it is.

@@ -183,7 +183,8 @@ pub(super) fn run(
                 Some((_, course)) => course.sweep.end,
                 None => stops.final_pose(input, body),
             };
-            happened[other] && !are_in_touch(input, statics, &pairs[other], end)
+            let met = results[other].impact.filter(|_| happened[other]);
+            met.is_some_and(|met| !are_in_touch(input, statics, &pairs[other], &met, end))
         });
         if parted {
             courses.clear();
