@@ -23,6 +23,13 @@ pub const MAX_ROUNDS: u32 = 1024;
 /// has set spinning stop too early in every step.
 pub const MAX_CHORDS: u32 = 1024;
 
+/// Greatest number of chords along which many primitives are looked at at once. Along more, the look takes longer than what it saves.
+pub const MAX_PARTING_CHORDS: usize = 16;
+
+/// How many directions that parted some primitives are tried on others. Fewer, and more distances are computed; more, and those that touch
+/// take longer.
+pub const PARTING_DIRECTIONS: usize = 6;
+
 /// Largest deviation of a chord from the arc it stands for, per metre of the body's bounding radius.
 pub const CHORD_TOLERANCE: f32 = 1.0e-3;
 

@@ -127,31 +127,35 @@ impl Bvh {
 
     /// Calls `visit` with every pair of items, one of each tree, whose boxes and ancestors' boxes pass `test`.
     ///
-    /// `test` compares a box of this tree with one of the other, in whatever frames it knows them.
-    pub fn visit_pairs(
+    /// `place1` and `place2` take the boxes of this tree and of the other to where they are compared.
+    pub fn visit_pairs<A: Copy, B: Copy>(
         &self,
         other: &Bvh,
-        mut test: impl FnMut(&Aabb, &Aabb) -> bool,
+        place1: impl Fn(&Aabb) -> A,
+        place2: impl Fn(&Aabb) -> B,
+        test: impl Fn(&A, &B) -> bool,
         mut visit: impl FnMut(u32, u32),
     ) {
-        if self.nodes.is_empty() || other.nodes.is_empty() {
-            return;
-        }
-        let mut stack = Stack::new((0, 0));
-        while let Some((index1, index2)) = stack.pop() {
-            let (node1, node2) = (&self.nodes[index1 as usize], &other.nodes[index2 as usize]);
-            if !test(&node1.aabb, &node2.aabb) {
+        let (Some(root1), Some(root2)) = (self.nodes.first(), other.nodes.first()) else { return };
+        let mut stack = Stack::new(((0, place1(&root1.aabb)), (0, place2(&root2.aabb))));
+        while let Some(((index1, placed1), (index2, placed2))) = stack.pop() {
+            if !test(&placed1, &placed2) {
                 continue;
             }
+            let (node1, node2) = (&self.nodes[index1 as usize], &other.nodes[index2 as usize]);
             match (node1.item(), node2.item()) {
                 (Some(item1), Some(item2)) => visit(item1, item2),
                 (None, item2) if item2.is_some() || node1.aabb.extent_squared() >= node2.aabb.extent_squared() => {
-                    stack.push((node1.link, index2));
-                    stack.push((index1 + 1, index2));
+                    for child in [node1.link, index1 + 1] {
+                        let placed1 = place1(&self.nodes[child as usize].aabb);
+                        stack.push(((child, placed1), (index2, placed2)));
+                    }
                 }
                 _ => {
-                    stack.push((index1, node2.link));
-                    stack.push((index1, index2 + 1));
+                    for child in [node2.link, index2 + 1] {
+                        let placed2 = place2(&other.nodes[child as usize].aabb);
+                        stack.push(((index1, placed1), (child, placed2)));
+                    }
                 }
             }
         }
@@ -244,7 +248,10 @@ mod tests {
         for (count1, count2) in [(0, 5), (1, 1), (1, 90), (130, 1), (64, 65)] {
             let (items1, items2) = (boxes(count1, 3), boxes(count2, 4));
             let mut visited = Vec::new();
-            Bvh::new(&items1).visit_pairs(&Bvh::new(&items2), |a, b| a.overlaps(b), |i, j| visited.push((i, j)));
+            let shifted = |aabb: &Aabb| aabb.swept(Vec3::X, [1.0, 1.0]);
+            Bvh::new(&items1).visit_pairs(&Bvh::new(&items2), shifted, shifted, Aabb::overlaps, |i, j| {
+                visited.push((i, j));
+            });
             visited.sort_unstable();
             let all = (0..count1).flat_map(|i| (0..count2).map(move |j| (i, j)));
             let expected: Vec<_> = all.filter(|&(i, j)| items1[i as usize].overlaps(&items2[j as usize])).collect();

@@ -152,10 +152,9 @@ fn near(shape1: &Shape, shape2: &Shape, pose12: &Pose3, margin: f32) -> Vec<[u32
     let mut pairs = Vec::new();
     shape1.bvh().visit_pairs(
         shape2.bvh(),
-        |aabb1, aabb2| {
-            let aabb2 = Aabb { min: aabb2.min * shape2.scale, max: aabb2.max * shape2.scale };
-            aabb1.transformed(&pose21, shape1.scale).inflated(margin).overlaps(&aabb2)
-        },
+        |aabb1| aabb1.transformed(&pose21, shape1.scale).inflated(margin),
+        |aabb2| Aabb { min: aabb2.min * shape2.scale, max: aabb2.max * shape2.scale },
+        Aabb::overlaps,
         |i, j| pairs.push([i, j]),
     );
     pairs.sort_unstable();

@@ -3,15 +3,13 @@
 //! The two hierarchies are traversed against each other in the frame of body 2 at the start; boxes move along their middles'
 //! chords. The sagitta of the whole step and the prediction distance widen them, so no pair is lost.
 
-use bevy::tasks::TaskPool;
-use glam::Mat3;
-
 use super::{
     Culling, Statics, StepInput,
     broad_phase::BodyPair,
     motion::{Facing, PairMotion, SweptBoxes},
     parallel,
 };
+use bevy::tasks::TaskPool;
 
 /// Indices of a primitive of the first body and one of the second; of a part, which is one, 0.
 pub(super) type PrimitivePair = [u32; 2];
@@ -35,7 +33,7 @@ pub(super) fn run(
 
 /// Candidate primitive pairs of one motion, in ascending order.
 pub(super) fn candidates(motion: &PairMotion, prediction: f32) -> Vec<PrimitivePair> {
-    let frame = Mat3::from_quat(motion.sweep2.start.rotation).transpose();
+    let frame = motion.sweep2.start.rotation.inverse();
     let boxes1 = SweptBoxes::new(&motion.sweep1, frame, motion.shape1.scale);
     let margin = prediction + motion.whole_sagitta();
     let mut pairs = Vec::new();
@@ -44,7 +42,9 @@ pub(super) fn candidates(motion: &PairMotion, prediction: f32) -> Vec<PrimitiveP
             let boxes2 = SweptBoxes::new(&motion.sweep2, frame, shape2.scale);
             motion.shape1.bvh().visit_pairs(
                 shape2.bvh(),
-                |aabb1, aabb2| boxes1.place(aabb1).meets(&boxes2.place(aabb2), margin),
+                |aabb1| boxes1.place(aabb1),
+                |aabb2| boxes2.place(aabb2),
+                |swept1, swept2| swept1.meets(swept2, margin),
                 |i, j| pairs.push([i, j]),
             );
         }

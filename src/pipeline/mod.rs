@@ -18,6 +18,7 @@ mod mid_phase;
 mod motion;
 mod narrow_phase;
 pub(crate) mod parallel;
+mod parting;
 mod parts;
 mod reduce;
 mod seams;
@@ -436,7 +437,7 @@ pub fn step_filtered(
     output.times.mid = lap();
 
     let mut results = narrow_phase::impacts(input, statics, &pairs, &candidates, pool);
-    let stops = stop::run(input, statics, &pairs, &mut results, pool);
+    let stops = stop::run(input, statics, &pairs, &candidates, &mut results);
     let contacts = narrow_phase::contacts(input, statics, &pairs, &candidates, &stops, pool);
     output.times.narrow = lap();
 

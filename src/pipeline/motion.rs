@@ -1,11 +1,11 @@
 //! The motion of a pair in the frame in which its primitives are placed.
 
-use glam::{Mat3, Vec3};
+use glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A};
 
 use super::{Part, Second, Side, Solid, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
 use crate::{
     constants::{CHORD_TOLERANCE, STOP_ALLOWED, STOP_ROUNDINGS, STOP_SLOP},
-    geometry::{Aabb, Placement, Pose3, Sphere, Sweep},
+    geometry::{Aabb, Pose3, Sphere, Sweep},
     query::Chords,
 };
 
@@ -15,6 +15,16 @@ pub(super) enum Facing<'a> {
     Shape(&'a Shape),
     /// A convex part of any other body.
     Part(Part<'a>),
+}
+
+impl Facing<'_> {
+    /// How far the surface of a part is outside of its core, in metres.
+    pub fn rounding(&self) -> f32 {
+        match self {
+            Facing::Shape(_) => 0.0,
+            Facing::Part(part) => part.rounding,
+        }
+    }
 }
 
 /// A medial body and what it faces, in relative coordinates.
@@ -117,6 +127,21 @@ impl<'a> PairMotion<'a> {
         }
     }
 
+    /// Takes a direction of the world to the frame.
+    pub fn to_frame(&self, direction: Vec3) -> Vec3 {
+        self.frame.rotation.inverse() * direction
+    }
+
+    /// Unit vector from the middle of the first shape to that of what it faces, at the start.
+    pub fn center_line(&self) -> Vec3 {
+        let center1 = self.sweep1.start.transform_point(self.shape1.bounding_sphere().center);
+        let center2 = self.sweep2.start.transform_point(match &self.facing {
+            Facing::Shape(shape2) => shape2.bounding_sphere().center,
+            Facing::Part(part) => part.aabb().center(),
+        });
+        (center2 - center1).normalize_or(Vec3::Y)
+    }
+
     /// Takes the vectors of the chords at an instant to the world.
     pub fn frame_at(&self, fraction: f32) -> Pose3 {
         match self.facing {
@@ -157,10 +182,10 @@ fn reach(shape1: &Shape, sweep1: &Sweep, sweep2: &Sweep, arm2: f32) -> Aabb {
 
 /// Bounds the motion of the boxes of one body's hierarchy over the step, seen from a fixed frame.
 pub(super) struct SweptBoxes {
-    start: Placement,
+    start: Affine3A,
     /// Moves a local point by its chord.
-    chord: Placement,
-    extents: Mat3,
+    chord: Affine3A,
+    extents: Mat3A,
     /// Angle of the rotation, at most a half turn.
     angle: f32,
     scale: f32,
@@ -169,32 +194,32 @@ pub(super) struct SweptBoxes {
 /// A moving box: the middle goes from `center` by `motion`, the half extents hold for the whole step.
 #[derive(Clone, Copy)]
 pub(super) struct SweptBox {
-    pub center: Vec3,
-    pub motion: Vec3,
-    pub half: Vec3,
+    center: Vec3A,
+    motion: Vec3A,
+    half: Vec3A,
 }
 
 impl SweptBoxes {
     /// `frame`: rotation from the parent frame into that in which boxes are compared.
-    pub fn new(sweep: &Sweep, frame: Mat3, scale: f32) -> Self {
+    pub fn new(sweep: &Sweep, frame: Quat, scale: f32) -> Self {
         let [start, end] = [0.0, 1.0].map(|fraction| {
-            let placement = Placement::from(sweep.pose_at(fraction));
-            Placement { rotation: frame * placement.rotation, translation: frame * placement.translation }
+            let pose = sweep.pose_at(fraction);
+            Affine3A::from_rotation_translation(frame * pose.rotation, frame * pose.translation)
         });
-        let chord =
-            Placement { rotation: end.rotation - start.rotation, translation: end.translation - start.translation };
-        let extents =
-            Mat3::from_cols(start.rotation.x_axis.abs(), start.rotation.y_axis.abs(), start.rotation.z_axis.abs());
+        let chord = Affine3A { matrix3: end.matrix3 - start.matrix3, translation: end.translation - start.translation };
+        let Mat3A { x_axis, y_axis, z_axis } = start.matrix3;
+        let extents = Mat3A::from_cols(x_axis.abs(), y_axis.abs(), z_axis.abs());
         Self { start, chord, extents, angle: sweep.rotation.length().min(2.0), scale }
     }
 
     /// The box over the step. A turn by an angle moves a corner by at most the angle, or twice, its distance from the middle.
     pub fn place(&self, aabb: &Aabb) -> SweptBox {
-        let (center, half) = (aabb.center() * self.scale, aabb.half_extents() * self.scale);
+        let [min, max] = [aabb.min, aabb.max].map(|corner| Vec3A::from(corner) * (0.5 * self.scale));
+        let (center, half) = (max + min, max - min);
         let grown = if self.angle > 0.0 { self.angle * half.length() } else { 0.0 };
         SweptBox {
-            center: self.start.point(center),
-            motion: self.chord.point(center),
+            center: self.start.transform_point3a(center),
+            motion: self.chord.transform_point3a(center),
             half: self.extents * half + grown,
         }
     }
@@ -206,17 +231,13 @@ impl SweptBox {
         let offset = other.center - self.center;
         let motion = other.motion - self.motion;
         let reach = self.half + other.half + margin;
-        let (mut enter, mut leave) = (0.0f32, 1.0f32);
-        for axis in 0..3 {
-            if motion[axis].abs() > 1e-12 {
-                let inverse = 1.0 / motion[axis];
-                let (a, b) = ((-reach[axis] - offset[axis]) * inverse, (reach[axis] - offset[axis]) * inverse);
-                enter = enter.max(a.min(b));
-                leave = leave.min(a.max(b));
-            } else if offset[axis].abs() > reach[axis] {
-                return false;
-            }
+        let moves = motion.abs().cmpgt(Vec3A::splat(1e-12));
+        if (!moves & offset.abs().cmpgt(reach)).any() {
+            return false;
         }
-        enter <= leave
+        let (one, other) = ((-reach - offset) / motion, (reach - offset) / motion);
+        let enter = Vec3A::select(moves, one.min(other), Vec3A::ZERO).max_element();
+        let leave = Vec3A::select(moves, one.max(other), Vec3A::ONE).min_element();
+        enter.max(0.0) <= leave.min(1.0)
     }
 }

@@ -10,6 +10,7 @@ use super::{
     mid_phase::PrimitivePair,
     motion::{Facing, PairMotion},
     parallel,
+    parting::Parting,
     stop::Stops,
     with_spheres,
 };
@@ -51,6 +52,8 @@ pub(super) struct ImpactResult {
     pub slop: f32,
     /// True if the pair was in touch at the start.
     pub in_touch: bool,
+    /// Unit normal between the primitives that were nearest to each other at the start, in the world; zero if none was looked at.
+    pub normal: Vec3,
     pub toi_tests: usize,
     pub unresolved: usize,
 }
@@ -65,7 +68,7 @@ pub(super) fn impacts(
 ) -> Vec<ImpactResult> {
     parallel::map(pool, pairs, 4, |i, pair| {
         let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
-        first_impact(motions.iter().zip(&candidates[i]))
+        first_impact(motions.iter().zip(&candidates[i]), Vec3::ZERO)
     })
 }
 
@@ -105,9 +108,9 @@ pub(super) fn are_in_touch(
 ) -> bool {
     let [(first, pose1), (second, pose2)] = [pair.first, pair.second].map(|side| place(input, statics, side, &pose_of));
     let met = [met.primitive1, met.primitive2];
-    first.medial().is_some_and(|shape1| {
-        contact::is_within(shape1, second.second(), &pose1.inv_mul(&pose2), TOUCH_DISTANCE, met)
-    })
+    first
+        .medial()
+        .is_some_and(|shape1| contact::is_within(shape1, second.second(), &pose1.inv_mul(&pose2), TOUCH_DISTANCE, met))
 }
 
 /// A side of a pair, and where it is.
@@ -127,22 +130,36 @@ fn place<'a>(
 /// solver knows about; for primitives that are apart before that, where they touch. None where what is left of the motion is less than a
 /// slop itself: a pile that settles must come to rest.
 ///
-/// What slides over a seam takes the overlap that it has along to the next part.
+/// What slides over a seam takes the overlap that it has along to the next part. `normal`: a direction in the world, from the first body to the
+/// second, along which many of the candidates may be apart; zero if none is known.
 pub(super) fn first_impact<'a>(
     motions: impl Iterator<Item = (&'a PairMotion<'a>, &'a Vec<PrimitivePair>)>,
+    normal: Vec3,
 ) -> ImpactResult {
     let mut result = ImpactResult::default();
     let mut carried = 0.0f32;
     let mut approaching = Vec::new();
+    let mut nearest = f32::INFINITY;
     for (motion, candidates) in motions.filter(|(_, candidates)| !candidates.is_empty()) {
         let chords = motion.chords();
         result.slop = result.slop.max(motion.slop);
         result.toi_tests += candidates.len();
+        let direction = if normal == Vec3::ZERO { motion.center_line() } else { motion.to_frame(normal) };
+        let mut parting = Parting::new(motion, &chords, direction);
         let mut starts = Vec::new();
-        let mut direction = Vec3::Y;
         for &pair in candidates {
-            let start = with_sides!(motion, pair, |first, second| rigid_start(&first, second, &chords, &mut direction));
-            if let Some(start) = start {
+            if parting.as_mut().is_some_and(|parting| parting.is_apart(pair)) {
+                continue;
+            }
+            let start = with_sides!(motion, pair, |first, second| rigid_start(&first, second, &chords));
+            if let Some(parting) = &mut parting {
+                parting.learn(start.normal());
+            }
+            if start.distance() < nearest {
+                nearest = start.distance();
+                result.normal = motion.frame_at(0.0).rotation * start.normal();
+            }
+            if !start.stay_apart() {
                 carried = carried.max(start.overlap().min(motion.allowed));
                 result.in_touch |= start.distance() <= TOUCH_DISTANCE;
                 starts.push((pair, start));
@@ -169,11 +186,12 @@ pub(super) fn first_impact<'a>(
             }
             let frame = motion.frame_at(toi.fraction);
             let normal = frame.rotation * toi.contact.normal;
-            let (primitive2, rounding) = match &motion.facing {
-                Facing::Shape(_) => (pair[1], 0.0),
-                Facing::Part(part) => (part.id, part.rounding),
+            let primitive2 = match &motion.facing {
+                Facing::Shape(_) => pair[1],
+                Facing::Part(part) => part.id,
             };
-            let point = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5) - normal * rounding;
+            let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
+            let point = middle - normal * motion.facing.rounding();
             result.impact = Some(Impact { fraction: toi.fraction, point, normal, primitive1: pair[0], primitive2 });
         }
     }

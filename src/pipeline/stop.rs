@@ -20,16 +20,14 @@ use std::{
     collections::{BinaryHeap, HashMap},
 };
 
-use bevy::tasks::TaskPool;
 use glam::{Quat, Vec3};
 
 use super::{
     Impact, Statics, StepInput,
     broad_phase::BodyPair,
-    mid_phase,
-    motion::PairMotion,
+    mid_phase::{self, PrimitivePair},
+    motion::{Facing, PairMotion},
     narrow_phase::{ImpactResult, are_in_touch, first_impact},
-    parallel,
 };
 use crate::{
     constants::{LANDING, MAX_SLIDES, RENEWED_SLOP, SLIDE_WAY},
@@ -137,8 +135,8 @@ pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
+    candidates: &[Vec<Vec<PrimitivePair>>],
     results: &mut [ImpactResult],
-    pool: &TaskPool,
 ) -> Stops {
     let mut stops = Stops(vec![None; input.bodies.len()]);
     let stopping = |body: u32| input.stop_at_impact && input.bodies[body as usize].stops;
@@ -221,9 +219,9 @@ pub(super) fn run(
         affected.retain(|&other| (other != pair || !stands) && pairs[other].stops);
         affected.sort_unstable();
         affected.dedup();
-        let found =
-            parallel::map(pool, &affected, 2, |_, &other| impact_from(input, statics, &pairs[other], &stops, fraction));
-        for (other, found) in affected.into_iter().zip(found) {
+        for other in affected {
+            let found =
+                impact_from(input, statics, (&pairs[other], &candidates[other]), &stops, fraction, &results[other]);
             results[other].toi_tests += found.toi_tests;
             results[other].unresolved += found.unresolved;
             next[other] = found.impact;
@@ -276,14 +274,31 @@ fn slides(
     if slow && may { slides } else { Vec::new() }
 }
 
-/// The first impact of a pair from a fraction on.
-fn impact_from(input: &StepInput, statics: &Statics, pair: &BodyPair, stops: &Stops, fraction: f32) -> ImpactResult {
+/// The first impact of a pair from a fraction on. `candidates` and `before`: of the whole step, were no body to stop.
+fn impact_from(
+    input: &StepInput,
+    statics: &Statics,
+    (pair, candidates): (&BodyPair, &[Vec<PrimitivePair>]),
+    stops: &Stops,
+    fraction: f32,
+    before: &ImpactResult,
+) -> ImpactResult {
     let mut motions = PairMotion::all(input, statics, pair, |body| stops.sweep_from(input, body, fraction));
     motions.retain(|motion| !motion.is_at_rest());
     // Overlaps have grown since the start of the step already.
     motions.iter_mut().for_each(|motion| motion.slop *= RENEWED_SLOP);
-    let candidates: Vec<_> = motions.iter().map(|motion| mid_phase::candidates(motion, 0.0)).collect();
-    let mut found = first_impact(motions.iter().zip(&candidates));
+    let mut found = match &motions[..] {
+        // What slides strays from its way by less than was added to find them.
+        [PairMotion { facing: Facing::Shape(_), .. }]
+            if pair.bodies().all(|body| stops.state(body) <= State::Sliding) =>
+        {
+            first_impact(motions.iter().zip(candidates), before.normal)
+        }
+        _ => {
+            let candidates: Vec<_> = motions.iter().map(|motion| mid_phase::candidates(motion, 0.0)).collect();
+            first_impact(motions.iter().zip(&candidates), before.normal)
+        }
+    };
     if let Some(impact) = &mut found.impact {
         impact.fraction = fraction + (1.0 - fraction) * impact.fraction;
     }

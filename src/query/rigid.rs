@@ -4,9 +4,7 @@ use glam::Vec3;
 
 use super::{
     separation::{Cuboid, Separation},
-    time_of_impact::{
-        Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, start, stay_apart_along, time_of_depth, time_of_impact,
-    },
+    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, start, time_of_depth, time_of_impact},
 };
 use crate::{
     constants::{LEAST_GROWTH, MAX_CHORDS, OVERLAP_LIMIT},
@@ -66,6 +64,16 @@ impl Chords {
         self.placements.len() - 1
     }
 
+    /// Where both bodies are at the ends of the chords.
+    pub fn placements(&self) -> &[[Placement; 2]] {
+        &self.placements
+    }
+
+    /// How far any point strays from its chord, both sides together, in metres.
+    pub fn deviation(&self) -> f32 {
+        self.deviation
+    }
+
     /// Two primitives along a chord, the first enlarged by the deviation.
     #[inline]
     fn along<const N: usize, B: Rigid>(&self, i: usize, first: &[Sphere; N], second: &B) -> (Moving<N>, B::Moving) {
@@ -110,48 +118,45 @@ impl Rigid for Cuboid {
     }
 }
 
-/// How two primitives that may meet begin the step.
+/// How two primitives begin the step.
 #[derive(Clone, Copy, Debug)]
-pub struct RigidStart(Separation);
+pub struct RigidStart {
+    separation: Separation,
+    stay_apart: bool,
+}
 
 impl RigidStart {
+    /// True if they do not touch all through the step, as far as a look at the start can tell.
+    pub fn stay_apart(&self) -> bool {
+        self.stay_apart
+    }
+
     /// Distance in metres, negative for an overlap.
     pub fn distance(&self) -> f32 {
-        self.0.distance
+        self.separation.distance
+    }
+
+    /// Unit normal from the first to the second, in the frame of the chords.
+    pub fn normal(&self) -> Vec3 {
+        self.separation.normal
     }
 
     /// How deep they overlap, in metres; 0 if they are apart.
     pub fn overlap(&self) -> f32 {
-        (-self.0.distance).max(0.0)
+        (-self.distance()).max(0.0)
     }
 }
 
-/// How two primitives of rigid bodies begin the step; none if they stay apart all through it, as far as a look at the start can tell.
-///
-/// `direction`: a unit direction along which they may be apart, as that between other primitives of the two bodies; replaced by theirs.
-pub fn rigid_start<const N: usize, B: Rigid>(
-    first: &[Sphere; N],
-    second: &B,
-    chords: &Chords,
-    direction: &mut Vec3,
-) -> Option<RigidStart> {
-    let apart_along = |i| {
-        let (moving1, moving2) = chords.along(i, first, second);
-        stay_apart_along(&moving1, &moving2, *direction)
-    };
-    // Along many chords the look is not cheap.
-    if chords.count() <= 8 && (0..chords.count()).all(apart_along) {
-        return None;
-    }
+/// How two primitives of rigid bodies begin the step.
+pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chords: &Chords) -> RigidStart {
     let (moving1, moving2) = chords.along(0, first, second);
     let (separation, clear) = start(&moving1, &moving2, 1.0);
-    *direction = separation.normal;
     // Along several chords nothing is known of directions.
-    let apart = match chords.count() {
+    let stay_apart = match chords.count() {
         1 => clear,
         count => separation.distance > chords.way * count as f32,
     };
-    (!apart).then_some(RigidStart(separation))
+    RigidStart { separation, stay_apart }
 }
 
 /// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by more than `slop` metres beyond what
@@ -177,7 +182,7 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
     let mut found = loop {
         let (moving1, moving2) = along(chord);
         let limit = max_fraction * count - chord as f32;
-        let known = (chord == 0).then_some(start.0);
+        let known = (chord == 0).then_some(start.separation);
         let found = time_of_depth(&moving1, &moving2, limit.min(1.0), depth, known);
         rounds += found.rounds;
         if found.status != TimeOfImpactStatus::Separated {

@@ -323,19 +323,6 @@ pub fn time_of_impact<const N: usize, B: MovingConvex>(
     pair.advance(pair.at(0.0, 0), max_fraction)
 }
 
-/// True if they stay apart along a unit direction from the first to the second, all the way: a cheap look before the search.
-pub(super) fn stay_apart_along<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B, normal: Vec3) -> bool {
-    let pair = Pair { first, second, target: 0.0 };
-    let (first, second) = pair.shapes(0.0);
-    let rounding = CONTACT_ROUNDING * first.extent().max(second.extent());
-    let separation = Separation { distance: 0.0, normal, point1: Vec3::ZERO, point2: Vec3::ZERO, feature: 0 };
-    let mut apart = true;
-    pair.gaps(&Instant { fraction: 0.0, first, second, separation }, |gap, closing| {
-        apart &= gap.min(gap - closing) > rounding;
-    });
-    apart
-}
-
 /// How they lie to each other at the start, relative to the origin there, and whether nothing can touch until `max_fraction`.
 pub(super) fn start<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
