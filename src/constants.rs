@@ -30,6 +30,13 @@ pub const MAX_PARTING_CHORDS: usize = 16;
 /// take longer.
 pub const PARTING_DIRECTIONS: usize = 6;
 
+/// Angle in radians through which the bodies of a pair turn, together, before their step is searched in parts of that length: within each of
+/// them only few primitives are near each other.
+pub const PART_ANGLE: f32 = 0.5;
+
+/// Greatest number of such parts.
+pub const MAX_STEP_PARTS: usize = 256;
+
 /// Largest deviation of a chord from the arc it stands for, per metre of the body's bounding radius.
 pub const CHORD_TOLERANCE: f32 = 1.0e-3;
 

@@ -63,10 +63,16 @@ impl Sweep {
 
     /// The part of the motion from `fraction` on.
     pub fn rest_from(&self, fraction: f32) -> Self {
+        self.part([fraction, 1.0])
+    }
+
+    /// The part of the motion between two fractions.
+    pub fn part(&self, [from, to]: [f32; 2]) -> Self {
         Self {
-            start: self.pose_at(fraction),
-            translation: self.translation * (1.0 - fraction),
-            rotation: self.rotation * (1.0 - fraction),
+            start: self.pose_at(from),
+            end: self.pose_at(to),
+            translation: self.translation * (to - from),
+            rotation: self.rotation * (to - from),
             ..*self
         }
     }

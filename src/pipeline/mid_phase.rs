@@ -23,16 +23,15 @@ pub(super) fn run(
 ) -> Vec<Vec<Vec<PrimitivePair>>> {
     parallel::map(pool, pairs, 8, |_, pair| {
         let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
-        let candidates = |motion: &PairMotion| match input.culling {
-            Culling::Hybrid => candidates(motion, input.prediction),
-            Culling::None => all(motion),
-        };
-        motions.iter().map(candidates).collect()
+        motions.iter().map(|motion| candidates(motion, input.culling, input.prediction)).collect()
     })
 }
 
 /// Candidate primitive pairs of one motion, in ascending order.
-pub(super) fn candidates(motion: &PairMotion, prediction: f32) -> Vec<PrimitivePair> {
+pub(super) fn candidates(motion: &PairMotion, culling: Culling, prediction: f32) -> Vec<PrimitivePair> {
+    if culling == Culling::None {
+        return all(motion);
+    }
     let frame = motion.sweep2.start.rotation.inverse();
     let boxes1 = SweptBoxes::new(&motion.sweep1, frame, motion.shape1.scale);
     let margin = prediction + motion.whole_sagitta();

@@ -14,6 +14,7 @@
 
 mod broad_phase;
 pub mod contact;
+mod first_impact;
 mod mid_phase;
 mod motion;
 mod narrow_phase;

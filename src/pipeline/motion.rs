@@ -4,7 +4,7 @@ use glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A};
 
 use super::{Part, Second, Side, Solid, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
 use crate::{
-    constants::{CHORD_TOLERANCE, STOP_ALLOWED, STOP_ROUNDINGS, STOP_SLOP},
+    constants::{CHORD_TOLERANCE, MAX_STEP_PARTS, PART_ANGLE, STOP_ALLOWED, STOP_ROUNDINGS, STOP_SLOP},
     geometry::{Aabb, Pose3, Sphere, Sweep},
     query::Chords,
 };
@@ -127,27 +127,33 @@ impl<'a> PairMotion<'a> {
         }
     }
 
-    /// Takes a direction of the world to the frame.
-    pub fn to_frame(&self, direction: Vec3) -> Vec3 {
-        self.frame.rotation.inverse() * direction
-    }
-
-    /// Unit vector from the middle of the first shape to that of what it faces, at the start.
-    pub fn center_line(&self) -> Vec3 {
-        let center1 = self.sweep1.start.transform_point(self.shape1.bounding_sphere().center);
-        let center2 = self.sweep2.start.transform_point(match &self.facing {
-            Facing::Shape(shape2) => shape2.bounding_sphere().center,
-            Facing::Part(part) => part.aabb().center(),
-        });
-        (center2 - center1).normalize_or(Vec3::Y)
-    }
-
     /// Takes the vectors of the chords at an instant to the world.
     pub fn frame_at(&self, fraction: f32) -> Pose3 {
         match self.facing {
             Facing::Part(_) if !self.sweep2.is_at_rest() => self.frame * self.sweep2.pose_at(fraction),
             _ => self.frame,
         }
+    }
+
+    /// Takes a direction of the world to the frame of the chords at the start.
+    pub fn to_chords(&self, direction: Vec3) -> Vec3 {
+        self.frame_at(0.0).rotation.inverse() * direction
+    }
+
+    /// Unit vector in the world from the middle of the first shape to that of what it faces, at the start.
+    pub fn center_line(&self) -> Vec3 {
+        let center1 = self.sweep1.start.transform_point(self.shape1.bounding_sphere().center);
+        let center2 = self.sweep2.start.transform_point(match &self.facing {
+            Facing::Shape(shape2) => shape2.bounding_sphere().center,
+            Facing::Part(part) => part.aabb().center(),
+        });
+        self.frame.rotation * (center2 - center1).normalize_or(Vec3::Y)
+    }
+
+    /// In how many parts the step is to be searched.
+    pub fn parts(&self) -> usize {
+        let angle = self.sweep1.rotation.length() + self.sweep2.rotation.length();
+        if angle > 2.0 * PART_ANGLE { ((angle / PART_ANGLE).ceil() as usize).min(MAX_STEP_PARTS) } else { 1 }
     }
 
     /// The longest way of any point of one body relative to the other, or more, in metres.

@@ -134,3 +134,76 @@ impl<'a> Placed<'a> {
         self.spheres.iter().fold(Vec4::ZERO, |most, sphere| most.max(sphere.abs())).max_element()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Quat;
+
+    use super::*;
+    use crate::{
+        geometry::{Obb, Pose3, Sweep},
+        medial_axis::{MedialAxis, oracle::Random},
+        pipeline::{Body, Side, StaticBody, Statics, StepInput, broad_phase::BodyPair},
+        query::separation,
+    };
+
+    /// The least distance of the first side's primitive from the other over the step.
+    fn least_distance(motion: &PairMotion, [first, second]: [u32; 2]) -> f32 {
+        let at = |instant: u8| {
+            let [pose1, pose2] = [&motion.sweep1, &motion.sweep2].map(|s| s.pose_at(f32::from(instant) / 64.0));
+            let to_second = Placement::from(pose2.inv_mul(&pose1));
+            with_spheres!(motion.shape1.hull(first).placed(&to_second), |ours| match &motion.facing {
+                Facing::Shape(shape) => with_spheres!(&shape.hull(second), |theirs| separation(&ours, theirs, 0)),
+                Facing::Part(part) => match &part.core {
+                    Core::Cuboid(half) => separation(&ours, &Cuboid { half: *half }, 0),
+                    _ => unreachable!("a box is one part"),
+                },
+            })
+        };
+        (0..=64).map(|instant| at(instant).distance).fold(f32::INFINITY, f32::min)
+    }
+
+    #[test]
+    fn what_is_apart_never_touches() {
+        let mut random = Random::new(4);
+        let torus = Shape { axis: MedialAxis::torus(0.2, 0.05, 12).unwrap(), scale: 1.5 };
+        let (mut apart, mut touching, mut many_chords) = (0, 0, 0);
+        for case in 0..60 {
+            let mut sweep = |speed: f32, turn: f32| {
+                let rotation = Quat::from_scaled_axis(random.vector() * 3.0);
+                let start = Pose3::from_parts(random.vector() * 0.4, rotation);
+                let turn = random.vector() * turn;
+                let end = Pose3::from_parts(
+                    start.translation + random.vector() * speed,
+                    (Quat::from_scaled_axis(turn) * rotation).normalize(),
+                );
+                Sweep::between(start, end, Vec3::ZERO, turn)
+            };
+            let turn = [0.0, 0.05, 0.4][case % 3];
+            let bodies = vec![Body::new(torus.clone(), sweep(0.3, turn)), Body::new(torus.clone(), sweep(0.3, turn))];
+            let obb = Obb { pose: sweep(0.0, 0.0).start, half_extents: Vec3::new(0.3, 0.02, 0.1) };
+            let statics = Statics::new(vec![StaticBody::solid_box(obb)]);
+            let input = StepInput { bodies, ..Default::default() };
+            for second in [Side::Body(1), Side::Static(0)] {
+                let pair = BodyPair { first: Side::Body(0), second, stops: true };
+                for motion in PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep) {
+                    let chords = motion.chords();
+                    many_chords += usize::from(chords.placements().len() > 2);
+                    let mut parting = Parting::new(&motion, &chords, Vec3::Y).unwrap();
+                    let count = if second == Side::Static(0) { 1 } else { torus.len() as u32 };
+                    for pair in (0..torus.len() as u32).flat_map(|i| (0..count).map(move |j| [i, j])) {
+                        parting.learn(random.vector().normalize());
+                        let least = least_distance(&motion, pair);
+                        if parting.is_apart(pair) {
+                            apart += 1;
+                            assert!(least > 0.0, "{pair:?} of case {case} come within {least} m");
+                        } else {
+                            touching += usize::from(least <= 0.0);
+                        }
+                    }
+                }
+            }
+        }
+        assert!(apart > 3000 && touching > 500 && many_chords > 20, "{apart} {touching} {many_chords}");
+    }
+}

@@ -25,9 +25,10 @@ use glam::{Quat, Vec3};
 use super::{
     Impact, Statics, StepInput,
     broad_phase::BodyPair,
-    mid_phase::{self, PrimitivePair},
+    first_impact::{ImpactResult, first_impact},
+    mid_phase::PrimitivePair,
     motion::{Facing, PairMotion},
-    narrow_phase::{ImpactResult, are_in_touch, first_impact},
+    narrow_phase::are_in_touch,
 };
 use crate::{
     constants::{LANDING, MAX_SLIDES, RENEWED_SLOP, SLIDE_WAY},
@@ -287,18 +288,10 @@ fn impact_from(
     motions.retain(|motion| !motion.is_at_rest());
     // Overlaps have grown since the start of the step already.
     motions.iter_mut().for_each(|motion| motion.slop *= RENEWED_SLOP);
-    let mut found = match &motions[..] {
-        // What slides strays from its way by less than was added to find them.
-        [PairMotion { facing: Facing::Shape(_), .. }]
-            if pair.bodies().all(|body| stops.state(body) <= State::Sliding) =>
-        {
-            first_impact(motions.iter().zip(candidates), before.normal)
-        }
-        _ => {
-            let candidates: Vec<_> = motions.iter().map(|motion| mid_phase::candidates(motion, 0.0)).collect();
-            first_impact(motions.iter().zip(&candidates), before.normal)
-        }
-    };
+    // What slides strays from its way by less than was added to find them.
+    let slide = pair.bodies().all(|body| stops.state(body) <= State::Sliding);
+    let known = slide && matches!(motions[..], [PairMotion { facing: Facing::Shape(_), .. }]);
+    let mut found = first_impact(input.culling, motions, known.then_some(candidates), before.normal);
     if let Some(impact) = &mut found.impact {
         impact.fraction = fraction + (1.0 - fraction) * impact.fraction;
     }

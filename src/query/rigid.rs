@@ -159,8 +159,8 @@ pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, ch
     RigidStart { separation, stay_apart }
 }
 
-/// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by more than `slop` metres beyond what
-/// they do at its start, and beyond `least` metres; if they are apart before that, the fraction at which they touch.
+/// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by more than `slop` metres beyond an
+/// `overlap`, as they may have had; if they are apart before that, the fraction at which they touch.
 ///
 /// Both in the frames of their bodies; the contact is in the frame of the chords. The first side is larger by the chords' deviation, so an
 /// impact is early by twice as much at most, and never late.
@@ -170,9 +170,8 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
     chords: &Chords,
     start: &RigidStart,
     max_fraction: f32,
-    [least, slop]: [f32; 2],
+    [overlap, slop]: [f32; 2],
 ) -> TimeOfImpact {
-    let overlap = start.overlap().max(least);
     let depth = overlap + slop * (1.0 - overlap / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
     let count = chords.count() as f32;
     let max_fraction = max_fraction.min(1.0);

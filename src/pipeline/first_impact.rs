@@ -1,0 +1,216 @@
+//! The first impact of a pair within the step.
+
+use std::collections::HashMap;
+
+use glam::Vec3;
+
+use super::{
+    Core, Culling, Impact,
+    mid_phase::{self, PrimitivePair},
+    motion::{Facing, PairMotion},
+    parting::Parting,
+    with_spheres,
+};
+use crate::{
+    constants::TOUCH_DISTANCE,
+    geometry::{Sphere, Sweep},
+    query::{Cuboid, Support, TimeOfImpactStatus, rigid_impact, rigid_start},
+};
+
+/// Runs an expression with a primitive of the first body and what it faces: another, or a part, by whose rounding the first is larger.
+macro_rules! with_sides {
+    ($motion:expr, $primitives:expr, |$first:ident, $second:ident| $body:expr) => {{
+        let [primitive1, primitive2] = $primitives;
+        with_spheres!($motion.shape1.hull(primitive1), |$first| match &$motion.facing {
+            Facing::Shape(shape2) => with_spheres!(&shape2.hull(primitive2), |$second| $body),
+            Facing::Part(part) => {
+                let $first = $first.map(|s| Sphere::new(s.center, s.radius + part.rounding));
+                match &part.core {
+                    Core::Cuboid(half) => {
+                        let $second = &Cuboid { half: *half };
+                        $body
+                    }
+                    Core::Support(shape) => {
+                        let $second = &Support(&**shape);
+                        $body
+                    }
+                    Core::Hull(hull) => with_spheres!(hull, |$second| $body),
+                }
+            }
+        })
+    }};
+}
+
+/// The first impact of a pair, and what it took to find.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct ImpactResult {
+    pub impact: Option<Impact>,
+    /// Overlap that the pair may gain, in metres.
+    pub slop: f32,
+    /// True if the pair was in touch at the start.
+    pub in_touch: bool,
+    /// Unit normal between the primitives that were nearest to each other at the start, in the world; zero if none was looked at.
+    pub normal: Vec3,
+    pub toi_tests: usize,
+    pub unresolved: usize,
+}
+
+/// The earliest impact of a pair's motions: where an overlap grows by more than a slop, which contacts never do that the
+/// solver knows about; for primitives that are apart before that, where they touch. None where what is left of the motion is less than a
+/// slop itself: a pile that settles must come to rest.
+///
+/// What slides over a seam takes the overlap that it has along to the next part. Where bodies spin, the step is searched in parts.
+///
+/// `candidates` of each motion over the whole step, if they are known. `normal`: a direction in the world, from the first body to the second, along which many of
+/// them may be apart; zero if none is known.
+pub(super) fn first_impact(
+    culling: Culling,
+    mut motions: Vec<PairMotion>,
+    candidates: Option<&[Vec<PrimitivePair>]>,
+    normal: Vec3,
+) -> ImpactResult {
+    let mut search = Search { result: ImpactResult { normal, ..Default::default() }, ..Default::default() };
+    let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
+    let parts = Parts::new(&motions, count);
+    for part in 0..count {
+        parts.cut(&mut motions, part);
+        let found: Vec<_>;
+        let candidates = match candidates {
+            Some(known) if count == 1 => known,
+            _ => {
+                found = motions.iter().map(|m| mid_phase::candidates(m, culling, 0.0)).collect();
+                &found
+            }
+        };
+        search.run(&motions, candidates, [part, count]);
+        if search.result.impact.is_some() {
+            search.go_back(&mut motions, &parts, part);
+            break;
+        }
+    }
+    search.result
+}
+
+/// The parts of a step of equal length.
+struct Parts {
+    /// The motions of either side over the whole step.
+    whole: Vec<[Sweep; 2]>,
+    count: usize,
+}
+
+impl Parts {
+    fn new(motions: &[PairMotion], count: usize) -> Self {
+        Self { whole: motions.iter().map(|motion| [motion.sweep1, motion.sweep2]).collect(), count }
+    }
+
+    /// Leaves one part of the motions.
+    fn cut(&self, motions: &mut [PairMotion], part: usize) {
+        let times = [part, part + 1].map(|i| i as f32 / self.count as f32);
+        for (motion, whole) in motions.iter_mut().zip(&self.whole) {
+            [motion.sweep1, motion.sweep2] = whole.map(|sweep| sweep.part(times));
+        }
+    }
+}
+
+/// A search for the first impact of a pair, part by part of the step.
+#[derive(Default)]
+struct Search {
+    result: ImpactResult,
+    /// The greatest overlap at the start of the step, as far as the solver leaves it on purpose, in metres.
+    carried: f32,
+    /// The overlaps of single primitives of a motion there.
+    overlaps: HashMap<(usize, PrimitivePair), f32>,
+    /// The motion and the primitives that meet first so far, and whether they have touched at the start of the part.
+    met: Option<(usize, PrimitivePair, bool)>,
+}
+
+impl Search {
+    /// Takes the impact back to where its primitives touched, if that was in an earlier part and not from the start on.
+    fn go_back(&mut self, motions: &mut [PairMotion], parts: &Parts, found_in: usize) {
+        let found = self.result.impact;
+        let mut earlier = (0..found_in).rev();
+        while let Some((index, pair, true)) = self.met.take() {
+            let Some(part) = earlier.next() else {
+                self.result.impact = found;
+                return;
+            };
+            parts.cut(motions, part);
+            motions[index].slop = 0.0;
+            let mut candidates = vec![Vec::new(); motions.len()];
+            candidates[index].push(pair);
+            let later = self.result.impact.take();
+            self.run(motions, &candidates, [part, parts.count]);
+            self.result.impact = self.result.impact.or(later);
+        }
+    }
+
+    /// Searches a part of the step, of so many.
+    fn run(&mut self, motions: &[PairMotion], candidates: &[Vec<PrimitivePair>], [part, parts]: [usize; 2]) {
+        let result = &mut self.result;
+        let mut approaching = Vec::new();
+        let mut nearest = f32::INFINITY;
+        for (index, (motion, candidates)) in motions.iter().zip(candidates).enumerate() {
+            if candidates.is_empty() {
+                continue;
+            }
+            let chords = motion.chords();
+            result.slop = result.slop.max(motion.slop);
+            result.toi_tests += candidates.len();
+            let direction = if result.normal == Vec3::ZERO { motion.center_line() } else { result.normal };
+            let mut parting = Parting::new(motion, &chords, motion.to_chords(direction));
+            let mut starts = Vec::new();
+            for &pair in candidates {
+                if parting.as_mut().is_some_and(|parting| parting.is_apart(pair)) {
+                    continue;
+                }
+                let start = with_sides!(motion, pair, |first, second| rigid_start(&first, second, &chords));
+                if let Some(parting) = &mut parting {
+                    parting.learn(start.normal());
+                }
+                if start.distance() < nearest {
+                    nearest = start.distance();
+                    result.normal = motion.frame_at(0.0).rotation * start.normal();
+                }
+                if part == 0 && start.overlap() > 0.0 {
+                    self.carried = self.carried.max(start.overlap().min(motion.allowed));
+                    self.overlaps.insert((index, pair), start.overlap());
+                }
+                if !start.stay_apart() {
+                    result.in_touch |= part == 0 && start.distance() <= TOUCH_DISTANCE;
+                    starts.push((pair, start));
+                }
+            }
+            if !starts.is_empty() {
+                approaching.push((index, motion, chords, starts));
+            }
+        }
+        for (index, motion, chords, starts) in &approaching {
+            for (pair, start) in starts {
+                let limit = result.impact.map_or(1.0, |impact| impact.fraction);
+                let overlap = self.overlaps.get(&(*index, *pair)).map_or(self.carried, |own| own.max(self.carried));
+                let toi = with_sides!(motion, *pair, |first, second| {
+                    rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop])
+                });
+                result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
+                let earlier = result.impact.is_none_or(|first| toi.fraction < first.fraction);
+                let left = (parts - part) as f32 - toi.fraction;
+                if toi.status == TimeOfImpactStatus::Separated || !earlier || left * motion.way() <= motion.slop {
+                    continue;
+                }
+                let frame = motion.frame_at(toi.fraction);
+                let normal = frame.rotation * toi.contact.normal;
+                let primitive2 = match &motion.facing {
+                    Facing::Shape(_) => pair[1],
+                    Facing::Part(part) => part.id,
+                };
+                let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
+                let point = middle - normal * motion.facing.rounding();
+                self.met = Some((*index, *pair, start.overlap() > 0.0));
+                result.impact = Some(Impact { fraction: toi.fraction, point, normal, primitive1: pair[0], primitive2 });
+            }
+        }
+        if let Some(impact) = &mut result.impact {
+            impact.fraction = (part as f32 + impact.fraction) / parts as f32;
+        }
+    }
+}
