@@ -130,7 +130,7 @@ fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn 
     print_summary(&summary);
     let rows = &app.world().resource::<Monitor>().rows;
     if args.cull == Cull::None {
-        let hybrid = rows.iter().map(|row| row.broad_ms + row.mid_ms + row.narrow_ms + row.reduce_ms);
+        let hybrid = rows.iter().map(|row| row.broad_ms + row.mid_ms + row.narrow_ms + row.stop_ms + row.reduce_ms);
         let (hybrid, none) = (median(hybrid.collect()), median(brute_force));
         println!(
             "collision, median ms: hybrid culling {hybrid:.4}, none {none:.4}: {:.1} times as fast",
@@ -187,6 +187,7 @@ fn print_summary(summary: &Summary) {
         ("broad", stages.broad),
         ("mid", stages.mid),
         ("narrow", stages.narrow),
+        ("stop", stages.stop),
         ("reduce", stages.reduce),
         ("response", stages.response),
     ] {

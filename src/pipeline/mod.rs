@@ -4,7 +4,8 @@
 //!   poses, shapes, statics
 //!     broad   swept bounding spheres against each other, and against a BVH of static boxes  -> body pairs
 //!     mid     primitive BVH against primitive BVH (or box), swept over the step             -> candidate primitive pairs
-//!     narrow  first impacts within the step, the bodies that stop there, contacts at the end -> raw contacts, impacts
+//!     narrow  first impacts within the step, contacts at its end                            -> raw contacts, impacts
+//!     stop    between the two: bodies that stop or slide on at impacts                      -> where they end the step
 //!     reduce  a few manifolds per body pair
 //!   sorted contacts, impacts, counts and times
 //! ```
@@ -399,8 +400,10 @@ pub struct Times {
     pub broad: Duration,
     /// Mid phase.
     pub mid: Duration,
-    /// Narrow phase.
+    /// Narrow phase: first impacts, and contacts.
     pub narrow: Duration,
+    /// Where bodies stop, and what that changes.
+    pub stop: Duration,
     /// Reduction.
     pub reduce: Duration,
 }
@@ -408,7 +411,7 @@ pub struct Times {
 impl Times {
     /// All stages.
     pub fn total(&self) -> Duration {
-        self.broad + self.mid + self.narrow + self.reduce
+        self.broad + self.mid + self.narrow + self.stop + self.reduce
     }
 }
 
@@ -438,9 +441,13 @@ pub fn step_filtered(
     output.times.mid = lap();
 
     let mut results = narrow_phase::impacts(input, statics, &pairs, &candidates, pool);
-    let stops = stop::run(input, statics, &pairs, &candidates, &mut results);
-    let contacts = narrow_phase::contacts(input, statics, &pairs, &candidates, &stops, pool);
     output.times.narrow = lap();
+
+    let stops = stop::run(input, statics, &pairs, &candidates, &mut results);
+    output.times.stop = lap();
+
+    let contacts = narrow_phase::contacts(input, statics, &pairs, &candidates, &stops, pool);
+    output.times.narrow += lap();
 
     output.counts = Counts {
         bodies: input.bodies.len(),

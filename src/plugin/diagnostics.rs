@@ -17,6 +17,8 @@ pub mod paths {
     pub const MID: DiagnosticPath = DiagnosticPath::const_new("medial/mid_ms");
     /// Narrow phase, in milliseconds.
     pub const NARROW: DiagnosticPath = DiagnosticPath::const_new("medial/narrow_ms");
+    /// Stopping bodies at impacts, in milliseconds.
+    pub const STOP: DiagnosticPath = DiagnosticPath::const_new("medial/stop_ms");
     /// Reduction, in milliseconds.
     pub const REDUCE: DiagnosticPath = DiagnosticPath::const_new("medial/reduce_ms");
     /// Bodies.
@@ -31,7 +33,7 @@ pub mod paths {
     pub const STOPPED: DiagnosticPath = DiagnosticPath::const_new("medial/stopped");
 }
 
-const TIMES: [DiagnosticPath; 4] = [paths::BROAD, paths::MID, paths::NARROW, paths::REDUCE];
+const TIMES: [DiagnosticPath; 5] = [paths::BROAD, paths::MID, paths::NARROW, paths::STOP, paths::REDUCE];
 const COUNTS: [DiagnosticPath; 5] =
     [paths::BODIES, paths::BODY_PAIRS, paths::CANDIDATES, paths::CONTACTS, paths::STOPPED];
 
@@ -47,7 +49,7 @@ pub(super) fn register(app: &mut App) {
 pub(super) fn measure(step: Res<MedialStep>, mut diagnostics: Diagnostics) {
     let (times, counts) = (&step.output.times, &step.output.counts);
     let milliseconds = |duration: Duration| duration.as_secs_f64() * 1e3;
-    for (path, time) in TIMES.iter().zip([times.broad, times.mid, times.narrow, times.reduce]) {
+    for (path, time) in TIMES.iter().zip([times.broad, times.mid, times.narrow, times.stop, times.reduce]) {
         diagnostics.add_measurement(path, || milliseconds(time));
     }
     let counts = [counts.bodies, counts.body_pairs, counts.candidates, counts.contacts, step.output.stops.len()];

@@ -49,6 +49,8 @@ pub struct Row {
     pub mid_ms: f64,
     /// Narrow phase, in milliseconds.
     pub narrow_ms: f64,
+    /// Stopping bodies at impacts, in milliseconds.
+    pub stop_ms: f64,
     /// Reduction, in milliseconds.
     pub reduce_ms: f64,
     /// Rapier's step, in milliseconds.
@@ -89,6 +91,8 @@ pub struct Stages {
     pub mid: StageSummary,
     /// Narrow phase.
     pub narrow: StageSummary,
+    /// Stopping bodies at impacts.
+    pub stop: StageSummary,
     /// Reduction.
     pub reduce: StageSummary,
     /// Rapier's step.
@@ -240,12 +244,13 @@ fn watch(
     }
     monitor.deepest_overlap_percent = monitor.deepest_overlap_percent.max(overlap_percent);
     let ms = |duration: Duration| duration.as_secs_f64() * 1e3;
-    let Times { broad, mid, narrow, reduce } = step.output.times;
+    let Times { broad, mid, narrow, stop, reduce } = step.output.times;
     let counts = &step.output.counts;
     monitor.rows.push(Row {
         broad_ms: ms(broad),
         mid_ms: ms(mid),
         narrow_ms: ms(narrow),
+        stop_ms: ms(stop),
         reduce_ms: ms(reduce),
         response_ms: ms(monitor.response),
         body_pairs: counts.body_pairs,
@@ -297,6 +302,7 @@ impl Monitor {
                 broad: stage(|row| row.broad_ms),
                 mid: stage(|row| row.mid_ms),
                 narrow: stage(|row| row.narrow_ms),
+                stop: stage(|row| row.stop_ms),
                 reduce: stage(|row| row.reduce_ms),
                 response: stage(|row| row.response_ms),
             },
