@@ -123,7 +123,7 @@ const LAST_STEPS: usize = 12;
 const SURPLUS: f64 = 1.3;
 
 /// Edges beyond the number of spheres, and faces, per cycle of the graph of spheres that touch on the surface: limbs have few.
-const PER_CYCLE: f64 = 0.39;
+const PER_CYCLE: f64 = 0.43;
 
 /// A medial mesh of a solid.
 ///

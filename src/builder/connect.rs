@@ -1,12 +1,12 @@
 //! Edges and faces between the spheres.
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, ops::Range};
 
 use glam::DVec3;
 
 use super::{
     descent::Target,
-    envelope::{Complex, Cone, Envelope, Hull, edges_of},
+    envelope::{Complex, Cone, Envelope, Hull, Points, edges_of},
     parallel,
     solid::{Sets, Solid},
     surface_samples::Samples,
@@ -125,14 +125,22 @@ pub(super) fn spend(
     let envelope = complex.envelope();
     let mut distances: Vec<f64> = envelope.hits(&samples.points).iter().map(|h| h.distance).collect();
     let slabs = candidates.iter().any(|c| matches!(c, Primitive::Slab(_)));
-    let mut creases = if slabs { target.creases(&envelope) } else { vec![] };
-    let relief = |complex: &Complex, candidate: &Primitive, distances: &[f64], creases: &[(DVec3, f64)]| {
-        relief(complex, candidate, samples, distances, target) + filled(complex, candidate, creases)
+    let creases = if slabs { target.creases(&envelope) } else { vec![] };
+    let (places, mut costs): (Vec<DVec3>, Vec<f64>) = creases.into_iter().unzip();
+    let creases = Points::new(places);
+    let gain = |complex: &Complex, candidate: &Primitive, distances: &[f64], costs: &[f64]| {
+        let filled: f64 = filled(&Hull::new(&complex.balls, candidate), &creases).map(|i| costs[i]).sum();
+        relief(complex, candidate, samples, distances, target) + filled
     };
-    let reliefs = parallel::map(candidates.len(), 2, |i| relief(complex, &candidates[i], &distances, &creases));
-    // Until it is known, the harm is taken as none.
+    let reliefs = parallel::map(candidates.len(), 2, |i| gain(complex, &candidates[i], &distances, &costs));
     let mut waiting: Vec<(f64, Primitive, Option<f64>)> =
         reliefs.into_iter().zip(candidates).map(|(relief, c)| (relief, c, None)).collect();
+    waiting.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    // The harm of those that are likely to be looked at; that of any other is taken as none until it is known.
+    let room = limits.edges.saturating_sub(complex.edges.len()) + limits.faces.saturating_sub(complex.faces.len());
+    let likely = (LOOKED_AT * room).min(waiting.len());
+    let harms = parallel::map(likely, 2, |i| harm(complex, &waiting[i].1, target));
+    waiting.iter_mut().zip(harms).for_each(|(waiting, harm)| waiting.2 = Some(harm));
     loop {
         waiting.retain(|(gain, c, _)| *gain > 0.0 && !has(complex, c) && fits(complex, c, limits));
         // Gains only fall: the first whose gain, measured anew, leads still is the best.
@@ -142,7 +150,7 @@ pub(super) fn spend(
         let (before, first, harm) = waiting[best];
         let harm = harm.unwrap_or_else(|| self::harm(complex, &first, target));
         let fresh =
-            (relief(complex, &first, &distances, &creases) - harm) / missing_edges(complex, &first).len().max(1) as f64;
+            (gain(complex, &first, &distances, &costs) - harm) / missing_edges(complex, &first).len().max(1) as f64;
         waiting[best] = (fresh, first, Some(harm));
         if fresh < before {
             continue;
@@ -153,9 +161,12 @@ pub(super) fn spend(
         for (distance, &point) in distances.iter_mut().zip(&samples.points.positions) {
             *distance = distance.min(hull.distance(point));
         }
-        creases.retain(|(point, _)| hull.distance(*point) > -DEEP);
+        filled(&hull, &creases).for_each(|i| costs[i] = 0.0);
     }
 }
+
+/// How many candidates are looked at for each that is added, about.
+const LOOKED_AT: usize = 5;
 
 fn missing_edges(complex: &Complex, candidate: &Primitive) -> Vec<[u32; 2]> {
     let edges = match *candidate {
@@ -190,10 +201,9 @@ fn add(complex: &mut Complex, candidate: &Primitive) {
 /// A point this deep within a primitive is no longer at the bottom of a crease.
 const DEEP: f64 = 5e-4;
 
-/// What the creases cost that the candidate fills.
-fn filled(complex: &Complex, candidate: &Primitive, creases: &[(DVec3, f64)]) -> f64 {
-    let hull = Hull::new(&complex.balls, candidate);
-    creases.iter().filter(|(point, _)| hull.distance(*point) <= -DEEP).map(|(_, cost)| cost).sum()
+/// The points that lie deep within a primitive.
+fn filled<'a>(hull: &'a Hull, points: &'a Points) -> impl Iterator<Item = usize> + 'a {
+    points.distances(hull, |_, least| least <= -DEEP).filter(|(_, distance)| *distance <= -DEEP).map(|(i, _)| i)
 }
 
 /// By how much the candidate brings the error of the samples down.
@@ -205,21 +215,13 @@ pub(super) fn relief(
     target: &Target,
 ) -> f64 {
     let hull = Hull::new(&complex.balls, candidate);
-    let mut sum = 0.0;
-    for (block, bound) in samples.points.blocks() {
-        // What is farther than this from all points of the block is nearest to none.
-        let reach = distances[block.clone()].iter().copied().fold(0.0, f64::max) + bound.radius;
-        if hull.distance(bound.center) > reach {
-            continue;
-        }
-        for i in block {
-            let distance = hull.distance(samples.points.positions[i]);
-            if distance < distances[i] {
-                sum += samples.weights[i] * (target.cost_of(distances[i]) - target.cost_of(distance));
-            }
-        }
-    }
-    sum
+    // What is farther than this from all points of a block is nearest to none.
+    let reach = |block: Range<usize>| distances[block].iter().copied().fold(0.0, f64::max);
+    let nearer = samples.points.distances(&hull, |block, least| least <= reach(block));
+    let relief = nearer
+        .filter(|&(i, distance)| distance < distances[i])
+        .map(|(i, distance)| samples.weights[i] * (target.cost_of(distances[i]) - target.cost_of(distance)));
+    relief.sum()
 }
 
 /// What the surface of the candidate costs where it lies outside the solid.
@@ -229,7 +231,7 @@ pub(super) fn harm(complex: &Complex, candidate: &Primitive, target: &Target) ->
     let surface = envelope.sides(SPACING);
     let costs = surface.iter().map(|s| {
         let point = envelope.point(s);
-        let away = target.solid.closest_off_rims(point).map_or(glam::DVec3::ZERO, |nearest| point - nearest);
+        let away = target.solid.closest_off_rims(point, None).map_or(glam::DVec3::ZERO, |nearest| point - nearest);
         if target.solid.is_out(point, away, s.normal) { s.area * target.penalty.of(away.length()) } else { 0.0 }
     });
     costs.sum::<f64>() / target.area

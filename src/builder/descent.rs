@@ -124,13 +124,13 @@ impl Target<'_> {
 
     /// Visible points of the envelope with their nearest points of the surface.
     pub fn anchors(&self, envelope: &Envelope) -> Vec<Anchor> {
-        self.anchors_at(envelope, &envelope.surface(self.spacing), 0.0)
+        self.anchors_at(envelope, &envelope.surface(self.spacing), &[], 0.0)
     }
 
     /// Visible points of the envelope that lie within the solid, as at the bottom of a crease, and what each costs.
     pub fn creases(&self, envelope: &Envelope) -> Vec<(DVec3, f64)> {
         let mut creases = vec![];
-        for anchor in self.anchors_at(envelope, &envelope.surface(self.spacing), f64::INFINITY) {
+        for anchor in self.anchors_at(envelope, &envelope.surface(self.spacing), &[], f64::INFINITY) {
             let ball = envelope.hulls[anchor.primitive as usize].blend(&anchor.weights);
             let point = ball.center + anchor.normal * ball.radius;
             if !self.solid.is_out(point, point - anchor.target, anchor.normal) {
@@ -141,8 +141,14 @@ impl Target<'_> {
     }
 
     /// The same at given places; those that lie no deeper within the solid than `depth_limit` count as well. A place fades as it
-    /// sinks into other primitives.
-    fn anchors_at(&self, envelope: &Envelope, places: &[SurfacePoint], depth_limit: f64) -> Vec<Anchor> {
+    /// sinks into other primitives. `near`: for each place a point of the surface that may be nearby, or none at all.
+    fn anchors_at(
+        &self,
+        envelope: &Envelope,
+        places: &[SurfacePoint],
+        near: &[DVec3],
+        depth_limit: f64,
+    ) -> Vec<Anchor> {
         let fade = FADE * self.spacing + depth_limit.min(NEARLY_OUTSIDE);
         let points = Points::new(places.iter().map(|s| envelope.point(s)).collect());
         let own = envelope.hits(&points);
@@ -156,7 +162,7 @@ impl Target<'_> {
         let anchors = parallel::map(visible.len(), 32, |at| {
             let (i, weight) = visible[at];
             let (s, point) = (&places[i], points.positions[i]);
-            let target = self.solid.closest_off_rims(point)?;
+            let target = self.solid.closest_off_rims(point, near.get(i).copied())?;
             let away = point - target;
             let out = if away.length() > 1e-9 { away.normalize() } else { s.normal };
             // Where the envelope lies within the solid, the samples above see it, and without its jumps at creases.
@@ -194,7 +200,7 @@ impl Target<'_> {
 }
 
 /// A step that brings the cost down by a lesser part is the last.
-const NO_MORE: f64 = 1e-4;
+const NO_MORE: f64 = 1e-3;
 
 /// Moves the spheres downhill in some steps; returns the cost.
 ///
@@ -203,17 +209,13 @@ pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize) -> f
     // The places on the envelope stay the same, relative to the spheres, so that costs compare.
     let envelope = complex.envelope();
     let mut places = envelope.surface(target.spacing);
-    let anchored: std::collections::BTreeSet<usize> =
-        target.anchors_at(&envelope, &places, NEARLY_OUTSIDE).iter().map(|a| a.place).collect();
-    let mut place = 0;
-    places.retain(|_| {
-        place += 1;
-        anchored.contains(&(place - 1))
-    });
+    let anchored = target.anchors_at(&envelope, &places, &[], NEARLY_OUTSIDE);
+    places = anchored.iter().map(|anchor| places[anchor.place]).collect();
+    let near: Vec<DVec3> = anchored.iter().map(|anchor| anchor.target).collect();
     let measure = |complex: &Complex| {
         let envelope = complex.envelope();
         let hits = target.hits(&envelope);
-        let anchors = target.anchors_at(&envelope, &places, 0.0);
+        let anchors = target.anchors_at(&envelope, &places, &near, 0.0);
         let cost = target.total(&hits, &anchors, &envelope);
         (cost, envelope, hits, anchors)
     };

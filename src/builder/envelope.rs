@@ -143,6 +143,19 @@ impl Points {
         self.blocks.iter().enumerate().map(|(block, bound)| (self.range(block), bound))
     }
 
+    /// Signed distances from a primitive, up to the rounding of an f32, of the points of those blocks that pass.
+    pub fn distances<'a>(
+        &'a self,
+        hull: &'a Hull,
+        passes: impl Fn(Range<usize>, f64) -> bool + 'a,
+    ) -> impl Iterator<Item = (usize, f64)> + 'a {
+        let near = self
+            .blocks()
+            .zip(&self.lanes)
+            .filter(move |((range, bound), _)| passes(range.clone(), hull.distance(bound.center) - bound.radius));
+        near.flat_map(|((range, _), lanes)| range.zip(hull.distances(lanes).map(f64::from)))
+    }
+
     fn range(&self, block: usize) -> Range<usize> {
         block * BLOCK..self.positions.len().min((block + 1) * BLOCK)
     }

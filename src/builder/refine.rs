@@ -176,29 +176,25 @@ pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, tar
     }
     let all: f64 = state.hits.iter().zip(&samples.weights).map(|(h, w)| w * target.cost_of(h.distance)).sum();
     let threshold = 0.05 * all / complex.balls.len() as f64;
-    let mut losses: Vec<(f64, Primitive)> = vec![];
-    for (p, primitive) in state.envelope.primitives.iter().enumerate() {
-        if let Primitive::Sphere(_) = primitive {
-            continue;
-        }
-        let hulls = &state.envelope.hulls;
-        let loss: f64 = buckets[p]
+    let hulls = &state.envelope.hulls;
+    let loss = |p: usize| {
+        let primitive = state.envelope.primitives[p];
+        let edges = if let Primitive::Slab(f) = primitive { super::envelope::edges_of(f).to_vec() } else { vec![] };
+        let edges: Vec<Hull> = edges.into_iter().map(|e| Hull::new(&complex.balls, &Primitive::Cone(e))).collect();
+        let more: f64 = buckets[p]
             .iter()
             .map(|&i| {
                 let point = samples.points.positions[i as usize];
                 let others = (0..hulls.len()).filter(|&q| q != p).map(|q| hulls[q].distance(point));
-                let mut distance = others.fold(f64::INFINITY, f64::min);
-                if let Primitive::Slab(f) = primitive {
-                    for e in super::envelope::edges_of(*f) {
-                        distance = distance.min(Hull::new(&complex.balls, &Primitive::Cone(e)).distance(point));
-                    }
-                }
+                let distance = others.chain(edges.iter().map(|e| e.distance(point))).fold(f64::INFINITY, f64::min);
                 samples.weights[i as usize]
                     * (target.cost_of(distance) - target.cost_of(state.hits[i as usize].distance))
             })
             .sum();
-        losses.push((loss - harms[p], *primitive));
-    }
+        (more - harms[p], primitive)
+    };
+    let joining: Vec<usize> = (0..hulls.len()).filter(|&p| !matches!(hulls[p], Hull::Sphere(_))).collect();
+    let mut losses = super::parallel::map(joining.len(), 4, |i| loss(joining[i]));
     losses.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     for (loss, primitive) in losses {
         if loss > threshold {

@@ -73,9 +73,13 @@ impl Solid {
 
 impl Solid {
     /// The nearest point of the surface, unless it lies on the rim of a hole: there the surface that `point` belongs to is missing.
-    pub fn closest_off_rims(&self, point: DVec3) -> Option<DVec3> {
+    ///
+    /// `near`: a point of the surface that may be nearby, for speed.
+    pub fn closest_off_rims(&self, point: DVec3, near: Option<DVec3>) -> Option<DVec3> {
         const ON_EDGE: f64 = 1e-6;
-        let (closest, triangle) = self.tree.closest_with_triangle(point, f64::INFINITY)?;
+        const ROUNDING: f64 = 1e-5;
+        let limit = near.map_or(f64::INFINITY, |near| near.distance(point) + ROUNDING);
+        let (closest, triangle) = self.tree.closest_with_triangle(point, limit)?;
         let corners = &self.tree.triangles()[triangle];
         let on_rim = (0..3).filter(|&e| self.open_edges[triangle][e]).any(|e| {
             let (a, b) = (corners[e], corners[(e + 1) % 3]);
