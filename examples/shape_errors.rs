@@ -1,0 +1,180 @@
+//! How well shapes stand for triangle meshes: medial meshes beside rapier's convex decomposition, as a Markdown table.
+//!
+//! ```text
+//! cargo run --release --example shape_errors -- [MESH ...] [--spheres N] [--fine]
+//! ```
+//!
+//! Errors are two-sided, in percent of the diagonal of the mesh's bounding box, as `medial measure` states them: greatest and mean distance
+//! from the mesh's surface to the shape's, and back. Without a mesh, those in `assets/models` are taken.
+
+use std::{ops::ControlFlow, path::PathBuf, process::ExitCode, time::Instant};
+
+use bevy_medial::builder::{Deviation, FitOptions, TriangleMesh, fit, load::load};
+use bevy_rapier3d::parry::{
+    query::PointQuery,
+    shape::{ConvexPolyhedron, SharedShape, TriMesh},
+    transformation::vhacd::VHACDParameters,
+};
+use clap::Parser;
+use glam::Vec3;
+use indicatif::{ProgressBar, ProgressStyle};
+
+#[derive(Parser)]
+#[command(about = "Errors of medial meshes beside those of convex decomposition")]
+struct Args {
+    /// Triangle meshes: .obj, .gltf, .glb, .stl, .ply.
+    meshes: Vec<PathBuf>,
+    /// Spheres of the medial meshes.
+    #[arg(long, default_value_t = 60)]
+    spheres: usize,
+    /// Also decompose at resolution 128 and concavity 0.005, which takes long.
+    #[arg(long)]
+    fine: bool,
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
+    let mut meshes = args.meshes.clone();
+    if meshes.is_empty() {
+        for entry in std::fs::read_dir("assets/models")? {
+            meshes.push(entry?.path());
+        }
+        meshes.retain(|path| path.extension().is_some_and(|extension| extension == "obj"));
+        meshes.sort();
+    }
+    println!("| mesh | shape | parts | mesh to shape: max | mean | shape to mesh: max | mean | seconds |");
+    println!("|---|---|---|---|---|---|---|---|");
+    let bar = ProgressBar::new(meshes.len() as u64);
+    bar.set_style(ProgressStyle::with_template("{pos}/{len} {msg} {wide_bar}")?);
+    for path in &meshes {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        bar.set_message(name.clone());
+        let mesh = load(path)?;
+        let row = |shape: &str, parts: usize, [to, from]: [Deviation; 2], seconds: Option<f32>| {
+            let errors = format!("{:.2} | {:.3} | {:.2} | {:.3}", to.max, to.mean, from.max, from.mean);
+            let seconds = seconds.map_or(String::new(), |seconds| format!("{seconds:.2}"));
+            bar.suspend(|| println!("| {name} | {shape} | {parts} | {errors} | {seconds} |"));
+        };
+        let begin = Instant::now();
+        let options = FitOptions { spheres: Some(args.spheres), ..FitOptions::default() };
+        let one = fit(&mesh, &options, &|_| ControlFlow::Continue(()))?;
+        let seconds = begin.elapsed().as_secs_f32();
+        let chain = fit(&mesh, &FitOptions { levels: true, ..options }, &|_| ControlFlow::Continue(()))?;
+        for level in &one.levels {
+            let errors = [level.error.mesh_to_envelope, level.error.envelope_to_mesh];
+            row("medial", level.axis.primitives().len(), errors, Some(seconds));
+        }
+        let mut decompositions = vec![("convex decomposition", VHACDParameters::default())];
+        if args.fine {
+            let fine = VHACDParameters { resolution: 128, concavity: 0.005, ..VHACDParameters::default() };
+            decompositions.push(("the same, fine", fine));
+        }
+        for (index, (shape, parameters)) in decompositions.into_iter().enumerate() {
+            let begin = Instant::now();
+            let compound = SharedShape::convex_decomposition_with_params(&mesh.positions, &mesh.triangles, &parameters);
+            let seconds = begin.elapsed().as_secs_f32();
+            let parts = compound.as_compound().map_or(&[][..], |compound| compound.shapes());
+            let hulls: Vec<&ConvexPolyhedron> =
+                parts.iter().filter_map(|(_, part)| part.as_convex_polyhedron()).collect();
+            row(shape, hulls.len(), hull_errors(&mesh, &hulls)?, Some(seconds));
+            // The coarsest medial mesh with as many parts.
+            let level = chain.levels.iter().rev().find(|level| level.axis.primitives().len() >= hulls.len());
+            if let Some(level) = level.filter(|_| index == 0) {
+                let errors = [level.error.mesh_to_envelope, level.error.envelope_to_mesh];
+                row("coarse medial", level.axis.primitives().len(), errors, None);
+            }
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+/// Errors of the union of convex hulls, in percent of the mesh's diagonal: from the mesh to its surface, and back.
+fn hull_errors(mesh: &TriangleMesh, hulls: &[&ConvexPolyhedron]) -> Result<[Deviation; 2], Box<dyn std::error::Error>> {
+    const SAMPLES_PER_DIAGONAL: f32 = 300.0;
+    const ABOVE: f32 = 1e-3;
+    let spacing = mesh.diagonal() / SAMPLES_PER_DIAGONAL;
+    let percent = 100.0 / mesh.diagonal();
+    let surface = TriMesh::new(mesh.positions.clone(), mesh.triangles.clone())?;
+    let mut to = Tally::default();
+    for triangle in &mesh.triangles {
+        sample(mesh.corners(*triangle), spacing, |point, area| to.add(distance(hulls, point).abs() * percent, area));
+    }
+    let mut from = Tally::default();
+    for (i, hull) in hulls.iter().enumerate() {
+        let (points, triangles) = hull.to_trimesh();
+        for triangle in triangles {
+            let [a, b, c] = triangle.map(|i| points[i as usize]);
+            // Parts meet at cuts, which are no surface: a little above them is another part.
+            let up = (b - a).cross(c - a).normalize_or_zero() * (ABOVE * mesh.diagonal());
+            sample([a, b, c], spacing, |point, area| {
+                let hidden = |(j, other): (usize, &&ConvexPolyhedron)| i != j && depth(other, point + up) > 0.0;
+                if !hulls.iter().enumerate().any(hidden) {
+                    from.add(surface.distance_to_local_point(point, false) * percent, area);
+                }
+            });
+        }
+    }
+    Ok([to.deviation(), from.deviation()])
+}
+
+/// Distance of a point to the union: exact outside; inside, negative, the depth in the deepest hull, a lower bound.
+fn distance(hulls: &[&ConvexPolyhedron], point: Vec3) -> f32 {
+    let depth = hulls.iter().map(|hull| depth(hull, point)).fold(f32::NEG_INFINITY, f32::max);
+    if depth > 0.0 {
+        return -depth;
+    }
+    hulls.iter().map(|hull| hull.distance_to_local_point(point, true)).fold(f32::INFINITY, f32::min)
+}
+
+/// How deep a point lies within a hull, negative outside.
+fn depth(hull: &ConvexPolyhedron, point: Vec3) -> f32 {
+    let corner = |first: u32| hull.points()[hull.vertices_adj_to_face()[first as usize] as usize];
+    let planes = hull.faces().iter().map(|face| (corner(face.first_vertex_or_edge) - point).dot(face.normal));
+    planes.fold(f32::INFINITY, f32::min)
+}
+
+/// Calls `visit` with points of a triangle about `spacing` apart, each with the area that it stands for.
+fn sample([a, b, c]: [Vec3; 3], spacing: f32, mut visit: impl FnMut(Vec3, f32)) {
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    let count = ((longest / spacing).ceil() as u32).clamp(1, 300);
+    let area = (b - a).cross(c - a).length() * 0.5 / (count * count) as f32;
+    let mut at = |i: f32, j: f32| visit(a + ((b - a) * i + (c - a) * j) / count as f32, area);
+    for i in 0..count {
+        for j in 0..count - i {
+            at(i as f32 + 1.0 / 3.0, j as f32 + 1.0 / 3.0);
+            if i + j + 1 < count {
+                at(i as f32 + 2.0 / 3.0, j as f32 + 2.0 / 3.0);
+            }
+        }
+    }
+}
+
+#[derive(Default)]
+struct Tally {
+    max: f32,
+    sum: f64,
+    area: f64,
+}
+
+impl Tally {
+    fn add(&mut self, distance: f32, area: f32) {
+        self.max = self.max.max(distance);
+        self.sum += f64::from(distance) * f64::from(area);
+        self.area += f64::from(area);
+    }
+
+    fn deviation(&self) -> Deviation {
+        Deviation { max: self.max, mean: (self.sum / self.area.max(f64::MIN_POSITIVE)) as f32 }
+    }
+}
