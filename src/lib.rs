@@ -90,8 +90,8 @@ pub mod prelude {
     pub use crate::{
         medial_axis::MedialAxis,
         plugin::{
-            MedialCcd, MedialContactEnded, MedialContactStarted, MedialMesh, MedialPhysicsPlugin, MedialSettings,
-            MedialStep, MedialSystems, StaticObb, TouchPoint,
+            MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialLevel, MedialMesh,
+            MedialPhysicsPlugin, MedialSettings, MedialStep, MedialSystems, StaticObb, TouchPoint,
         },
     };
 }

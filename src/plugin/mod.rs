@@ -6,6 +6,7 @@
 //! | [`MedialMesh`] | component: the entity collides by this shape |
 //! | [`StaticObb`] | component: a static box, or what makes a medial mesh static |
 //! | [`MedialCcd`] | component: whether a body stops at its first impact |
+//! | [`MedialBudget`], [`MedialLevel`] | components: the error that a shape may have, and the level of detail that is used |
 //! | [`MedialSettings`] | resource: what holds for all |
 //! | [`MedialContactStarted`], [`MedialContactEnded`] | messages, and events for observers of the entities |
 //! | [`MedialSystems`] | system sets to order against |
@@ -15,6 +16,7 @@ mod components;
 mod diagnostics;
 #[cfg(feature = "debug")]
 mod gizmos;
+mod levels;
 mod loader;
 mod messages;
 mod report;
@@ -37,7 +39,8 @@ pub use components::{MedialCcd, MedialMesh, StaticObb};
 pub use diagnostics::paths as diagnostic_paths;
 #[cfg(feature = "debug")]
 pub use gizmos::MedialGizmos;
-pub use loader::{MaLoader, MaLoaderError};
+pub use levels::{MedialBudget, MedialLevel};
+pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
 pub use step::{BodyInfo, MedialSettings, MedialStep};
 
@@ -109,14 +112,18 @@ impl Plugin for MedialPhysicsPlugin {
     fn build(&self, app: &mut App) {
         app.init_asset::<MedialAxis>()
             .init_asset_loader::<MaLoader>()
+            .init_asset_loader::<MedialLoader>()
             .register_type::<MedialMesh>()
             .register_type::<StaticObb>()
             .register_type::<MedialCcd>()
+            .register_type::<MedialBudget>()
+            .register_type::<MedialLevel>()
             .register_type::<MedialSettings>()
             .init_resource::<MedialSettings>()
             .init_resource::<MedialStep>()
             .add_message::<MedialContactStarted>()
             .add_message::<MedialContactEnded>()
+            .add_systems(self.schedule, levels::check_budgets)
             .add_systems(self.schedule, (report::tell_contacts, diagnostics::measure).in_set(MedialSystems::Report));
         diagnostics::register(app);
         (self.add_systems)(app, self.schedule);

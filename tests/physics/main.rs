@@ -13,6 +13,7 @@ mod filters;
 mod impacts;
 mod interplay;
 mod joined;
+mod levels;
 mod life;
 mod log;
 mod messages;
