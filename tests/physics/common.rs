@@ -7,6 +7,7 @@ use std::{
 };
 
 use bevy::{
+    app::Plugins,
     asset::{AssetPlugin, LoadState},
     ecs::message::MessageCursor,
     prelude::*,
@@ -40,7 +41,7 @@ pub fn assets() -> PathBuf {
 }
 
 /// An app with the physics in a schedule of choice, and files from a folder of choice.
-pub fn app_with(physics: MedialPhysicsPlugin, assets: &Path) -> App {
+pub fn app_with<M>(physics: impl Plugins<M>, assets: &Path) -> App {
     let mut app = App::new();
     app.add_plugins((
         MinimalPlugins,

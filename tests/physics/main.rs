@@ -2,6 +2,7 @@
 //!
 //! One binary, so that Bevy is linked once. Everything is seeded, nothing depends on the clock.
 
+mod builds;
 mod bullets;
 mod casts;
 mod colliders;
