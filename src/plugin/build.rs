@@ -19,11 +19,11 @@ use bevy::{
 
 use super::{MedialMesh, build_cache::fit_cached, init_medial_axis};
 use crate::{
-    builder::{FitOptions, TriangleMesh},
+    builder::{FitOptions, TriangleMesh, on_this_thread},
     medial_axis::MedialAxis,
 };
 
-/// Builds the entity's [`MedialMesh`] of its `Mesh3d`, in the background, and again when that mesh or the options change.
+/// Builds the entity's [`MedialMesh`] of its `Mesh3d`, on a thread of the `AsyncComputeTaskPool`, and again when that mesh or the options change.
 ///
 /// Entities with the same mesh asset and options share one build and one asset. Taking the component away, or the `Mesh3d`, or despawning the
 /// entity breaks the build off unless another entity waits for it; a `MedialMesh` that is there stays. [`MedialBuildStatus`] tells how it goes.
@@ -136,7 +136,8 @@ impl Build {
             if progress(0.0).is_break() {
                 return;
             }
-            let result = medial_axis_of(&mesh, &options, cache.as_deref(), &progress);
+            // Loops on the pool of the frame's systems would hold up frames.
+            let result = on_this_thread(|| medial_axis_of(&mesh, &options, cache.as_deref(), &progress));
             let Some(build) = build.upgrade() else { return };
             if let Err(error) = &result {
                 error!("{name}: its Mesh3d gives no medial mesh: {error}");
