@@ -236,3 +236,26 @@ fn a_file_of_levels_loads_and_a_damaged_one_is_named() {
     let of_body: Vec<_> = told.iter().filter(|line| line.contains(&bodies[1].0.to_string())).collect();
     assert!(of_body.len() == 1 && of_body[0].contains("copy or build it again"), "{told:?}");
 }
+
+#[test]
+fn what_sleeps_on_a_shape_wakes_when_that_gets_another_level() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let mesh = mesh(&mut app, ring());
+    for (x, kind) in [(0.0, RigidBody::Fixed), (5.0, RigidBody::Dynamic)] {
+        let at = Transform::from_xyz(x, TUBE, 0.0);
+        let mut lower = app.world_mut().spawn((kind, mesh.clone(), MedialBudget::Metres(0.0), at));
+        if kind == RigidBody::Fixed {
+            lower.insert(StaticObb::default());
+        }
+        let lower = lower.id();
+        // Across the ring near its side, where a polygon of six reaches less far.
+        let beam = MedialAxis::capsule(Vec3::X * -2.0, Vec3::X * 2.0, 0.1).unwrap();
+        let upper = spawn_body(&mut app, beam, Transform::from_xyz(x, 2.0 * TUBE + 0.1, 0.93));
+        run(&mut app, 400);
+        assert!(is_at_rest(&mut app, upper) && spheres(&app, lower) == 24, "{kind:?}");
+        set(&mut app, lower, MedialBudget::Metres(1.0));
+        run(&mut app, 3);
+        assert!(!rigid(&mut app, upper).is_sleeping() && spheres(&app, lower) == 6, "{kind:?}");
+    }
+}
