@@ -48,6 +48,8 @@ impl MedialBudget {
 }
 
 /// The level of detail by which an entity collides, 0 being the finest. It comes with the shape, and is there to be read.
+///
+/// [`MedialAxis::level`] gives its shape: that whose primitives a [`TouchPoint`](super::TouchPoint) names.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
