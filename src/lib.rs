@@ -65,7 +65,7 @@
 //! | `rapier` | yes | response through `bevy_rapier3d`; without it bodies move as their transforms say, and messages tell what they hit |
 //! | `debug` | no | gizmos for spheres, sweeps, boxes and contacts |
 //! | `serialize` | no | serde for components, settings and geometry |
-//! | `bevy_mesh` | no | triangle meshes from Bevy's |
+//! | `bevy_mesh` | no | triangle meshes from Bevy's, and medial meshes built of them while the app runs |
 //! | `mesh_files` | no | triangle meshes from OBJ, glTF, STL and PLY files |
 //! | `cli` | no | the program `medial` |
 #![forbid(unsafe_code)]
@@ -85,13 +85,15 @@ pub mod scenes;
 
 /// What an app needs.
 pub mod prelude {
+    #[cfg(feature = "bevy_mesh")]
+    pub use crate::plugin::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
     #[cfg(feature = "rapier")]
     pub use crate::rapier::MedialQueries;
     pub use crate::{
         medial_axis::MedialAxis,
         plugin::{
-            MedialCcd, MedialContactEnded, MedialContactStarted, MedialMesh, MedialPhysicsPlugin, MedialSettings,
-            MedialStep, MedialSystems, StaticObb, TouchPoint,
+            MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialLevel, MedialMesh,
+            MedialPhysicsPlugin, MedialSettings, MedialStep, MedialSystems, StaticObb, TouchPoint,
         },
     };
 }

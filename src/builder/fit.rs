@@ -2,6 +2,8 @@
 
 use std::ops::ControlFlow;
 
+use bevy::prelude::{Reflect, ReflectDefault};
+
 use super::{BuildError, BuildOptions, Built, Level, MedialLevels, TriangleMesh, build, build_levels, measure};
 
 /// Spheres where nothing is said.
@@ -11,7 +13,9 @@ const DEFAULT_SPHERES: usize = 60;
 const TRIED: [usize; 2] = [8, 512];
 
 /// What to make of a triangle mesh.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default, Clone, PartialEq)]
 pub struct FitOptions {
     /// Most spheres of the finest level. `None`: 60, or as many as the error takes, up to 512.
     pub spheres: Option<usize>,

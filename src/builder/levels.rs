@@ -103,6 +103,14 @@ impl MedialLevels {
         self.levels.iter().rev().find(|level| level.error.max() <= percent).or(self.levels.first())
     }
 
+    /// The finest level, with the others as its coarser ones. None if there are no levels.
+    pub fn into_medial_axis(self) -> Option<MedialAxis> {
+        let mut levels = self.levels.into_iter();
+        let finest = levels.next()?;
+        let metres = |error: TwoSidedError| error.max() / 100.0 * error.diagonal;
+        Some(finest.axis.with_coarser(levels.map(|level| (level.axis, metres(level.error))).collect()))
+    }
+
     /// The content of a `.medial` file.
     pub fn to_bytes(&self) -> Vec<u8> {
         let stored: Vec<Stored> = self

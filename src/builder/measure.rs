@@ -1,13 +1,12 @@
 use std::fmt;
 
-use bevy::tasks::{ComputeTaskPool, TaskPool};
 use glam::{DVec3, Vec3};
 
-use super::{TriangleMesh, samples::Patch};
+use super::{TriangleMesh, parallel, samples::Patch};
 use crate::{
     geometry::{Aabb, Bvh, Primitive, Sphere},
     medial_axis::MedialAxis,
-    pipeline::{Hull, parallel, with_spheres},
+    pipeline::{Hull, with_spheres},
     query::separation,
 };
 
@@ -105,11 +104,8 @@ pub fn vertex_errors(mesh: &TriangleMesh, axis: &MedialAxis) -> Vec<f32> {
 /// The signed distance of each vertex from the envelope, in the frame.
 fn signed(mesh: &TriangleMesh, frame: &Frame, envelope: &Union) -> Vec<f32> {
     const VERTICES_PER_TASK: usize = 256;
-    parallel::map(pool(), &mesh.positions, VERTICES_PER_TASK, |_, &position| envelope.distance(frame.point(position)))
-}
-
-fn pool() -> &'static TaskPool {
-    ComputeTaskPool::get_or_init(TaskPool::default)
+    let positions = &mesh.positions;
+    parallel::map(positions.len(), VERTICES_PER_TASK, |i| envelope.distance(frame.point(positions[i])))
 }
 
 /// Coordinates in which both shapes are near the origin and about 1 in size, where f32 is exact to a few parts in ten million.
@@ -221,9 +217,9 @@ fn sum(patches: &[Patch], spacing: f64, distance: impl Fn(Vec3) -> Option<f32> +
     const PATCHES_PER_TASK: usize = 4;
     let area: f64 = patches.iter().map(|patch| f64::from(patch.area())).filter(|area| area.is_finite()).sum();
     let spacing = spacing.max((area / MOST_SAMPLES).sqrt()) as f32;
-    let of_patch = |_: usize, patch: &Patch| {
+    let of_patch = |number: usize| {
         let mut sum = Sum::default();
-        patch.sample(spacing, |point, area| {
+        patches[number].sample(spacing, |point, area| {
             if let Some(distance) = distance(point) {
                 sum.max = sum.max.max(distance);
                 if area > 0.0 {
@@ -234,7 +230,7 @@ fn sum(patches: &[Patch], spacing: f64, distance: impl Fn(Vec3) -> Option<f32> +
         });
         sum
     };
-    let sums = parallel::map(pool(), patches, PATCHES_PER_TASK, of_patch);
+    let sums = parallel::map(patches.len(), PATCHES_PER_TASK, of_patch);
     sums.iter().fold(Sum::default(), |all, one| Sum {
         max: all.max.max(one.max),
         sum: all.sum + one.sum,

@@ -38,4 +38,6 @@ pub use fit::{FitOptions, fit};
 pub use levels::{Level, MedialFileError, MedialLevels, MedialLevelsError};
 pub use measure::{Deviation, TwoSidedError, measure, vertex_errors};
 pub use mesh::{MAX_MESH_SIZE, MeshError, TriangleMesh};
+#[cfg(feature = "bevy_mesh")]
+pub(crate) use parallel::on_this_thread;
 pub use report::MeshReport;

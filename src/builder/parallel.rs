@@ -9,6 +9,15 @@ thread_local! {
     static WITHIN: Cell<bool> = const { Cell::new(false) };
 }
 
+/// Runs a function with its loops where it is, so that the other cores are free for what is in more of a hurry.
+#[cfg(feature = "bevy_mesh")]
+pub(crate) fn on_this_thread<R>(function: impl FnOnce() -> R) -> R {
+    let outer = WITHIN.replace(true);
+    let result = function();
+    WITHIN.set(outer);
+    result
+}
+
 /// `function` of each of `0..count`, in order.
 pub(super) fn map<R: Send + 'static>(
     count: usize,

@@ -48,7 +48,7 @@ pub const MAX_SPHERES: usize = 1 << 20;
 #[derive(Asset, TypePath, Clone, Debug)]
 pub struct MedialAxis(Arc<Data>);
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Data {
     spheres: Box<[Sphere]>,
     primitives: Box<[Primitive]>,
@@ -58,6 +58,7 @@ struct Data {
     center_reach: f32,
     mass: MassProperties,
     min_radius: f32,
+    coarser: Vec<(MedialAxis, f32)>,
 }
 
 /// Why lists or parameters do not describe a shape.
@@ -151,9 +152,38 @@ impl MedialAxis {
             center_reach: spheres.iter().map(|s| s.center.distance(bound.center)).fold(0.0, f32::max),
             mass: MassProperties::of_union(&spheres, &primitives),
             min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
+            coarser: Vec::new(),
             spheres: spheres.into(),
             primitives: primitives.into(),
         }))
+    }
+
+    /// The same shape with coarser levels of detail, the finer first, each with its error in metres.
+    ///
+    /// They take over this one's mass properties: a body moves alike, whichever of them it collides by.
+    #[must_use]
+    pub fn with_coarser(mut self, mut coarser: Vec<(MedialAxis, f32)>) -> Self {
+        for (level, _) in &mut coarser {
+            Arc::make_mut(&mut level.0).mass = self.0.mass;
+        }
+        Arc::make_mut(&mut self.0).coarser = coarser;
+        self
+    }
+
+    /// The coarser levels of detail, the finer first, each with its error in metres: how far its surface is from that of the body it stands for.
+    pub fn coarser(&self) -> &[(MedialAxis, f32)] {
+        &self.0.coarser
+    }
+
+    /// The number of the coarsest level of detail with an error of at most so many metres: 0, this shape itself, if no coarser one is as good.
+    pub fn level_within(&self, error: f32) -> usize {
+        self.0.coarser.iter().rposition(|level| level.1 <= error).map_or(0, |at| at + 1)
+    }
+
+    /// A level of detail: 0 is this shape itself, 1 the first of the [coarser](Self::coarser). The coarsest, if the number is beyond it.
+    pub fn level(&self, number: usize) -> &MedialAxis {
+        let coarser = &self.0.coarser[..number.min(self.0.coarser.len())];
+        coarser.last().map_or(self, |(level, _)| level)
     }
 
     /// The medial spheres.

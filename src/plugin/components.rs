@@ -2,7 +2,8 @@ use bevy::prelude::*;
 
 use crate::medial_axis::MedialAxis;
 
-/// Makes an entity collide by its medial mesh: a handle to the shape that all instances share.
+/// Makes an entity collide by its medial mesh: a handle to the shape that all instances share, of a `.ma` file, or of a `.medial` file with its
+/// levels of detail.
 ///
 /// Beside a `RigidBody` nothing else is needed: collider, mass and inertia appear when the asset has loaded. The `Transform` may
 /// scale it uniformly.

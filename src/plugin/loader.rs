@@ -4,7 +4,10 @@ use bevy::{
 };
 use thiserror::Error;
 
-use crate::medial_axis::{MedialAxis, MedialAxisError, ma};
+use crate::{
+    builder::{MedialLevels, MedialLevelsError},
+    medial_axis::{MedialAxis, MedialAxisError, ma},
+};
 
 /// Loads `.ma` files as [`MedialAxis`] assets.
 #[derive(Default, TypePath)]
@@ -46,5 +49,41 @@ impl AssetLoader for MaLoader {
 
     fn extensions(&self) -> &[&str] {
         &["ma"]
+    }
+}
+
+/// Loads `.medial` files as [`MedialAxis`] assets with their levels of detail.
+#[derive(Default, TypePath)]
+pub struct MedialLoader;
+
+/// Why a `.medial` file did not load.
+#[derive(Debug, Error)]
+pub enum MedialLoaderError {
+    /// The file could not be read.
+    #[error("it could not be read: {0}")]
+    Io(#[from] std::io::Error),
+    /// It is no chain of levels.
+    #[error(transparent)]
+    Levels(#[from] MedialLevelsError),
+}
+
+impl AssetLoader for MedialLoader {
+    type Asset = MedialAxis;
+    type Settings = ();
+    type Error = MedialLoaderError;
+
+    async fn load(
+        &self,
+        reader: &mut dyn Reader,
+        _: &(),
+        _: &mut LoadContext<'_>,
+    ) -> Result<MedialAxis, MedialLoaderError> {
+        let mut bytes = Vec::new();
+        reader.read_to_end(&mut bytes).await?;
+        Ok(MedialLevels::from_bytes(&bytes)?.into_medial_axis().ok_or(MedialLevelsError::Empty)?)
+    }
+
+    fn extensions(&self) -> &[&str] {
+        &["medial"]
     }
 }

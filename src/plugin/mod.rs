@@ -6,15 +6,22 @@
 //! | [`MedialMesh`] | component: the entity collides by this shape |
 //! | [`StaticObb`] | component: a static box, or what makes a medial mesh static |
 //! | [`MedialCcd`] | component: whether a body stops at its first impact |
+//! | [`MedialBudget`], [`MedialLevel`] | components: the error that a shape may have, and the level of detail that is used |
 //! | [`MedialSettings`] | resource: what holds for all |
 //! | [`MedialContactStarted`], [`MedialContactEnded`] | messages, and events for observers of the entities |
+//! | `MedialBuildPlugin` | with the feature `bevy_mesh`: builds the medial meshes of entities with a `BuildMedialMesh` from their `Mesh3d` |
 //! | [`MedialSystems`] | system sets to order against |
 //! | [`MedialStep`] | resource: input and output of the last step |
 
+#[cfg(feature = "bevy_mesh")]
+mod build;
+#[cfg(feature = "bevy_mesh")]
+mod build_cache;
 mod components;
 mod diagnostics;
 #[cfg(feature = "debug")]
 mod gizmos;
+mod levels;
 mod loader;
 mod messages;
 mod report;
@@ -33,11 +40,14 @@ use bevy_rapier3d::prelude::{BevyPhysicsHooks, NoUserData};
 
 use crate::medial_axis::MedialAxis;
 
+#[cfg(feature = "bevy_mesh")]
+pub use build::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
 pub use components::{MedialCcd, MedialMesh, StaticObb};
 pub use diagnostics::paths as diagnostic_paths;
 #[cfg(feature = "debug")]
 pub use gizmos::MedialGizmos;
-pub use loader::{MaLoader, MaLoaderError};
+pub use levels::{MedialBudget, MedialLevel};
+pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
 pub use step::{BodyInfo, MedialSettings, MedialStep};
 
@@ -105,18 +115,27 @@ pub enum MedialSystems {
     Report,
 }
 
+/// Makes medial meshes assets, once: a second time would lose those that are there.
+fn init_medial_axis(app: &mut App) {
+    if !app.world().contains_resource::<Assets<MedialAxis>>() {
+        app.init_asset::<MedialAxis>().init_asset_loader::<MaLoader>().init_asset_loader::<MedialLoader>();
+    }
+}
+
 impl Plugin for MedialPhysicsPlugin {
     fn build(&self, app: &mut App) {
-        app.init_asset::<MedialAxis>()
-            .init_asset_loader::<MaLoader>()
-            .register_type::<MedialMesh>()
+        init_medial_axis(app);
+        app.register_type::<MedialMesh>()
             .register_type::<StaticObb>()
             .register_type::<MedialCcd>()
+            .register_type::<MedialBudget>()
+            .register_type::<MedialLevel>()
             .register_type::<MedialSettings>()
             .init_resource::<MedialSettings>()
             .init_resource::<MedialStep>()
             .add_message::<MedialContactStarted>()
             .add_message::<MedialContactEnded>()
+            .add_systems(self.schedule, levels::check_budgets)
             .add_systems(self.schedule, (report::tell_contacts, diagnostics::measure).in_set(MedialSystems::Report));
         diagnostics::register(app);
         (self.add_systems)(app, self.schedule);

@@ -7,7 +7,9 @@ use bevy::{
     prelude::*,
 };
 
-use super::{BodyInfo, MedialCcd, MedialMesh, MedialSettings, MedialStep, MedialSystems, StaticObb};
+use super::{
+    BodyInfo, MedialBudget, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep, MedialSystems, StaticObb,
+};
 use crate::{
     constants::DEFAULT_PREDICTION,
     geometry::{Obb, Pose3, Sweep},
@@ -28,25 +30,51 @@ fn pose_of(transform: &GlobalTransform) -> (Pose3, Vec3) {
     (Pose3::from_parts(translation, rotation), scale)
 }
 
+/// A body's budget, and the level of detail that it has been told.
+type Detail = (Option<&'static MedialBudget>, Option<&'static MedialLevel>);
+
+/// The shape at its level of detail, of which the entity is told.
+fn shape_of(
+    commands: &mut Commands,
+    entity: Entity,
+    axis: &MedialAxis,
+    (budget, told): (Option<&MedialBudget>, Option<&MedialLevel>),
+    scale: f32,
+) -> Shape {
+    let level = budget.copied().unwrap_or_default().level(axis, scale);
+    if told != Some(&MedialLevel(level)) {
+        commands.entity(entity).try_insert(MedialLevel(level));
+    }
+    Shape { axis: axis.level(level).clone(), scale }
+}
+
 fn gather_statics(
+    mut commands: Commands,
     mut step: ResMut<MedialStep>,
-    changed: Query<(), (With<StaticObb>, Or<(Changed<GlobalTransform>, Changed<StaticObb>, Changed<MedialMesh>)>)>,
-    statics: Query<(Entity, &StaticObb, Option<&MedialMesh>, &GlobalTransform)>,
+    changed: Query<
+        (),
+        (
+            With<StaticObb>,
+            Or<(Changed<GlobalTransform>, Changed<StaticObb>, Changed<MedialMesh>, Changed<MedialBudget>)>,
+        ),
+    >,
+    mut removed: RemovedComponents<MedialBudget>,
+    statics: Query<(Entity, &StaticObb, Option<&MedialMesh>, Detail, &GlobalTransform)>,
     axes: Res<Assets<MedialAxis>>,
 ) {
     let known = step.static_infos.len();
-    if changed.is_empty() && statics.iter().len() == known {
+    if changed.is_empty() && removed.read().count() == 0 && statics.iter().len() == known {
         return;
     }
     let mut infos = Vec::new();
     let mut bodies = Vec::new();
-    for (entity, obb, mesh, transform) in statics.iter().sort::<Entity>() {
+    for (entity, obb, mesh, detail, transform) in statics.iter().sort::<Entity>() {
         let (pose, scale) = pose_of(transform);
         let body = match mesh {
             None => StaticBody::solid_box(Obb { pose, half_extents: obb.half_extents * scale.abs() }),
             Some(mesh) => {
                 let Some(axis) = axes.get(&mesh.0) else { continue };
-                StaticBody::new(Shape { axis: axis.clone(), scale: scale.x }, pose)
+                StaticBody::new(shape_of(&mut commands, entity, axis, detail, scale.x), pose)
             }
         };
         infos.push(BodyInfo::at_rest(entity));
@@ -57,11 +85,12 @@ fn gather_statics(
 }
 
 fn detect(
+    mut commands: Commands,
     mut step: ResMut<MedialStep>,
     settings: Res<MedialSettings>,
     time: Res<Time>,
     axes: Res<Assets<MedialAxis>>,
-    bodies: Query<(Entity, &MedialMesh, &GlobalTransform, Option<&MedialCcd>), Without<StaticObb>>,
+    bodies: Query<(Entity, &MedialMesh, Detail, &GlobalTransform, Option<&MedialCcd>), Without<StaticObb>>,
     mut poses: Local<HashMap<Entity, Pose3>>,
 ) {
     let step = step.as_mut();
@@ -72,10 +101,10 @@ fn detect(
     step.input.bodies.clear();
     step.infos.clear();
     let before = std::mem::take(&mut *poses);
-    for (entity, mesh, transform, ccd) in bodies.iter().sort::<Entity>() {
+    for (entity, mesh, detail, transform, ccd) in bodies.iter().sort::<Entity>() {
         let Some(axis) = axes.get(&mesh.0) else { continue };
         let (end, scale) = pose_of(transform);
-        let shape = Shape { axis: axis.clone(), scale: scale.x };
+        let shape = shape_of(&mut commands, entity, axis, detail, scale.x);
         let start = before.get(&entity).copied().unwrap_or(end);
         poses.insert(entity, end);
         let sweep = Sweep::between(start, end, shape.center_of_mass(), Vec3::ZERO);

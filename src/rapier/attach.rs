@@ -17,41 +17,38 @@ use super::shape::MedialShape;
 use crate::{
     medial_axis::MedialAxis,
     pipeline::Shape,
-    plugin::{MedialMesh, StaticObb},
+    plugin::{MedialBudget, MedialLevel, MedialMesh, StaticObb},
 };
 
 /// Which shape an entity's collider was made from, or could not be.
 #[derive(Component, Clone)]
 pub(super) struct Attached {
     asset: AssetId<MedialAxis>,
-    loaded: bool,
+    /// None if it is not loaded.
+    level: Option<usize>,
     scale: Vec3,
 }
 
 /// Scales that went through a rotation are the same but for this, relatively.
 const SCALE_ROUNDING: f32 = 1e-4;
 
-impl Attached {
-    fn is(&self, wanted: &Self) -> bool {
-        let difference = (self.scale - wanted.scale).abs().max_element();
-        let same_scale = match (self.scale.is_finite(), wanted.scale.is_finite()) {
-            (true, true) => difference <= SCALE_ROUNDING * wanted.scale.abs().max_element(),
-            (finite, wanted_finite) => finite == wanted_finite,
-        };
-        self.asset == wanted.asset && self.loaded == wanted.loaded && same_scale
+fn is_same_scale(scale: Vec3, wanted: Vec3) -> bool {
+    match (scale.is_finite(), wanted.is_finite()) {
+        (true, true) => (scale - wanted).abs().max_element() <= SCALE_ROUNDING * wanted.abs().max_element(),
+        (finite, wanted_finite) => finite == wanted_finite,
     }
 }
 
-/// Gives every entity with a loaded [`MedialMesh`] its collider, and a new one when shape or scale change.
+/// Gives every entity with a loaded [`MedialMesh`] its collider, and a new one when shape, level of detail or scale change.
 pub(super) fn attach_shapes(
     mut commands: Commands,
-    meshes: Query<(NameOrEntity, &MedialMesh, &Transform, Has<ChildOf>, Option<&Attached>)>,
+    meshes: Query<(NameOrEntity, &MedialMesh, Option<&MedialBudget>, &Transform, Has<ChildOf>, Option<&Attached>)>,
     assets: Res<Assets<MedialAxis>>,
     server: Option<Res<AssetServer>>,
     mut events: MessageReader<AssetEvent<MedialAxis>>,
     hierarchy: TransformHelper,
     mut next_key: Local<u64>,
-    mut shared: Local<HashMap<(AssetId<MedialAxis>, u32), Weak<OnceLock<Compound>>>>,
+    mut shared: Local<HashMap<(AssetId<MedialAxis>, usize, u32), Weak<OnceLock<Compound>>>>,
 ) {
     let changed: Vec<AssetId<MedialAxis>> = events
         .read()
@@ -60,19 +57,24 @@ pub(super) fn attach_shapes(
             _ => None,
         })
         .collect();
-    shared.retain(|(asset, _), primitives| !changed.contains(asset) && primitives.strong_count() > 0);
-    for (name, mesh, transform, is_child, attached) in &meshes {
+    shared.retain(|(asset, ..), primitives| !changed.contains(asset) && primitives.strong_count() > 0);
+    for (name, mesh, budget, transform, is_child, attached) in &meshes {
         let scale = if is_child {
             hierarchy.compute_global_transform(name.entity).map_or(transform.scale, |global| global.scale())
         } else {
             transform.scale
         };
-        let wanted = Attached { asset: mesh.0.id(), loaded: assets.contains(&mesh.0), scale };
-        if attached.is_some_and(|attached| attached.is(&wanted)) && !changed.contains(&wanted.asset) {
+        // Rounding changes no level, either.
+        let known = attached.filter(|attached| is_same_scale(attached.scale, scale));
+        let scale = known.map_or(scale, |known| known.scale);
+        let asset = mesh.0.id();
+        let leveled = assets.get(asset).map(|axis| (axis, budget.copied().unwrap_or_default().level(axis, scale.x)));
+        let wanted = Attached { asset, level: leveled.map(|(_, level)| level), scale };
+        if known.is_some_and(|known| (known.asset, known.level) == (asset, wanted.level)) && !changed.contains(&asset) {
             continue;
         }
         let mut entity = commands.entity(name.entity);
-        let Some(axis) = assets.get(&mesh.0) else {
+        let Some((axis, level)) = leveled else {
             if let Some(LoadState::Failed(error)) = server.as_ref().and_then(|server| server.get_load_state(&mesh.0)) {
                 error!("{name}: its medial mesh did not load, so it collides with nothing: {error}");
                 entity.try_insert(wanted).try_remove::<Collider>();
@@ -91,11 +93,12 @@ pub(super) fn attach_shapes(
             continue;
         }
         *next_key += 1;
-        let same = shared.entry((mesh.0.id(), scale.x.to_bits())).or_default();
+        let same = shared.entry((asset, level, scale.x.to_bits())).or_default();
         let primitives = same.upgrade().unwrap_or_default();
         *same = Arc::downgrade(&primitives);
-        let shape = MedialShape::sharing(Shape { axis: axis.clone(), scale: scale.x }, *next_key, primitives);
-        entity.try_insert((Collider::from(SharedShape::new(shape)), UNSCALED));
+        let shape = Shape { axis: axis.level(level).clone(), scale: scale.x };
+        let shape = MedialShape::sharing(shape, *next_key, primitives);
+        entity.try_insert((Collider::from(SharedShape::new(shape)), UNSCALED, MedialLevel(level)));
     }
 }
 
@@ -122,7 +125,7 @@ pub(super) fn detach(
         let Ok((has_mesh, has_box, attached)) = left.get(entity) else { continue };
         let mut commands = commands.entity(entity);
         if attached && !has_mesh {
-            commands.try_remove::<(Attached, ColliderScale)>();
+            commands.try_remove::<(Attached, ColliderScale, MedialLevel)>();
         }
         if !has_mesh {
             commands.try_remove::<Collider>();

@@ -6,7 +6,13 @@ use std::{
     time::Duration,
 };
 
-use bevy::{asset::AssetPlugin, ecs::message::MessageCursor, prelude::*, time::TimeUpdateStrategy};
+use bevy::{
+    app::Plugins,
+    asset::{AssetPlugin, LoadState},
+    ecs::message::MessageCursor,
+    prelude::*,
+    time::TimeUpdateStrategy,
+};
 use bevy_medial::{
     medial_axis::MedialAxis,
     prelude::*,
@@ -35,7 +41,7 @@ pub fn assets() -> PathBuf {
 }
 
 /// An app with the physics in a schedule of choice, and files from a folder of choice.
-pub fn app_with(physics: MedialPhysicsPlugin, assets: &Path) -> App {
+pub fn app_with<M>(physics: impl Plugins<M>, assets: &Path) -> App {
     let mut app = App::new();
     app.add_plugins((
         MinimalPlugins,
@@ -66,6 +72,20 @@ pub fn run(app: &mut App, steps: u32) {
     for _ in 0..steps {
         app.update();
     }
+}
+
+/// Updates until the server knows how the loading of the file ends. The step count is bounded, the clock is not looked at.
+pub fn wait(app: &mut App, mesh: &MedialMesh) -> LoadState {
+    for _ in 0..10_000 {
+        app.update();
+        let state = app.world().resource::<AssetServer>().load_state(&mesh.0);
+        if matches!(state, LoadState::Loaded | LoadState::Failed(_)) {
+            app.update();
+            return state;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    panic!("the file is neither loaded nor refused");
 }
 
 pub fn mesh(app: &mut App, axis: MedialAxis) -> MedialMesh {

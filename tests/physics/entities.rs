@@ -19,20 +19,6 @@ fn load(app: &App, path: &'static str) -> MedialMesh {
     MedialMesh(app.world().resource::<AssetServer>().load(path))
 }
 
-/// Updates until the server knows how the loading of the file ends. The step count is bounded, the clock is not looked at.
-fn wait(app: &mut App, mesh: &MedialMesh) -> LoadState {
-    for _ in 0..10_000 {
-        app.update();
-        let state = app.world().resource::<AssetServer>().load_state(&mesh.0);
-        if matches!(state, LoadState::Loaded | LoadState::Failed(_)) {
-            app.update();
-            return state;
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    panic!("the file is neither loaded nor refused");
-}
-
 fn has_collider(app: &App, entity: Entity) -> bool {
     app.world().get::<Collider>(entity).is_some()
 }

@@ -2,6 +2,7 @@
 //!
 //! One binary, so that Bevy is linked once. Everything is seeded, nothing depends on the clock.
 
+mod builds;
 mod bullets;
 mod casts;
 mod colliders;
@@ -13,6 +14,7 @@ mod filters;
 mod impacts;
 mod interplay;
 mod joined;
+mod levels;
 mod life;
 mod log;
 mod messages;

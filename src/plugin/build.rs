@@ -1,0 +1,255 @@
+//! Building medial meshes while the app runs. Entities own the build that they wait for together: when the last of them goes, it is broken off.
+
+use std::{
+    collections::HashMap,
+    ops::ControlFlow,
+    path::{Path, PathBuf},
+    sync::{
+        Arc, OnceLock, Weak,
+        atomic::{AtomicU32, Ordering},
+    },
+};
+
+use bevy::{
+    asset::LoadState,
+    mesh::{Mesh, Mesh3d},
+    prelude::*,
+    tasks::{AsyncComputeTaskPool, TaskPool},
+};
+
+use super::{MedialMesh, build_cache::fit_cached, init_medial_axis};
+use crate::{
+    builder::{FitOptions, TriangleMesh, on_this_thread},
+    medial_axis::MedialAxis,
+};
+
+/// Builds the entity's [`MedialMesh`] of its `Mesh3d`, on a thread of the `AsyncComputeTaskPool`, and again when that mesh or the options change.
+///
+/// Entities with the same mesh asset and options share one build and one asset. Taking the component away, or the `Mesh3d`, or despawning the
+/// entity breaks the build off unless another entity waits for it; a `MedialMesh` that is there stays. [`MedialBuildStatus`] tells how it goes.
+///
+/// The mesh must be closed, and in main memory while the build starts: `RenderAssetUsages::MAIN_WORLD`, which is part of the default.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_medial::{builder::FitOptions, prelude::*};
+/// # use bevy_rapier3d::prelude::RigidBody;
+/// fn spawn(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>) {
+///     let ring = Mesh3d(meshes.add(Torus::new(0.5, 1.0)));
+///     commands.spawn((RigidBody::Dynamic, ring, BuildMedialMesh(FitOptions { levels: true, ..default() })));
+/// }
+/// ```
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Deref, DerefMut, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Component, Default, Clone, PartialEq)]
+#[require(MedialBuildStatus)]
+pub struct BuildMedialMesh(pub FitOptions);
+
+/// How the build of an entity's medial mesh goes. It comes with [`BuildMedialMesh`], and is there to be read.
+#[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+#[reflect(Component, Default, Clone, PartialEq)]
+pub enum MedialBuildStatus {
+    /// There is no `Mesh3d`, or it has not loaded yet.
+    #[default]
+    Waiting,
+    /// The part of the work that is done, from 0 to 1. With [`FitOptions::max_error`] it starts anew with each trial.
+    Building(f32),
+    /// The entity has its [`MedialMesh`].
+    Built,
+    /// It gets none, and why. Another mesh or other options are tried again.
+    Failed(String),
+}
+
+/// Lets [`BuildMedialMesh`] do its work, in `Update`. To be added after `DefaultPlugins`; it needs no window, no renderer and no physics.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_medial::prelude::*;
+/// App::new()
+///     .add_plugins((DefaultPlugins, MedialPhysicsPlugin::default()))
+///     .add_plugins(MedialBuildPlugin { cache: Some("cache/medial".into()) })
+///     .run();
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct MedialBuildPlugin {
+    /// A directory for what has been built, so that the next run of the app need not build it again. Files are named by the content of
+    /// mesh and options and by the version of this crate; it may be deleted at any time, and several apps may share it.
+    ///
+    /// Default: none. A library should not write to the disk unasked, and where apps keep what can be made again is theirs to say.
+    pub cache: Option<PathBuf>,
+}
+
+impl Plugin for MedialBuildPlugin {
+    fn build(&self, app: &mut App) {
+        init_medial_axis(app);
+        if !app.world().contains_resource::<Assets<Mesh>>() {
+            app.init_asset::<Mesh>();
+        }
+        app.register_type::<BuildMedialMesh>()
+            .register_type::<MedialBuildStatus>()
+            .register_type::<MedialMesh>()
+            .insert_resource(Cache(self.cache.clone()))
+            .add_systems(Update, (leave_builds, join_builds, take_results).chain());
+    }
+}
+
+#[derive(Resource)]
+struct Cache(Option<PathBuf>);
+
+/// What entities with the same build have in common.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+struct Key {
+    mesh: AssetId<Mesh>,
+    spheres: Option<usize>,
+    /// As bits, so that what is not a number equals itself.
+    max_error: Option<u32>,
+    levels: bool,
+    seed: u64,
+}
+
+impl Key {
+    fn new(mesh: AssetId<Mesh>, options: &FitOptions) -> Self {
+        let &FitOptions { spheres, max_error, levels, seed } = options;
+        Self { mesh, spheres, max_error: max_error.map(f32::to_bits), levels, seed }
+    }
+}
+
+/// A build in progress, or done.
+#[derive(Default)]
+struct Build {
+    /// Bits of the part that is done.
+    progress: AtomicU32,
+    result: OnceLock<Result<MedialAxis, String>>,
+    asset: OnceLock<Handle<MedialAxis>>,
+}
+
+impl Build {
+    /// Runs a build for as long as somebody holds it. The name is that of an entity that does.
+    fn start(self: &Arc<Self>, name: String, mesh: Mesh, options: FitOptions, cache: Option<PathBuf>) {
+        let build = Arc::downgrade(self);
+        let task = async move {
+            let progress = |fraction: f32| {
+                let Some(build) = build.upgrade() else { return ControlFlow::Break(()) };
+                build.progress.store(fraction.to_bits(), Ordering::Relaxed);
+                ControlFlow::Continue(())
+            };
+            if progress(0.0).is_break() {
+                return;
+            }
+            // Loops on the pool of the frame's systems would hold up frames.
+            let result = on_this_thread(|| medial_axis_of(&mesh, &options, cache.as_deref(), &progress));
+            let Some(build) = build.upgrade() else { return };
+            if let Err(error) = &result {
+                error!("{name}: its Mesh3d gives no medial mesh: {error}");
+            }
+            // There is no other that sets it.
+            let _ = build.result.set(result);
+        };
+        AsyncComputeTaskPool::get_or_init(TaskPool::default).spawn(task).detach();
+    }
+}
+
+fn medial_axis_of(
+    mesh: &Mesh,
+    options: &FitOptions,
+    cache: Option<&Path>,
+    progress: &dyn Fn(f32) -> ControlFlow<()>,
+) -> Result<MedialAxis, String> {
+    let mesh = TriangleMesh::from_bevy(mesh).map_err(|error| error.to_string())?;
+    let levels = fit_cached(cache, &mesh, options, progress).map_err(|error| error.to_string())?;
+    levels.into_medial_axis().ok_or_else(|| "it has no levels".into())
+}
+
+/// The build that an entity waits for or has the result of.
+#[derive(Component, Clone)]
+struct Joined {
+    key: Key,
+    build: Arc<Build>,
+}
+
+/// Entities that have lost what a build takes have no part in it any more.
+fn leave_builds(
+    mut commands: Commands,
+    mut left: Query<
+        (Entity, &mut MedialBuildStatus, Has<BuildMedialMesh>),
+        Or<(Without<BuildMedialMesh>, Without<Mesh3d>)>,
+    >,
+) {
+    for (entity, mut status, wants) in &mut left {
+        status.set_if_neq(MedialBuildStatus::Waiting);
+        let mut entity = commands.entity(entity);
+        entity.try_remove::<Joined>();
+        if !wants {
+            entity.try_remove::<MedialBuildStatus>();
+        }
+    }
+}
+
+/// Gives each entity whose mesh is there its part in a build, which the first of them starts.
+fn join_builds(
+    mut commands: Commands,
+    cache: Res<Cache>,
+    meshes: Res<Assets<Mesh>>,
+    server: Option<Res<AssetServer>>,
+    mut events: MessageReader<AssetEvent<Mesh>>,
+    mut builds: Local<HashMap<Key, Weak<Build>>>,
+    mut entities: Query<(NameOrEntity, &BuildMedialMesh, &Mesh3d, &mut MedialBuildStatus, Option<&Joined>)>,
+) {
+    let changed: Vec<AssetId<Mesh>> = events
+        .read()
+        .filter_map(|event| match event {
+            AssetEvent::Modified { id } => Some(*id),
+            _ => None,
+        })
+        .collect();
+    builds.retain(|key, build| !changed.contains(&key.mesh) && build.strong_count() > 0);
+    for (name, wanted, mesh, mut status, joined) in &mut entities {
+        let key = Key::new(mesh.0.id(), wanted);
+        if joined.is_some_and(|joined| joined.key == key) && !changed.contains(&key.mesh) {
+            continue;
+        }
+        let Some(source) = meshes.get(&mesh.0) else {
+            commands.entity(name.entity).try_remove::<Joined>();
+            let loading = server.as_ref().and_then(|server| server.get_load_state(&mesh.0));
+            let Some(LoadState::Failed(error)) = loading else {
+                status.set_if_neq(MedialBuildStatus::Waiting);
+                continue;
+            };
+            if status.set_if_neq(MedialBuildStatus::Failed(error.to_string())) {
+                error!("{name}: its Mesh3d did not load, so it gets no medial mesh: {error}");
+            }
+            continue;
+        };
+        let build = builds.get(&key).and_then(Weak::upgrade).unwrap_or_else(|| {
+            let build = Arc::<Build>::default();
+            build.start(name.to_string(), source.clone(), wanted.0, cache.0.clone());
+            builds.insert(key, Arc::downgrade(&build));
+            build
+        });
+        *status = MedialBuildStatus::Building(0.0);
+        commands.entity(name.entity).try_insert(Joined { key, build });
+    }
+}
+
+/// Tells entities how their builds go, and gives them what has been built.
+fn take_results(
+    mut commands: Commands,
+    mut axes: ResMut<Assets<MedialAxis>>,
+    mut entities: Query<(Entity, &Joined, &mut MedialBuildStatus)>,
+) {
+    for (entity, Joined { build, .. }, mut status) in &mut entities {
+        if *status == MedialBuildStatus::Built {
+            continue;
+        }
+        let now = match build.result.get() {
+            None => MedialBuildStatus::Building(f32::from_bits(build.progress.load(Ordering::Relaxed))),
+            Some(Err(error)) => MedialBuildStatus::Failed(error.clone()),
+            Some(Ok(axis)) => {
+                let asset = build.asset.get_or_init(|| axes.add(axis.clone()));
+                commands.entity(entity).try_insert(MedialMesh(asset.clone()));
+                MedialBuildStatus::Built
+            }
+        };
+        status.set_if_neq(now);
+    }
+}

@@ -1,0 +1,58 @@
+use std::{
+    fs,
+    io::{self, ErrorKind},
+    ops::ControlFlow,
+    path::Path,
+};
+
+use bevy::log::warn;
+
+use crate::builder::{BuildError, FitOptions, MedialFileError, MedialLevels, TriangleMesh, fit};
+
+/// As [`fit`], but what a directory holds is not built again, and what is built is put there.
+pub(super) fn fit_cached(
+    directory: Option<&Path>,
+    mesh: &TriangleMesh,
+    options: &FitOptions,
+    progress: &dyn Fn(f32) -> ControlFlow<()>,
+) -> Result<MedialLevels, BuildError> {
+    let Some(directory) = directory else { return fit(mesh, options, progress) };
+    let path = directory.join(format!("{}.medial", digest(mesh, options)));
+    match MedialLevels::load(&path) {
+        Ok(levels) => return Ok(levels),
+        Err(MedialFileError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {}
+        Err(error) => warn!("what the cache holds is not used, but built and written anew: {error}"),
+    }
+    let levels = fit(mesh, options, progress)?;
+    if let Err(error) = write(directory, &path, &levels.to_bytes()) {
+        warn!(
+            "{}: {error}, so the next run builds it again; give MedialBuildPlugin::cache a directory that can be written",
+            path.display()
+        );
+    }
+    Ok(levels)
+}
+
+/// Tells content and options from all others, and this version of the builder from others, which may build otherwise.
+fn digest(mesh: &TriangleMesh, options: &FitOptions) -> blake3::Hash {
+    let mut hasher = blake3::Hasher::new();
+    let head = format!("{} {options:?} {} ", env!("CARGO_PKG_VERSION"), mesh.positions.len());
+    hasher.update(head.as_bytes());
+    hasher.update(bytemuck::cast_slice(&mesh.positions));
+    hasher.update(bytemuck::cast_slice(&mesh.triangles));
+    hasher.finalize()
+}
+
+/// Writes a file of which nobody sees a part: it gets its name when it is whole.
+fn write(directory: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
+    fs::create_dir_all(directory)?;
+    // A thread writes one at a time.
+    let name = format!("{}-{:?}.tmp", std::process::id(), std::thread::current().id());
+    let temporary = directory.join(name);
+    let written = fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, path));
+    if written.is_err() {
+        // What is left of it does no harm if this fails too.
+        let _ = fs::remove_file(&temporary);
+    }
+    written
+}

@@ -1,0 +1,261 @@
+//! Levels of detail: which one a body collides by, and that a change of it disturbs nothing.
+
+use std::{fs, path::PathBuf};
+
+use bevy::{asset::LoadState, prelude::*};
+use bevy_medial::{
+    builder::{Deviation, Level, MedialLevels, TwoSidedError},
+    medial_axis::MedialAxis,
+    prelude::*,
+    rapier::MedialShape,
+};
+use bevy_rapier3d::prelude::{Collider, ColliderMassProperties, RigidBody, Velocity};
+
+use crate::{common::*, log};
+
+/// Radius of the tube.
+const TUBE: f32 = 0.2;
+
+/// Segments and error, in percent of a diagonal of 3 m, of each level.
+const LEVELS: [(u32, f32); 3] = [(24, 0.3), (12, 0.9), (6, 4.0)];
+
+/// Rings that lie flat.
+fn chain() -> MedialLevels {
+    let levels = LEVELS.map(|(segments, max)| {
+        let one_way = Deviation { max, mean: 0.1 };
+        let back = Deviation { max: 0.5 * max, mean: 0.1 };
+        let error = TwoSidedError { mesh_to_envelope: back, envelope_to_mesh: one_way, diagonal: 3.0 };
+        Level { axis: MedialAxis::torus(1.0, TUBE, segments).unwrap(), error }
+    });
+    MedialLevels { levels: levels.into() }
+}
+
+fn ring() -> MedialAxis {
+    chain().into_medial_axis().unwrap()
+}
+
+/// Number of spheres that the entity collides by.
+fn spheres(app: &App, entity: Entity) -> usize {
+    let collider = app.world().get::<Collider>(entity).expect("a collider");
+    let shape = collider.raw.as_shape::<MedialShape>().unwrap();
+    let spheres = shape.shape.axis.spheres().len();
+    let level = app.world().get::<MedialLevel>(entity).unwrap().0;
+    assert_eq!(spheres, LEVELS[level].0 as usize, "it is told another level than it has");
+    spheres
+}
+
+fn set(app: &mut App, entity: Entity, budget: MedialBudget) {
+    app.world_mut().entity_mut(entity).insert(budget);
+}
+
+#[test]
+fn coarser_levels_take_over_the_mass_of_the_finest() {
+    let axis = ring();
+    assert_eq!(axis.coarser().len(), 2);
+    assert_ne!(MedialAxis::torus(1.0, TUBE, 6).unwrap().mass(), axis.mass(), "there is nothing to take over");
+    assert!(axis.coarser().iter().all(|(level, _)| level.mass() == axis.mass()));
+    let of = |number| axis.level(number).spheres().len();
+    assert_eq!([0, 1, 2, 3, usize::MAX].map(of), [24, 12, 6, 6, 6]);
+    assert!(MedialLevels::default().into_medial_axis().is_none());
+}
+
+#[test]
+fn the_coarsest_level_within_the_budget_is_taken() {
+    use MedialBudget::{Metres, Percent};
+    let mut app = app();
+    let mesh = mesh(&mut app, ring());
+    // The greater of the two directions counts: 9, 27 and 120 mm; the diagonal of the ring's box is about 3.42 m.
+    let cases = [
+        (1.0, None, 12),
+        (7.0, None, 12),
+        (1.0, Some(Percent(0.7)), 24),
+        (1.0, Some(Percent(0.9)), 12),
+        (1.0, Some(Percent(3.3)), 12),
+        (1.0, Some(Percent(3.6)), 6),
+        (0.1, Some(Percent(3.6)), 6),
+        (1.0, Some(Percent(0.0)), 24),
+        (1.0, Some(Metres(0.026)), 24),
+        (1.0, Some(Metres(0.028)), 12),
+        (2.0, Some(Metres(0.052)), 24),
+        (2.0, Some(Metres(0.056)), 12),
+        (2.0, Some(Metres(0.239)), 12),
+        (2.0, Some(Metres(0.241)), 6),
+        (0.1, Some(Metres(0.011)), 12),
+        (0.1, Some(Metres(0.013)), 6),
+        (1.0, Some(Metres(f32::INFINITY)), 6),
+    ];
+    let bodies = cases.map(|(scale, budget, _)| {
+        let at = Transform::default().with_scale(Vec3::splat(scale));
+        let mut body = app.world_mut().spawn((RigidBody::Fixed, mesh.clone(), at));
+        if let Some(budget) = budget {
+            body.insert(budget);
+        }
+        body.id()
+    });
+    app.update();
+    for (body, case) in bodies.into_iter().zip(cases) {
+        assert_eq!(spheres(&app, body), case.2, "{case:?}");
+    }
+    // An absolute budget follows the scale, of a child too.
+    let parent = app.world_mut().spawn(Transform::from_scale(Vec3::splat(2.0))).id();
+    let child = app.world_mut().spawn((RigidBody::Fixed, mesh, Metres(0.052), ChildOf(parent))).id();
+    app.update();
+    assert_eq!(spheres(&app, child), 24);
+    app.world_mut().get_mut::<Transform>(parent).unwrap().scale = Vec3::splat(0.4);
+    app.update();
+    assert_eq!(spheres(&app, child), 6);
+    app.world_mut().entity_mut(child).remove::<MedialBudget>();
+    app.update();
+    assert_eq!(spheres(&app, child), 12);
+}
+
+#[test]
+fn a_shape_without_levels_stays_what_it_is() {
+    let mut app = app();
+    let body = spawn_body(&mut app, model("torus"), Transform::default());
+    set(&mut app, body, MedialBudget::Percent(50.0));
+    app.update();
+    assert_eq!(app.world().get::<MedialLevel>(body), Some(&MedialLevel(0)));
+    assert!(app.world().get::<Collider>(body).is_some());
+    // It goes with the shape.
+    app.world_mut().entity_mut(body).remove::<MedialMesh>();
+    app.update();
+    assert_eq!(app.world().get::<MedialLevel>(body), None);
+}
+
+#[test]
+fn a_change_of_level_in_touch_with_a_floor_disturbs_nothing() {
+    let mut app = app();
+    let ground = spawn_ground(&mut app);
+    let body = spawn_body(&mut app, ring(), Transform::from_xyz(0.0, TUBE, 0.0));
+    app.world_mut().entity_mut(body).insert(ColliderMassProperties::Density(700.0));
+    let mut record = Record::default();
+    record.run(&mut app, 10);
+    // It slides while the level changes.
+    app.world_mut().entity_mut(body).insert(Velocity::linear(Vec3::X));
+    record.run(&mut app, 2);
+    let properties = |app: &mut App| rigid(app, body).mass_properties().local_mprops;
+    let mass = properties(&mut app);
+    let mut changes = 0;
+    for (step, percent) in (0..).zip([0.1, 1.0, 5.0, 1.0, 0.1, 5.0, 0.1, 1.0]) {
+        let before = (spheres(&app, body), rigid(&mut app, body));
+        set(&mut app, body, MedialBudget::Percent(percent));
+        record.run(&mut app, 1);
+        changes += usize::from(spheres(&app, body) != before.0);
+        let now = rigid(&mut app, body);
+        let linear = now.linvel() - before.1.linvel();
+        // Friction alone takes speed away, evenly.
+        assert!((-0.17..=0.0).contains(&linear.x) && linear.y.abs() < 0.01, "step {step}: {linear}");
+        assert!(now.angvel().distance(before.1.angvel()) < 0.02, "step {step}: {}", now.angvel());
+        assert!((now.translation().y - TUBE).abs() < 1e-3, "step {step}: {}", now.translation());
+        assert_eq!(properties(&mut app), mass, "step {step}");
+    }
+    assert!(changes >= 7, "only {changes} changes");
+    assert_eq!(record.counts(body, ground), [1, 0]);
+    record.run(&mut app, 300);
+    assert!(is_at_rest(&mut app, body));
+    assert_eq!(record.counts(body, ground), [1, 0]);
+}
+
+#[test]
+fn a_sleeping_body_is_woken_by_another_level_only() {
+    let mut app = app();
+    let ground = spawn_ground(&mut app);
+    let body = spawn_body(&mut app, ring(), Transform::from_xyz(0.0, TUBE, 0.0));
+    let mut record = Record::default();
+    record.run(&mut app, 300);
+    assert!(is_at_rest(&mut app, body) && spheres(&app, body) == 12);
+    // The same level by another budget.
+    set(&mut app, body, MedialBudget::Metres(0.03));
+    record.run(&mut app, 1);
+    assert!(rigid(&mut app, body).is_sleeping() && spheres(&app, body) == 12);
+    set(&mut app, body, MedialBudget::Metres(0.2));
+    record.run(&mut app, 1);
+    assert!(!rigid(&mut app, body).is_sleeping() && spheres(&app, body) == 6);
+    record.run(&mut app, 300);
+    assert!(is_at_rest(&mut app, body));
+    assert_eq!(record.counts(body, ground), [1, 0]);
+}
+
+#[test]
+fn bodies_of_one_level_and_scale_share_their_shape() {
+    let mut app = app();
+    let mesh = mesh(&mut app, ring());
+    let bodies = [5.0, 5.0, 0.1].map(|percent| {
+        let budget = MedialBudget::Percent(percent);
+        app.world_mut().spawn((RigidBody::Fixed, mesh.clone(), budget, Transform::default())).id()
+    });
+    app.update();
+    let drawn = bodies.map(|body| {
+        let collider = app.world().get::<Collider>(body).unwrap();
+        std::ptr::from_ref(collider.raw.as_composite_shape().unwrap()).cast::<()>()
+    });
+    assert!(drawn[0] == drawn[1] && drawn[0] != drawn[2]);
+}
+
+#[test]
+fn a_wrong_budget_is_told_once_and_counts_as_the_default() {
+    log::keep();
+    let mut app = app();
+    let wrong = [MedialBudget::Percent(f32::NAN), MedialBudget::Metres(-1.0), MedialBudget::Metres(f32::NEG_INFINITY)];
+    for (number, budget) in (1..).zip(wrong) {
+        let name = format!("misjudged ring {number}");
+        let body = spawn_body(&mut app, ring(), Transform::default());
+        app.world_mut().entity_mut(body).insert((budget, Name::new(name.clone())));
+        run(&mut app, 5);
+        assert_eq!(spheres(&app, body), 12, "{budget:?}");
+        let told = log::lines(&name);
+        assert_eq!(told.len(), 1, "{told:?}");
+        assert!(told[0].contains(&format!("MedialBudget::{budget:?}")) && told[0].contains("Percent(1.0)"), "{told:?}");
+    }
+}
+
+#[test]
+fn a_file_of_levels_loads_and_a_damaged_one_is_named() {
+    log::keep();
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("physics-levels");
+    fs::create_dir_all(&folder).unwrap();
+    let mut bytes = chain().to_bytes();
+    fs::write(folder.join("ring.medial"), &bytes).unwrap();
+    bytes.truncate(300);
+    fs::write(folder.join("torn ring.medial"), &bytes).unwrap();
+    let mut app = app_with(MedialPhysicsPlugin::default(), &folder);
+    let bodies = ["ring.medial", "torn ring.medial"].map(|path| {
+        let mesh = MedialMesh(app.world().resource::<AssetServer>().load(path));
+        (app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), Transform::default())).id(), mesh)
+    });
+    let states = bodies.clone().map(|(_, mesh)| wait(&mut app, &mesh));
+    assert!(matches!(states, [LoadState::Loaded, LoadState::Failed(_)]), "{states:?}");
+    run(&mut app, 5);
+    assert_eq!(spheres(&app, bodies[0].0), 12);
+    set(&mut app, bodies[0].0, MedialBudget::Percent(0.1));
+    run(&mut app, 1);
+    assert_eq!(spheres(&app, bodies[0].0), 24);
+    assert!(app.world().get::<Collider>(bodies[1].0).is_none());
+    let told = log::lines("torn ring.medial");
+    let of_body: Vec<_> = told.iter().filter(|line| line.contains(&bodies[1].0.to_string())).collect();
+    assert!(of_body.len() == 1 && of_body[0].contains("copy or build it again"), "{told:?}");
+}
+
+#[test]
+fn what_sleeps_on_a_shape_wakes_when_that_gets_another_level() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let mesh = mesh(&mut app, ring());
+    for (x, kind) in [(0.0, RigidBody::Fixed), (5.0, RigidBody::Dynamic)] {
+        let at = Transform::from_xyz(x, TUBE, 0.0);
+        let mut lower = app.world_mut().spawn((kind, mesh.clone(), MedialBudget::Metres(0.0), at));
+        if kind == RigidBody::Fixed {
+            lower.insert(StaticObb::default());
+        }
+        let lower = lower.id();
+        // Across the ring near its side, where a polygon of six reaches less far.
+        let beam = MedialAxis::capsule(Vec3::X * -2.0, Vec3::X * 2.0, 0.1).unwrap();
+        let upper = spawn_body(&mut app, beam, Transform::from_xyz(x, 2.0 * TUBE + 0.1, 0.93));
+        run(&mut app, 400);
+        assert!(is_at_rest(&mut app, upper) && spheres(&app, lower) == 24, "{kind:?}");
+        set(&mut app, lower, MedialBudget::Metres(1.0));
+        run(&mut app, 3);
+        assert!(!rigid(&mut app, upper).is_sleeping() && spheres(&app, lower) == 6, "{kind:?}");
+    }
+}
