@@ -4,8 +4,8 @@
 //! cargo run --release --example medial_pictures [NAME ...]
 //! ```
 //!
-//! Reads `assets/models/NAME.obj` and `.ma`, writes `docs/images/medial_NAME.png`. Needs a graphics adapter, software will do, and no
-//! display.
+//! Reads `assets/models/NAME.obj` and `.ma`, writes `docs/images/medial_NAME.png`. Needs a graphics adapter, software
+//! will do, and no display.
 
 use std::{env, error::Error, fs, path::Path};
 
@@ -143,7 +143,12 @@ fn show(world: &mut World, mesh: &TriangleMesh, axis: &MedialAxis) {
         let place = Transform { translation, rotation, scale: Vec3::splat(scale) };
         world.spawn((Shown, Mesh3d(mesh), MeshMaterial3d(material), place));
     }
+    let captions = captions(mesh, axis, most);
+    world.spawn((Shown, captions));
+}
 
+/// What stands below the panels. `most` is the greatest error of a vertex in percent.
+fn captions(mesh: &TriangleMesh, axis: &MedialAxis, most: f32) -> impl Bundle {
     let mut kinds = [0; 3];
     axis.primitives().iter().for_each(|primitive| kinds[primitive.indices().len() - 1] += 1);
     let mean = measure(mesh, axis).mesh_to_envelope.mean;
@@ -167,18 +172,17 @@ fn show(world: &mut World, mesh: &TriangleMesh, axis: &MedialAxis) {
         ..default()
     };
     let row = Node { width: percent(100), position_type: PositionType::Absolute, bottom: px(10), ..default() };
-    world.spawn((
-        Shown,
+    (
         row,
         children![
             (panel.clone(), children![text(format!("{} triangles", mesh.triangles.len()))]),
             (
                 panel.clone(),
-                children![text(format!("{} spheres, {} cones, {} slabs", balls.len(), kinds[1], kinds[2]))]
+                children![text(format!("{} spheres, {} cones, {} slabs", axis.spheres().len(), kinds[1], kinds[2]))]
             ),
             (panel, children![legend, text(format!("error in % of the diagonal, mean {mean:.2}"))]),
         ],
-    ));
+    )
 }
 
 /// The envelope of primitives.

@@ -4,8 +4,8 @@
 //! cargo run --release --example make_models [FOLDER]
 //! ```
 //!
-//! For each it writes the triangles (`.obj`), levels of detail down to one sphere (`.medial`) and the finest of them (`.ma`).
-//! The same program writes the same bytes.
+//! For each it writes the triangles (`.obj`), levels of detail down to one sphere (`.medial`) and the finest of them
+//! (`.ma`). The same program writes the same bytes.
 
 mod animals;
 mod limbs;

@@ -27,7 +27,8 @@ type Triangles = (Vec<Vec3>, Vec<[u32; 3]>);
 pub fn surface(solid: &Solid, triangles: usize, size: f32) -> Result<TriangleMesh, Box<dyn Error>> {
     let bounds = solid.aabb();
     let longest = (bounds.max - bounds.min).max_element();
-    // Surface nets are no manifold where two sheets share a cell. In a crease that may happen on any grid, but seldom does on the next.
+    // Surface nets are no manifold where two sheets share a cell. In a crease that may happen on any grid, but seldom
+    // does on the next.
     let mut grids = (125..200).step_by(5).map(|cells| longest / cells as f32);
     let closed = grids.find_map(|cell| thinned(&nets(solid, cell), triangles).ok());
     let (mut positions, triangles) = closed.ok_or("its surface touches itself on every grid: move limbs apart")?;
