@@ -28,7 +28,7 @@ fn a_file_gives_collider_mass_and_inertia() {
     let mut app = app_with(MedialPhysicsPlugin::default(), &assets());
     app.world_mut().query::<&mut RapierConfiguration>();
     for (path, name, density) in
-        [("models/torus.ma", "torus", 1.0), ("models/bear.ma", "bear", 1.0), ("models/deer.ma", "deer", 700.0)]
+        [("models/dinosaur.ma", "dinosaur", 1.0), ("models/bear.ma", "bear", 1.0), ("models/deer.ma", "deer", 700.0)]
     {
         let mesh = load(&app, path);
         let body = app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), Transform::default())).id();

@@ -92,7 +92,8 @@ fn a_resting_body_is_told_once_and_a_bouncing_one_in_turns() {
     let mut bodies = vec![resting];
     let mut random = Random(3);
     for i in 0..6 {
-        let at = Transform::from_xyz(2.0 + 1.5 * i as f32, 2.0, 0.0).with_rotation(random.rotation());
+        let place = Vec3::new(2.0 + 2.5 * (i % 3) as f32, 2.0, 2.5 * (i / 3) as f32);
+        let at = Transform::from_translation(place).with_rotation(random.rotation());
         bodies.push(spawn_body(&mut app, model(["bear", "bug", "cow", "deer", "bunny", "spider"][i]), at));
     }
     let mut record = Record::default();

@@ -131,7 +131,7 @@ fn sliders() -> Vec<(&'static str, Slider, f32)> {
         ("rounded box", rounded(0.03), 0.1),
         ("sharp box", rounded(0.0), 0.1),
         ("torus", Slider::Medial(MedialAxis::torus(0.3, 0.08, 24).unwrap()), 0.08),
-        ("model torus", Slider::Medial(model("torus")), 0.0525),
+        ("small torus", Slider::Medial(MedialAxis::torus(0.2, 0.0525, 26).unwrap()), 0.0525),
     ]
 }
 
