@@ -90,9 +90,11 @@ pub const STOP_ROUNDINGS: f32 = 4.0;
 /// Least overlap that a body may gain, in overlaps that the solver leaves on purpose: a small body sinks in by that much within a few steps.
 pub const STOP_ALLOWED: f32 = 0.05;
 
-/// Rounds of the search for the nearest point of a shape's surface from inside, and of each round's own search. Few are needed but where
-/// surfaces meet at a sharp angle.
+/// Rounds of the search for the nearest point of a shape's surface from inside. Few are needed but where surfaces meet at a sharp angle.
 pub const WAY_OUT_ROUNDS: usize = 32;
+
+/// Rounds of each round's own search, for the nearest point beyond planes.
+pub const NEAREST_BEYOND_ROUNDS: usize = 1000;
 
 /// What the search must gain in a round to go on, per metre of the shape's bounding radius.
 pub const WAY_OUT_ACCURACY: f32 = 1.0e-6;

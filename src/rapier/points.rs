@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use super::{primitive::PrimitiveShape, shape::MedialShape};
 use crate::{
-    constants::{WAY_OUT_ACCURACY, WAY_OUT_ROUNDS},
+    constants::{NEAREST_BEYOND_ROUNDS, WAY_OUT_ACCURACY, WAY_OUT_ROUNDS},
     geometry::{Aabb, Sphere},
     pipeline::{Hull, with_spheres},
     query::{Separation, separation},
@@ -114,8 +114,9 @@ impl MedialShape {
                 let touch = to_point(&self.shape.hull(primitive), exit);
                 planes.push(Outside { normal: touch.normal, offset: touch.normal.dot(touch.point1) });
             });
-            let next = nearest_beyond(&planes, point);
-            let gained = next.distance(point) < way - WAY_OUT_ACCURACY * size;
+            let accuracy = WAY_OUT_ACCURACY * size;
+            let Some(next) = nearest_beyond(&planes, point, accuracy) else { break };
+            let gained = next.distance(point) < way - accuracy;
             if !gained {
                 break;
             }
@@ -125,16 +126,21 @@ impl MedialShape {
     }
 }
 
-/// The point nearest to `point` beyond all planes (Hildreth's method).
-fn nearest_beyond(planes: &[Outside], point: Vec3) -> Vec3 {
+/// The point nearest to `point` beyond all planes, but for an accuracy in metres (Hildreth's method). None if it takes too long.
+fn nearest_beyond(planes: &[Outside], point: Vec3, accuracy: f32) -> Option<Vec3> {
     let mut pushes = vec![0.0f32; planes.len()];
     let mut nearest = point;
-    for _ in 0..WAY_OUT_ROUNDS {
+    for _ in 0..NEAREST_BEYOND_ROUNDS {
+        let mut moved = 0.0f32;
         for (plane, push) in planes.iter().zip(&mut pushes) {
             let change = (plane.offset - plane.normal.dot(nearest)).max(-*push);
             *push += change;
             nearest += plane.normal * change;
+            moved = moved.max(change.abs());
+        }
+        if moved <= accuracy {
+            return Some(nearest);
         }
     }
-    nearest
+    None
 }

@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::{Projectile, WORLD_RADIUS};
 use crate::{
-    pipeline::Times,
+    pipeline::{Impact, Pair, Side, Times},
     plugin::{MedialContactStarted, MedialStep, MedialSystems},
 };
 
@@ -29,7 +29,7 @@ pub struct Monitor {
     pub rows: Vec<Row>,
     /// Deepest overlap of any pair so far, in percent of the smaller body's size.
     pub deepest_overlap_percent: f32,
-    /// Pairs that had an impact within a step and yet no contact at its end.
+    /// Pairs that had an impact within a step, have no contact at its end, and are on each other's far side.
     pub tunnelled: usize,
     /// Bodies whose velocity changed though nothing was near.
     pub ghosts: usize,
@@ -210,7 +210,8 @@ fn watch(
         let manifolds = &step.output.manifolds[pair.manifolds.clone()];
         let deepest = manifolds.iter().map(|m| -m.contacts()[0].distance).fold(0.0, f32::max);
         overlap_percent = overlap_percent.max(100.0 * deepest / size);
-        if pair.impact.is_some() && manifolds.is_empty() && !info1.sensor && !info2.sensor {
+        let parted = manifolds.is_empty() && !info1.sensor && !info2.sensor;
+        if pair.impact.is_some_and(|impact| parted && has_passed(&step, pair, &impact, PASSED * size)) {
             monitor.tunnelled += 1;
         }
     }
@@ -262,6 +263,25 @@ fn watch(
         kinetic_energy_per_kg: if mass > 0.0 { energy / mass } else { 0.0 },
         lowest_y,
     });
+}
+
+/// How far points that have met may go past each other, in sizes of the smaller body: what slides along another turns a little.
+const PASSED: f32 = 5e-3;
+
+/// True if the points that met at an impact have gone past each other by more than `slack` metres when the step ends.
+fn has_passed(step: &MedialStep, pair: &Pair, impact: &Impact, slack: f32) -> bool {
+    let end_of = |side: Side| {
+        let Side::Body(index) = side else { return impact.point };
+        let sweep = &step.input.bodies[index as usize].sweep;
+        let stop = step.output.stop_of(index);
+        let then = match stop {
+            Some(stop) if stop.fraction <= impact.fraction => stop.pose,
+            _ => sweep.pose_at(impact.fraction),
+        };
+        let end = stop.map_or(sweep.end, |stop| stop.pose);
+        end.transform_point(then.inverse_transform_point(impact.point))
+    };
+    (end_of(pair.second) - end_of(pair.first)).dot(impact.normal) < -slack
 }
 
 /// The element at a fraction of the sorted values; the default for none.
