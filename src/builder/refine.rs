@@ -359,7 +359,7 @@ pub(super) fn refine(
         if complex.balls.len() == before {
             break;
         }
-        descent::descend(complex, &target, plan.steps);
+        descent::descend(complex, &target, plan.steps / 2);
         progress(0.0)?;
     }
     let target = target_for(complex, solid, samples, plan.spacing);

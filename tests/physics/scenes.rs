@@ -62,3 +62,14 @@ fn rods_with_shared_models() {
     }
     accept("rods", &load_models(&folder).unwrap(), 9, 1.15);
 }
+
+#[test]
+fn what_passes_through_is_counted() {
+    let scene = Scene::by_name("bullets").unwrap();
+    let mut app = app();
+    app.world_mut().resource_mut::<MedialSettings>().stop_at_impact = false;
+    scene.spawn(app.world_mut(), models(), 1);
+    run(&mut app, scene.steps);
+    let tunnelled = app.world().resource::<Monitor>().tunnelled;
+    assert!(tunnelled >= 3, "{tunnelled}");
+}
