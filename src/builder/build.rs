@@ -116,8 +116,11 @@ const SAMPLES: [usize; 2] = [3000, 20_000];
 /// Distance of points of the envelope, as a part of the diagonal: coarse and fine.
 const SPACING: [f64; 2] = [0.02, 0.012];
 
-/// Steps of the last descent.
-const LAST_STEPS: usize = 12;
+/// Steps of the last descents, one by a usual penalty and one by a steeper one.
+const LAST_STEPS: [usize; 2] = [24, 12];
+
+/// By how much that is steep earlier.
+const STEEPER: f64 = 2.2;
 
 /// How many more spheres there are at first.
 const SURPLUS: f64 = 1.3;
@@ -244,7 +247,14 @@ impl<'a> Builder<'a> {
         }
         let fine = refine::target_for(&self.complex, &self.solid, &self.fine, SPACING[1]);
         let even = Target { uncovered: 1.0, ..fine };
-        descent::descend(&mut self.complex, &even, LAST_STEPS);
+        let steep = Target { penalty: even.penalty.steeper(STEEPER), rest: None, ..even };
+        // Either may leave the lesser greatest error.
+        let mut other = self.complex.clone();
+        descent::descend(&mut self.complex, &even, LAST_STEPS[0], 0.1 * descent::ROUGH);
+        descent::descend(&mut other, &steep, LAST_STEPS[1], descent::ROUGH);
+        if even.worst(&other) < even.worst(&self.complex) {
+            self.complex = other;
+        }
         Ok(())
     }
 

@@ -30,6 +30,11 @@ impl Penalty {
         Self { steep: Self::LARGE * Self::LARGE * mean_square.max(1e-12) }
     }
 
+    /// The same, steep from lesser errors on by a factor.
+    pub fn steeper(self, factor: f64) -> Self {
+        Self { steep: self.steep / (factor * factor) }
+    }
+
     pub fn of(&self, error: f64) -> f64 {
         let square = error * error / self.steep;
         let bent = square.min(Self::STEEPEST);
@@ -183,6 +188,21 @@ impl Target<'_> {
         anchors.into_iter().flatten().collect()
     }
 
+    /// The greatest distance between the surface and the envelope, either way.
+    pub fn worst(&self, complex: &Complex) -> f64 {
+        const HIDDEN: f64 = -1e-4;
+        let envelope = complex.envelope();
+        let inward = self.hits(&envelope).iter().map(|hit| hit.distance.abs()).fold(0.0, f64::max);
+        let points = Points::new(envelope.surface(self.spacing).iter().map(|s| envelope.point(s)).collect());
+        let depths = envelope.hits(&points);
+        let outward = parallel::map(depths.len(), 32, |i| {
+            let point = points.positions[i];
+            let nearest = (depths[i].distance > HIDDEN).then(|| self.solid.closest_off_rims(point, None)).flatten();
+            nearest.map_or(0.0, |nearest| nearest.distance(point))
+        });
+        outward.into_iter().fold(inward, f64::max)
+    }
+
     fn side(&self, distance: f64) -> f64 {
         if distance > 0.0 { self.uncovered } else { 1.0 }
     }
@@ -199,13 +219,13 @@ impl Target<'_> {
     }
 }
 
-/// A step that brings the cost down by a lesser part is the last.
-const NO_MORE: f64 = 1e-3;
+/// Gains of this part of the cost are enough while spheres come and go.
+pub(super) const ROUGH: f64 = 1e-3;
 
-/// Moves the spheres downhill in some steps; returns the cost.
+/// Moves the spheres downhill in some steps, unless one brings the cost down by a lesser part than `enough`; returns the cost.
 ///
 /// The points of the envelope are taken anew for every trial: what comes to light as spheres move counts at once.
-pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize) -> f64 {
+pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enough: f64) -> f64 {
     // The places on the envelope stay the same, relative to the spheres, so that costs compare.
     let envelope = complex.envelope();
     let mut places = envelope.surface(target.spacing);
@@ -238,7 +258,7 @@ pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize) -> f
         let measured = measure(&trial);
         if measured.0 < cost {
             *complex = trial;
-            let done = measured.0 > cost * (1.0 - NO_MORE);
+            let done = measured.0 > cost * (1.0 - enough);
             (cost, envelope, hits, anchors) = measured;
             damping = (damping * 0.3).max(1e-6);
             if done {

@@ -152,7 +152,7 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
             frozen: ids.iter().map(|i| !free.contains(i)).collect(),
         }),
     };
-    let after = descent::descend(&mut part, &local_target, STEPS);
+    let after = descent::descend(&mut part, &local_target, STEPS, descent::ROUGH);
     let moved = ids.iter().zip(&part.balls).filter(|(i, _)| free.contains(i)).map(|(&i, &b)| (i, b)).collect();
     let mut touched = ids;
     touched.extend(edit.removed);

@@ -359,11 +359,11 @@ pub(super) fn refine(
         if complex.balls.len() == before {
             break;
         }
-        descent::descend(complex, &target, plan.steps / 2);
+        descent::descend(complex, &target, plan.steps / 2, descent::ROUGH);
         progress(0.0)?;
     }
     let target = target_for(complex, solid, samples, plan.spacing);
-    let mut cost = descent::descend(complex, &target, plan.steps);
+    let mut cost = descent::descend(complex, &target, plan.steps, descent::ROUGH);
     let mut count = plan.spheres.div_ceil(6);
     let mut cycle_start = cost;
     for round in 0..plan.rounds {
@@ -379,7 +379,7 @@ pub(super) fn refine(
         } else {
             exchange(&mut trial, &mut trial_parts, &target, samples, plan, count);
         }
-        let trial_cost = descent::descend(&mut trial, &target, plan.steps / 2);
+        let trial_cost = descent::descend(&mut trial, &target, plan.steps / 2, descent::ROUGH);
         if trial_cost < cost {
             (*complex, *parts, cost) = (trial, trial_parts, trial_cost);
         } else if !connects {
