@@ -67,7 +67,7 @@ fn rods_with_shared_models() {
 fn what_passes_through_is_counted() {
     let scene = Scene::by_name("bullets").unwrap();
     let mut app = app();
-    app.world_mut().resource_mut::<MedialSettings>().stop_at_impact = false;
+    app.world_mut().resource_mut::<bevy_medial::prelude::MedialSettings>().stop_at_impact = false;
     scene.spawn(app.world_mut(), models(), 1);
     run(&mut app, scene.steps);
     let tunnelled = app.world().resource::<Monitor>().tunnelled;
