@@ -5,14 +5,15 @@
 //! ```
 //!
 //! Errors are two-sided, in percent of the diagonal of the mesh's bounding box, as `medial measure` states them: greatest and mean distance
-//! from the mesh's surface to the shape's, and back. Without a mesh, those in `assets/models` are taken.
+//! from the mesh's surface to the shape's, and back. Of a decomposition only the first is told: its parts have cuts, which are no surface of
+//! the whole. Without a mesh, those in `assets/models` are taken.
 
 use std::{ops::ControlFlow, path::PathBuf, process::ExitCode, time::Instant};
 
-use bevy_medial::builder::{Deviation, FitOptions, TriangleMesh, fit, load::load};
+use bevy_medial::builder::{Deviation, FitOptions, TriangleMesh, TwoSidedError, fit, load::load};
 use bevy_rapier3d::parry::{
     query::PointQuery,
-    shape::{ConvexPolyhedron, SharedShape, TriMesh},
+    shape::{ConvexPolyhedron, SharedShape},
     transformation::vhacd::VHACDParameters,
 };
 use clap::Parser;
@@ -59,8 +60,9 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         bar.set_message(name.clone());
         let mesh = load(path)?;
-        let row = |shape: &str, parts: usize, [to, from]: [Deviation; 2], seconds: Option<f32>| {
-            let errors = format!("{:.2} | {:.3} | {:.2} | {:.3}", to.max, to.mean, from.max, from.mean);
+        let row = |shape: &str, parts: usize, to: Deviation, from: Option<Deviation>, seconds: Option<f32>| {
+            let back = from.map_or(" | ".into(), |from| format!("{:.2} | {:.3}", from.max, from.mean));
+            let errors = format!("{:.2} | {:.3} | {back}", to.max, to.mean);
             let seconds = seconds.map_or(String::new(), |seconds| format!("{seconds:.2}"));
             bar.suspend(|| println!("| {name} | {shape} | {parts} | {errors} | {seconds} |"));
         };
@@ -70,8 +72,9 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         let seconds = begin.elapsed().as_secs_f32();
         let chain = fit(&mesh, &FitOptions { levels: true, ..options }, &|_| ControlFlow::Continue(()))?;
         for level in &one.levels {
-            let errors = [level.error.mesh_to_envelope, level.error.envelope_to_mesh];
-            row("medial", level.axis.primitives().len(), errors, Some(seconds));
+            let TwoSidedError { mesh_to_envelope, envelope_to_mesh, .. } = level.error;
+            let parts = level.axis.primitives().len();
+            row("medial", parts, mesh_to_envelope, Some(envelope_to_mesh), Some(seconds));
         }
         let mut decompositions = vec![("convex decomposition", VHACDParameters::default())];
         if args.fine {
@@ -85,12 +88,13 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
             let parts = compound.as_compound().map_or(&[][..], |compound| compound.shapes());
             let hulls: Vec<&ConvexPolyhedron> =
                 parts.iter().filter_map(|(_, part)| part.as_convex_polyhedron()).collect();
-            row(shape, hulls.len(), hull_errors(&mesh, &hulls)?, Some(seconds));
+            row(shape, hulls.len(), hull_error(&mesh, &hulls), None, Some(seconds));
             // The coarsest medial mesh with as many parts.
             let level = chain.levels.iter().rev().find(|level| level.axis.primitives().len() >= hulls.len());
             if let Some(level) = level.filter(|_| index == 0) {
-                let errors = [level.error.mesh_to_envelope, level.error.envelope_to_mesh];
-                row("coarse medial", level.axis.primitives().len(), errors, None);
+                let TwoSidedError { mesh_to_envelope, envelope_to_mesh, .. } = level.error;
+                let parts = level.axis.primitives().len();
+                row("coarse medial", parts, mesh_to_envelope, Some(envelope_to_mesh), None);
             }
         }
         bar.inc(1);
@@ -99,33 +103,16 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Errors of the union of convex hulls, in percent of the mesh's diagonal: from the mesh to its surface, and back.
-fn hull_errors(mesh: &TriangleMesh, hulls: &[&ConvexPolyhedron]) -> Result<[Deviation; 2], Box<dyn std::error::Error>> {
+/// How far the mesh is from the surface of the union of convex hulls, in percent of the mesh's diagonal.
+fn hull_error(mesh: &TriangleMesh, hulls: &[&ConvexPolyhedron]) -> Deviation {
     const SAMPLES_PER_DIAGONAL: f32 = 300.0;
-    const ABOVE: f32 = 1e-3;
     let spacing = mesh.diagonal() / SAMPLES_PER_DIAGONAL;
     let percent = 100.0 / mesh.diagonal();
-    let surface = TriMesh::new(mesh.positions.clone(), mesh.triangles.clone())?;
-    let mut to = Tally::default();
+    let mut tally = Tally::default();
     for triangle in &mesh.triangles {
-        sample(mesh.corners(*triangle), spacing, |point, area| to.add(distance(hulls, point).abs() * percent, area));
+        sample(mesh.corners(*triangle), spacing, |point, area| tally.add(distance(hulls, point).abs() * percent, area));
     }
-    let mut from = Tally::default();
-    for (i, hull) in hulls.iter().enumerate() {
-        let (points, triangles) = hull.to_trimesh();
-        for triangle in triangles {
-            let [a, b, c] = triangle.map(|i| points[i as usize]);
-            // Parts meet at cuts, which are no surface: a little above them is another part.
-            let up = (b - a).cross(c - a).normalize_or_zero() * (ABOVE * mesh.diagonal());
-            sample([a, b, c], spacing, |point, area| {
-                let hidden = |(j, other): (usize, &&ConvexPolyhedron)| i != j && depth(other, point + up) > 0.0;
-                if !hulls.iter().enumerate().any(hidden) {
-                    from.add(surface.distance_to_local_point(point, false) * percent, area);
-                }
-            });
-        }
-    }
-    Ok([to.deviation(), from.deviation()])
+    tally.deviation()
 }
 
 /// Distance of a point to the union: exact outside; inside, negative, the depth in the deepest hull, a lower bound.
