@@ -65,6 +65,7 @@ impl Manifold {
     }
 
     /// Drops contacts that are farther apart; false if none is left.
+    #[cfg(feature = "rapier")]
     pub(crate) fn keep_within(&mut self, distance: f32) -> bool {
         let mut len = 0;
         for i in 0..usize::from(self.len) {
