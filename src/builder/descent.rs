@@ -228,9 +228,9 @@ pub(super) const ROUGH: f64 = 1e-3;
 pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enough: f64) -> f64 {
     // The places on the envelope stay the same, relative to the spheres, so that costs compare.
     let envelope = complex.envelope();
-    let mut places = envelope.surface(target.spacing);
-    let anchored = target.anchors_at(&envelope, &places, &[], NEARLY_OUTSIDE);
-    places = anchored.iter().map(|anchor| places[anchor.place]).collect();
+    let surface = envelope.surface(target.spacing);
+    let anchored = target.anchors_at(&envelope, &surface, &[], NEARLY_OUTSIDE);
+    let places: Vec<SurfacePoint> = anchored.iter().map(|anchor| surface[anchor.place]).collect();
     let near: Vec<DVec3> = anchored.iter().map(|anchor| anchor.target).collect();
     let measure = |complex: &Complex| {
         let envelope = complex.envelope();

@@ -17,7 +17,7 @@ use bevy::{
     tasks::{AsyncComputeTaskPool, TaskPool},
 };
 
-use super::{MedialMesh, build_cache::fit_cached, init_medial_axis};
+use super::{MedialMesh, build_cache::fit_cached, init_medial_axis, modified};
 use crate::{
     builder::{FitOptions, TriangleMesh, on_this_thread},
     medial_axis::MedialAxis,
@@ -195,13 +195,7 @@ fn join_builds(
     mut builds: Local<HashMap<Key, Weak<Build>>>,
     mut entities: Query<(NameOrEntity, &BuildMedialMesh, &Mesh3d, &mut MedialBuildStatus, Option<&Joined>)>,
 ) {
-    let changed: Vec<AssetId<Mesh>> = events
-        .read()
-        .filter_map(|event| match event {
-            AssetEvent::Modified { id } => Some(*id),
-            _ => None,
-        })
-        .collect();
+    let changed = modified(&mut events);
     builds.retain(|key, build| !changed.contains(&key.mesh) && build.strong_count() > 0);
     for (name, wanted, mesh, mut status, joined) in &mut entities {
         let key = Key::new(mesh.0.id(), wanted);

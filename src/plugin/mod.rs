@@ -122,6 +122,16 @@ fn init_medial_axis(app: &mut App) {
     }
 }
 
+/// The assets that have changed since the reader has read.
+#[cfg(any(feature = "rapier", feature = "bevy_mesh"))]
+pub(crate) fn modified<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> Vec<AssetId<A>> {
+    let of_event = |event: &AssetEvent<A>| match event {
+        AssetEvent::Modified { id } => Some(*id),
+        _ => None,
+    };
+    events.read().filter_map(of_event).collect()
+}
+
 impl Plugin for MedialPhysicsPlugin {
     fn build(&self, app: &mut App) {
         init_medial_axis(app);

@@ -17,7 +17,7 @@ use super::shape::MedialShape;
 use crate::{
     medial_axis::MedialAxis,
     pipeline::Shape,
-    plugin::{MedialBudget, MedialLevel, MedialMesh, StaticObb},
+    plugin::{MedialBudget, MedialLevel, MedialMesh, StaticObb, modified},
 };
 
 /// Which shape an entity's collider was made from, or could not be.
@@ -50,13 +50,7 @@ pub(super) fn attach_shapes(
     mut next_key: Local<u64>,
     mut shared: Local<HashMap<(AssetId<MedialAxis>, usize, u32), Weak<OnceLock<Compound>>>>,
 ) {
-    let changed: Vec<AssetId<MedialAxis>> = events
-        .read()
-        .filter_map(|event| match event {
-            AssetEvent::Modified { id } => Some(*id),
-            _ => None,
-        })
-        .collect();
+    let changed = modified(&mut events);
     shared.retain(|(asset, ..), primitives| !changed.contains(asset) && primitives.strong_count() > 0);
     for (name, mesh, budget, transform, is_child, attached) in &meshes {
         let scale = if is_child {

@@ -272,14 +272,11 @@ const PASSED: f32 = 5e-3;
 fn has_passed(step: &MedialStep, pair: &Pair, impact: &Impact, slack: f32) -> bool {
     let end_of = |side: Side| {
         let Side::Body(index) = side else { return impact.point };
-        let sweep = &step.input.bodies[index as usize].sweep;
-        let stop = step.output.stop_of(index);
-        let then = match stop {
+        let then = match step.output.stop_of(index) {
             Some(stop) if stop.fraction <= impact.fraction => stop.pose,
-            _ => sweep.pose_at(impact.fraction),
+            _ => step.input.bodies[index as usize].sweep.pose_at(impact.fraction),
         };
-        let end = stop.map_or(sweep.end, |stop| stop.pose);
-        end.transform_point(then.inverse_transform_point(impact.point))
+        step.final_pose(side).transform_point(then.inverse_transform_point(impact.point))
     };
     (end_of(pair.second) - end_of(pair.first)).dot(impact.normal) < -slack
 }
