@@ -7,7 +7,12 @@ use std::cmp::Ordering;
 
 use glam::Vec3;
 
-use super::{ConvexParts, Core, Part, Shape, reduce::reduce, seams, with_spheres};
+use super::{
+    ConvexParts, Core, Hull, Part, Shape,
+    near::{Directions, near_part, near_shape},
+    reduce::reduce,
+    seams, with_spheres,
+};
 use crate::{
     constants::{FLUSH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
@@ -94,17 +99,14 @@ pub fn manifolds(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32
 /// All contacts of a pair within `prediction` metres.
 pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, contacts: &mut Vec<Contact>) {
     match second {
-        Second::Shape(shape2) => {
-            let near = near(shape1, shape2, pose12, prediction);
-            collect(shape1, shape2, pose12, prediction, &near, contacts);
-        }
+        Second::Shape(shape2) => of_shapes(shape1, shape2, pose12, prediction, None::<[_; 0]>, contacts),
         Second::Parts(parts) => {
             let parts = parts.within(&reach(shape1, pose12, prediction));
             for part in &parts {
                 collect_part(shape1, part, pose12, prediction, contacts);
             }
-            let second = |id: u32, point: Vec3, offset: Vec3| {
-                parts.iter().find(|part| part.id == id).map(|part| part.separation_from(point, offset))
+            let second = |id: u32, point: Vec3, normal: Vec3, height: f32| {
+                parts.iter().find(|part| part.id == id).map(|part| part.separation_from(point, normal * height))
             };
             seams::remove(contacts, pose12.rotation, [&primitives(shape1), &second], FLUSH);
         }
@@ -116,14 +118,18 @@ pub(super) fn is_within(shape1: &Shape, second: Second, pose12: &Pose3, distance
     match second {
         Second::Shape(shape2) => {
             let to_second = Placement::from(pose12.inverse());
-            let is_near = |[primitive1, primitive2]: [u32; 2]| {
-                with_spheres!(shape1.hull(primitive1).placed(&to_second), |first| {
-                    with_spheres!(shape2.hull(primitive2), |second| {
-                        separation(&first, &second, 0).distance <= distance
-                    })
-                })
+            let is_near = |first: Hull, primitive2: u32| {
+                with_spheres!(first, |first| with_spheres!(shape2.hull(primitive2), |second| {
+                    separation(&first, &second, 0).distance <= distance
+                }))
             };
-            is_near(likely) || near(shape1, shape2, pose12, distance).into_iter().any(is_near)
+            let mut found = is_near(shape1.hull(likely[0]).placed(&to_second), likely[1]);
+            if !found {
+                near_shape(shape1, shape2, pose12, distance, |[_, primitive2], hull| {
+                    found |= is_near(hull, primitive2)
+                });
+            }
+            found
         }
         Second::Parts(parts) => {
             let mut contacts = Vec::new();
@@ -147,35 +153,19 @@ pub fn reduced(mut contacts: Vec<Contact>) -> Vec<Manifold> {
     manifolds
 }
 
-/// Primitive pairs whose boxes come within `margin`, in ascending order.
-fn near(shape1: &Shape, shape2: &Shape, pose12: &Pose3, margin: f32) -> Vec<[u32; 2]> {
-    let pose21 = pose12.inverse();
-    let mut pairs = Vec::new();
-    shape1.bvh().visit_pairs(
-        shape2.bvh(),
-        |aabb1| aabb1.transformed(&pose21, shape1.scale).inflated(margin),
-        |aabb2| Aabb { min: aabb2.min * shape2.scale, max: aabb2.max * shape2.scale },
-        Aabb::overlaps,
-        |i, j| pairs.push([i, j]),
-    );
-    pairs.sort_unstable();
-    pairs
-}
-
-/// Contacts within `prediction` of the candidate primitive pairs.
-pub(super) fn collect(
+/// Contacts within `prediction` of two medial shapes. `candidates`: the primitives that may have some, if they are known.
+pub(super) fn of_shapes(
     shape1: &Shape,
     shape2: &Shape,
     pose12: &Pose3,
     prediction: f32,
-    candidates: &[[u32; 2]],
+    candidates: Option<impl IntoIterator<Item = [u32; 2]>>,
     contacts: &mut Vec<Contact>,
 ) {
     let to_second = Placement::from(pose12.inverse());
     let to_first = Placement::from(*pose12);
-    // What parts some primitives often parts the next ones.
-    let mut direction = Vec3::Y;
-    for &[primitive1, primitive2] in candidates {
+    let mut directions = Directions::new(Vec3::Y);
+    let mut collect = |[primitive1, primitive2]: [u32; 2], hull: Hull| {
         let mut push = |s: &Separation| {
             contacts.push(Contact {
                 point1: to_first.point(s.point1),
@@ -186,32 +176,33 @@ pub(super) fn collect(
                 primitive2,
             });
         };
-        with_spheres!(shape1.hull(primitive1).placed(&to_second), |first| {
-            with_spheres!(shape2.hull(primitive2), |second| {
-                if second.low(direction) + first.low(-direction) <= prediction {
-                    direction = two_sided(&first, &second, prediction, &mut push);
-                }
-            })
-        });
+        with_spheres!(hull, |first| with_spheres!(shape2.hull(primitive2), |second| {
+            if !directions.part(&first, &second, prediction) {
+                directions.learn(two_sided(&first, &second, prediction, &mut push));
+            }
+        }));
+    };
+    match candidates {
+        Some(known) => known.into_iter().for_each(|pair| collect(pair, shape1.hull(pair[0]).placed(&to_second))),
+        None => near_shape(shape1, shape2, pose12, prediction, collect),
     }
     seams::remove(contacts, pose12.rotation, [&primitives(shape1), &primitives(shape2)], 0.0);
 }
 
-fn primitives(shape: &Shape) -> impl Fn(u32, Vec3, Vec3) -> Option<Separation> {
-    |id, point, offset| Some(shape.hull(id).separation_from(point, [Sphere::new(offset, 0.0)]))
+fn primitives(shape: &Shape) -> impl Fn(u32, Vec3, Vec3, f32) -> Option<Separation> {
+    |id, point, normal, height| {
+        let hull = shape.hull(id);
+        let reaches = hull.height(point, normal) >= -FLUSH;
+        reaches.then(|| hull.separation_from(point, [Sphere::new(normal * height, 0.0)]))
+    }
 }
 
 /// Contacts within `prediction` of a convex part of another collider.
 fn collect_part(shape1: &Shape, part: &Part, pose12: &Pose3, prediction: f32, contacts: &mut Vec<Contact>) {
     let pose12 = *pose12 * part.pose;
-    let pose21 = pose12.inverse();
-    let (to_second, to_first) = (Placement::from(pose21), Placement::from(pose12));
-    let target = part.aabb().inflated(prediction);
-    let mut near = Vec::new();
-    shape1.bvh().visit(|aabb| aabb.transformed(&pose21, shape1.scale).overlaps(&target), |i| near.push(i));
-    near.sort_unstable();
-    let prediction = prediction + part.rounding;
-    for primitive1 in near {
+    let to_first = Placement::from(pose12);
+    let within = prediction + part.rounding;
+    near_part(shape1, part, &pose12, prediction, |primitive1, hull| {
         let mut push = |s: &Separation| {
             contacts.push(Contact {
                 point1: to_first.point(s.point1),
@@ -222,23 +213,23 @@ fn collect_part(shape1: &Shape, part: &Part, pose12: &Pose3, prediction: f32, co
                 primitive2: part.id,
             });
         };
-        with_spheres!(shape1.hull(primitive1).placed(&to_second), |first| match &part.core {
+        with_spheres!(hull, |first| match &part.core {
             Core::Cuboid(half) => {
-                if let (main, true) = one_sided(&first, &Cuboid { half: *half }, prediction, &mut push) {
-                    corners(*half, -main, |corner| at_corner(&first, corner, main, prediction, &mut push));
+                if let (main, true) = one_sided(&first, &Cuboid { half: *half }, within, &mut push) {
+                    corners(*half, -main, |corner| at_corner(&first, corner, main, within, &mut push));
                 }
             }
             Core::Support(shape) => {
-                if let (main, true) = one_sided(&first, &Support(&**shape), prediction, &mut push) {
+                if let (main, true) = one_sided(&first, &Support(&**shape), within, &mut push) {
                     let near = first.origin() + main;
-                    shape.face(-main, near, &mut |corner| at_corner(&first, corner, main, prediction, &mut push));
+                    shape.face(-main, near, &mut |corner| at_corner(&first, corner, main, within, &mut push));
                 }
             }
             Core::Hull(hull) => with_spheres!(*hull, |second| {
-                two_sided(&first, &second, prediction, &mut push);
+                two_sided(&first, &second, within, &mut push);
             }),
         });
-    }
+    });
 }
 
 /// The corners of a box's face that looks along `direction`.

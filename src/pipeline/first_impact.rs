@@ -5,41 +5,16 @@ use std::collections::HashMap;
 use glam::Vec3;
 
 use super::{
-    Core, Culling, Impact,
-    mid_phase::{self, PrimitivePair},
-    motion::{Facing, PairMotion},
+    Culling, Impact,
+    mid_phase::{self, Candidates, PrimitivePair},
+    motion::{Facing, PairMotion, with_sides},
     parting::Parting,
-    with_spheres,
 };
 use crate::{
-    constants::TOUCH_DISTANCE,
-    geometry::{Sphere, Sweep},
-    query::{Cuboid, Support, TimeOfImpactStatus, rigid_impact, rigid_start},
+    constants::{FEW_PRIMITIVES, TOUCH_DISTANCE},
+    geometry::Sweep,
+    query::{TimeOfImpactStatus, rigid_impact, rigid_start},
 };
-
-/// Runs an expression with a primitive of the first body and what it faces: another, or a part, by whose rounding the first is larger.
-macro_rules! with_sides {
-    ($motion:expr, $primitives:expr, |$first:ident, $second:ident| $body:expr) => {{
-        let [primitive1, primitive2] = $primitives;
-        with_spheres!($motion.shape1.hull(primitive1), |$first| match &$motion.facing {
-            Facing::Shape(shape2) => with_spheres!(&shape2.hull(primitive2), |$second| $body),
-            Facing::Part(part) => {
-                let $first = $first.map(|s| Sphere::new(s.center, s.radius + part.rounding));
-                match &part.core {
-                    Core::Cuboid(half) => {
-                        let $second = &Cuboid { half: *half };
-                        $body
-                    }
-                    Core::Support(shape) => {
-                        let $second = &Support(&**shape);
-                        $body
-                    }
-                    Core::Hull(hull) => with_spheres!(hull, |$second| $body),
-                }
-            }
-        })
-    }};
-}
 
 /// The first impact of a pair, and what it took to find.
 #[derive(Clone, Copy, Debug, Default)]
@@ -66,7 +41,7 @@ pub(super) struct ImpactResult {
 pub(super) fn first_impact(
     culling: Culling,
     mut motions: Vec<PairMotion>,
-    candidates: Option<&[Vec<PrimitivePair>]>,
+    candidates: Option<&[Candidates]>,
     normal: Vec3,
 ) -> ImpactResult {
     let mut search = Search { result: ImpactResult { normal, ..Default::default() }, ..Default::default() };
@@ -136,8 +111,8 @@ impl Search {
             };
             parts.cut(motions, part);
             motions[index].slop = 0.0;
-            let mut candidates = vec![Vec::new(); motions.len()];
-            candidates[index].push(pair);
+            let mut candidates = vec![Candidates::default(); motions.len()];
+            candidates[index] = Candidates::all([pair], None);
             let later = self.result.impact.take();
             self.run(motions, &candidates, [part, parts.count]);
             self.result.impact = self.result.impact.or(later);
@@ -145,25 +120,32 @@ impl Search {
     }
 
     /// Searches a part of the step, of so many.
-    fn run(&mut self, motions: &[PairMotion], candidates: &[Vec<PrimitivePair>], [part, parts]: [usize; 2]) {
+    fn run(&mut self, motions: &[PairMotion], candidates: &[Candidates], [part, parts]: [usize; 2]) {
         let result = &mut self.result;
         let mut approaching = Vec::new();
         let mut nearest = f32::INFINITY;
         for (index, (motion, candidates)) in motions.iter().zip(candidates).enumerate() {
-            if candidates.is_empty() {
+            let nearing = motion.nearing();
+            let count = candidates.within(nearing).count();
+            if count == 0 {
                 continue;
             }
             let chords = motion.chords();
             result.slop = result.slop.max(motion.slop);
-            result.toi_tests += candidates.len();
-            let direction = if result.normal == Vec3::ZERO { motion.center_line() } else { result.normal };
-            let mut parting = Parting::new(motion, &chords, motion.to_chords(direction));
+            result.toi_tests += count;
+            let direction = match result.normal {
+                normal if normal == Vec3::ZERO => motion.center_line(),
+                normal => motion.to_chords(normal),
+            };
+            let mut parting = (count > FEW_PRIMITIVES).then(|| Parting::new(motion, &chords, direction)).flatten();
             let mut starts = Vec::new();
-            for &pair in candidates {
+            for pair in candidates.within(nearing) {
                 if parting.as_mut().is_some_and(|parting| parting.is_apart(pair)) {
                     continue;
                 }
-                let start = with_sides!(motion, pair, |first, second| rigid_start(&first, second, &chords));
+                let start = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
+                    rigid_start(&first, second, &chords)
+                });
                 if let Some(parting) = &mut parting {
                     parting.learn(start.normal());
                 }
@@ -188,7 +170,7 @@ impl Search {
             for (pair, start) in starts {
                 let limit = result.impact.map_or(1.0, |impact| impact.fraction);
                 let overlap = self.overlaps.get(&(*index, *pair)).map_or(self.carried, |own| own.max(self.carried));
-                let toi = with_sides!(motion, *pair, |first, second| {
+                let toi = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
                     rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop])
                 });
                 result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);

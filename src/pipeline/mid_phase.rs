@@ -1,37 +1,106 @@
 //! Mid phase: which primitives of a pair may touch within the step, or come within the prediction distance.
 //!
-//! The two hierarchies are traversed against each other in the frame of body 2 at the start; boxes move along their middles'
-//! chords. The sagitta of the whole step and the prediction distance widen them, so no pair is lost.
+//! Bodies that hardly move relative to their size: all primitives that are near each other at the start, with their distances. That
+//! holds whatever the bodies do, as long as they do not come nearer by more than what was counted on.
+//!
+//! Fast ones: the two hierarchies are traversed against each other in the frame of body 2 at the start; boxes move along their middles'
+//! chords. The sagitta of the whole step and the prediction distance widen them, so no pair is lost as long as the bodies keep to their way.
 
 use super::{
-    Culling, Statics, StepInput,
+    Culling, Hull, Statics, StepInput,
     broad_phase::BodyPair,
-    motion::{Facing, PairMotion, SweptBoxes},
+    motion::{Facing, PairMotion, SweptBoxes, with_sides},
+    near::{Directions, near_part, near_shape},
     parallel,
+};
+use crate::{
+    constants::{CONTACT_ROUNDING, NEAR_WAY, SLIDE_WAY, SURE_WAY},
+    query::{Separation, separation},
 };
 use bevy::tasks::TaskPool;
 
 /// Indices of a primitive of the first body and one of the second; of a part, which is one, 0.
 pub(super) type PrimitivePair = [u32; 2];
 
-/// Candidate primitive pairs, in ascending order, for each motion of each pair.
-pub(super) fn run(
-    input: &StepInput,
-    statics: &Statics,
-    pairs: &[BodyPair],
-    pool: &TaskPool,
-) -> Vec<Vec<Vec<PrimitivePair>>> {
+/// Two primitives that may meet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Candidate {
+    pub primitives: PrimitivePair,
+    /// Their distance at the start of the step in metres, or less; minus infinity if it is not known.
+    pub distance: f32,
+}
+
+/// Primitives of a pair that may meet.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Candidates {
+    /// In ascending order.
+    pub pairs: Vec<Candidate>,
+    /// How much nearer than at the start any two points of the bodies may come before there are others, in metres. None if these are all only for
+    /// as long as the bodies keep to their way.
+    pub covers: Option<f32>,
+}
+
+impl Candidates {
+    /// Primitives of which nothing is known but that they are all.
+    pub fn all(pairs: impl IntoIterator<Item = PrimitivePair>, covers: Option<f32>) -> Self {
+        let candidate = |primitives| Candidate { primitives, distance: f32::NEG_INFINITY };
+        Self { pairs: pairs.into_iter().map(candidate).collect(), covers }
+    }
+
+    /// Those that come within a distance of zero if points come nearer by no more than `way` metres.
+    pub fn within(&self, way: f32) -> impl Iterator<Item = PrimitivePair> {
+        self.pairs.iter().filter(move |candidate| candidate.distance <= way).map(|candidate| candidate.primitives)
+    }
+}
+
+/// Candidate primitive pairs for each motion of each pair.
+pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], pool: &TaskPool) -> Vec<Vec<Candidates>> {
     parallel::map(pool, pairs, 8, |_, pair| {
         let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
         motions.iter().map(|motion| candidates(motion, input.culling, input.prediction)).collect()
     })
 }
 
-/// Candidate primitive pairs of one motion, in ascending order.
-pub(super) fn candidates(motion: &PairMotion, culling: Culling, prediction: f32) -> Vec<PrimitivePair> {
-    if culling == Culling::None {
-        return all(motion);
+/// Candidate primitive pairs of one motion.
+pub(super) fn candidates(motion: &PairMotion, culling: Culling, prediction: f32) -> Candidates {
+    match culling {
+        Culling::None => all(motion),
+        Culling::Hybrid if motion.way() <= NEAR_WAY * motion.size => {
+            // Bodies that stop, each by itself, are covered as far as it costs little.
+            let way = motion.nearing().max(motion.ways().min(SURE_WAY * motion.size));
+            near(motion, way + (1.0 + 2.0 * SLIDE_WAY) * prediction)
+        }
+        Culling::Hybrid => swept(motion, prediction),
     }
+}
+
+/// The primitives that come within `covers` metres of each other at the start.
+fn near(motion: &PairMotion, covers: f32) -> Candidates {
+    let pose12 = motion.pose12();
+    // Boxes and directions are not exact.
+    let reach = covers * (1.0 + CONTACT_ROUNDING) + CONTACT_ROUNDING * motion.size;
+    let mut directions = Directions::new(motion.sweep2.start.rotation.inverse() * motion.center_line());
+    let mut pairs = Vec::new();
+    let mut add = |primitives: PrimitivePair, hull: Hull| {
+        with_sides!(motion.facing, hull, primitives[1], |first, second| {
+            if !directions.part(&first, second, reach) {
+                let Separation { distance, normal, .. } = separation(&first, second, 0);
+                directions.learn(normal);
+                if distance <= reach {
+                    pairs.push(Candidate { primitives, distance });
+                }
+            }
+        });
+    };
+    match &motion.facing {
+        Facing::Shape(shape2) => near_shape(motion.shape1, shape2, &pose12, reach, add),
+        Facing::Part(part) => near_part(motion.shape1, part, &pose12, reach, |i, hull| add([i, 0], hull)),
+    }
+    pairs.sort_unstable_by_key(|candidate| candidate.primitives);
+    Candidates { pairs, covers: Some(covers) }
+}
+
+fn swept(motion: &PairMotion, prediction: f32) -> Candidates {
     let frame = motion.sweep2.start.rotation.inverse();
     let boxes1 = SweptBoxes::new(&motion.sweep1, frame, motion.shape1.scale);
     let margin = prediction + motion.whole_sagitta();
@@ -53,13 +122,14 @@ pub(super) fn candidates(motion: &PairMotion, culling: Culling, prediction: f32)
         }
     }
     pairs.sort_unstable();
-    pairs
+    Candidates::all(pairs, None)
 }
 
-fn all(motion: &PairMotion) -> Vec<PrimitivePair> {
+fn all(motion: &PairMotion) -> Candidates {
     let count2 = match &motion.facing {
         Facing::Shape(shape2) => shape2.len() as u32,
         Facing::Part(_) => 1,
     };
-    (0..motion.shape1.len() as u32).flat_map(|i| (0..count2).map(move |j| [i, j])).collect()
+    let pairs = (0..motion.shape1.len() as u32).flat_map(|i| (0..count2).map(move |j| [i, j]));
+    Candidates::all(pairs, Some(f32::INFINITY))
 }

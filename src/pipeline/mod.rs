@@ -19,6 +19,7 @@ mod first_impact;
 mod mid_phase;
 mod motion;
 mod narrow_phase;
+mod near;
 pub(crate) mod parallel;
 mod parting;
 mod parts;
@@ -453,7 +454,7 @@ pub fn step_filtered(
         bodies: input.bodies.len(),
         primitive_pairs: broad_phase::primitive_pairs(input, statics),
         body_pairs: pairs.len(),
-        candidates: candidates.iter().flatten().map(Vec::len).sum(),
+        candidates: candidates.iter().flatten().map(|candidates| candidates.pairs.len()).sum(),
         toi_tests: results.iter().map(|r| r.toi_tests).sum(),
         unresolved: results.iter().map(|r| r.unresolved).sum(),
         contacts: 0,

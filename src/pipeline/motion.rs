@@ -27,6 +27,33 @@ impl Facing<'_> {
     }
 }
 
+/// Runs an expression with a primitive of the first body and what it faces: a primitive of the other, or a part, by whose rounding the first is
+/// larger.
+macro_rules! with_sides {
+    ($facing:expr, $hull:expr, $primitive2:expr, |$first:ident, $second:ident| $body:expr) => {
+        $crate::pipeline::with_spheres!($hull, |$first| match &$facing {
+            $crate::pipeline::motion::Facing::Shape(shape2) => {
+                $crate::pipeline::with_spheres!(&shape2.hull($primitive2), |$second| $body)
+            }
+            $crate::pipeline::motion::Facing::Part(part) => {
+                let $first = $first.map(|s| $crate::geometry::Sphere::new(s.center, s.radius + part.rounding));
+                match &part.core {
+                    $crate::pipeline::Core::Cuboid(half) => {
+                        let $second = &$crate::query::Cuboid { half: *half };
+                        $body
+                    }
+                    $crate::pipeline::Core::Support(shape) => {
+                        let $second = &$crate::query::Support(&**shape);
+                        $body
+                    }
+                    $crate::pipeline::Core::Hull(hull) => $crate::pipeline::with_spheres!(hull, |$second| $body),
+                }
+            }
+        })
+    };
+}
+pub(super) use with_sides;
+
 /// A medial body and what it faces, in relative coordinates.
 ///
 /// Facing a medial mesh, the axes are the world's and the origin is body 1's position at the start; facing a part, the frame is that part's at
@@ -41,7 +68,9 @@ pub(super) struct PairMotion<'a> {
     /// Distance from each body's centre of mass to the farthest point that turns with it. Radii of spheres do not turn.
     arms: [f32; 2],
     /// Bounding radius of the smaller body, in metres.
-    size: f32,
+    pub size: f32,
+    /// How much nearer any two points may have come since the start of the step, in metres.
+    moved: f32,
     /// Overlap that the pair may gain, in metres.
     pub slop: f32,
     /// Overlap that the solver leaves on purpose, in metres.
@@ -69,6 +98,7 @@ impl<'a> PairMotion<'a> {
         };
         let ((first, sweep1), (second, sweep2)) = (side(pair.first), side(pair.second));
         let Some(shape1) = first.medial() else { return Vec::new() };
+        let moved = moved(input, pair, [sweep1.start, sweep2.start]);
         let radius1 = shape1.bounding_sphere().radius;
         let slop = |size: f32, rounding: f32| {
             (STOP_SLOP * size).max(STOP_ALLOWED * input.allowed_overlap).max(STOP_ROUNDINGS * rounding)
@@ -85,6 +115,7 @@ impl<'a> PairMotion<'a> {
                     frame,
                     arms: [shape1.arm(sweep1.local_center), shape2.arm(sweep2.local_center)],
                     size,
+                    moved,
                     slop: slop(size, 0.0),
                     allowed: input.allowed_overlap,
                 }]
@@ -108,6 +139,7 @@ impl<'a> PairMotion<'a> {
                         frame,
                         arms,
                         size,
+                        moved,
                         slop: slop(size, rounding),
                         allowed: input.allowed_overlap,
                     }
@@ -140,14 +172,14 @@ impl<'a> PairMotion<'a> {
         self.frame_at(0.0).rotation.inverse() * direction
     }
 
-    /// Unit vector in the world from the middle of the first shape to that of what it faces, at the start.
+    /// Unit vector from the middle of the first shape to that of what it faces, at the start.
     pub fn center_line(&self) -> Vec3 {
         let center1 = self.sweep1.start.transform_point(self.shape1.bounding_sphere().center);
         let center2 = self.sweep2.start.transform_point(match &self.facing {
             Facing::Shape(shape2) => shape2.bounding_sphere().center,
             Facing::Part(part) => part.aabb().center(),
         });
-        self.frame.rotation * (center2 - center1).normalize_or(Vec3::Y)
+        (center2 - center1).normalize_or(Vec3::Y)
     }
 
     /// In how many parts the step is to be searched.
@@ -162,6 +194,21 @@ impl<'a> PairMotion<'a> {
         (self.sweep1.translation - self.sweep2.translation).length() + turn
     }
 
+    /// The longest ways of any point of either body, added up, or more, in metres.
+    pub fn ways(&self) -> f32 {
+        self.sweep1.reach(self.arms[0]) + self.sweep2.reach(self.arms[1])
+    }
+
+    /// How much nearer any two points may come between the start of the step and the end of the motion as chords, in metres.
+    pub fn nearing(&self) -> f32 {
+        self.moved + self.way() + 2.0 * CHORD_TOLERANCE * self.size
+    }
+
+    /// Pose of what is faced in the frame of the shape at the start.
+    pub fn pose12(&self) -> Pose3 {
+        self.sweep1.start.inv_mul(&self.sweep2.start)
+    }
+
     /// True if neither body moves.
     pub fn is_at_rest(&self) -> bool {
         self.sweep1.is_at_rest() && self.sweep2.is_at_rest()
@@ -171,6 +218,24 @@ impl<'a> PairMotion<'a> {
     pub fn whole_sagitta(&self) -> f32 {
         self.sweep1.sagitta(self.arms[0], 1) + self.sweep2.sagitta(self.arms[1], 1)
     }
+}
+
+/// How much nearer any two points of a pair's bodies may be than at the start of the step, in metres, when the bodies have the given poses.
+pub(super) fn moved(input: &StepInput, pair: &BodyPair, poses: [Pose3; 2]) -> f32 {
+    let mut way = Vec3::ZERO;
+    let mut turns = 0.0;
+    for ((side, pose), sign) in [pair.first, pair.second].into_iter().zip(poses).zip([1.0, -1.0]) {
+        let Some(body) = side.body().map(|body| &input.bodies[body as usize]) else { continue };
+        let Sweep { start, local_center, .. } = body.sweep;
+        let arm = match &body.solid {
+            Solid::Medial(shape) => shape.arm(local_center),
+            Solid::Parts(parts) => parts.bounding_sphere().farthest(local_center),
+        };
+        way += sign * (pose.transform_point(local_center) - start.transform_point(local_center));
+        // The chord of the turn.
+        turns += 2.0 * arm * (pose.rotation * start.rotation.inverse()).xyz().length();
+    }
+    way.length() + turns
 }
 
 /// All of the second body that the shape can meet, as a box in that body's frame.

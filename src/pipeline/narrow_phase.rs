@@ -8,8 +8,8 @@ use super::{
     broad_phase::BodyPair,
     contact,
     first_impact::{ImpactResult, first_impact},
-    mid_phase::PrimitivePair,
-    motion::PairMotion,
+    mid_phase::Candidates,
+    motion::{self, PairMotion},
     parallel,
     stop::Stops,
 };
@@ -20,7 +20,7 @@ pub(super) fn impacts(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    candidates: &[Vec<Vec<PrimitivePair>>],
+    candidates: &[Vec<Candidates>],
     pool: &TaskPool,
 ) -> Vec<ImpactResult> {
     parallel::map(pool, pairs, 4, |i, pair| {
@@ -34,7 +34,7 @@ pub(super) fn contacts(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    candidates: &[Vec<Vec<PrimitivePair>>],
+    candidates: &[Vec<Candidates>],
     stops: &Stops,
     pool: &TaskPool,
 ) -> Vec<Vec<Contact>> {
@@ -45,9 +45,15 @@ pub(super) fn contacts(
         let Some(shape1) = first.medial() else { return contacts };
         let pose12 = pose1.inv_mul(&pose2);
         match second.second() {
-            // Candidates are those of the whole motion.
-            Second::Shape(shape2) if !pair.bodies().any(|body| stops.is_stopped(body)) => {
-                contact::collect(shape1, shape2, &pose12, input.prediction, &candidates[i][0], &mut contacts);
+            Second::Shape(shape2) => {
+                let candidates = &candidates[i][0];
+                let nearing = motion::moved(input, pair, [pose1, pose2]) + input.prediction;
+                let known = match candidates.covers {
+                    Some(covers) => nearing <= covers,
+                    None => !pair.bodies().any(|body| stops.is_stopped(body)),
+                };
+                let candidates = known.then(|| candidates.within(nearing));
+                contact::of_shapes(shape1, shape2, &pose12, input.prediction, candidates, &mut contacts);
             }
             second => contact::find(shape1, second, &pose12, input.prediction, &mut contacts),
         }

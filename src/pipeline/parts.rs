@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::{Hull, with_spheres};
+use super::Hull;
 use crate::{
     geometry::{Aabb, Pose3, Sphere, part_within},
     query::{Cuboid, Separation, Support, SupportShape, separation},
@@ -55,7 +55,7 @@ impl Part<'_> {
     pub fn aabb(&self) -> Aabb {
         let core = match &self.core {
             Core::Cuboid(half) => Aabb { min: -half, max: *half },
-            Core::Hull(hull) => with_spheres!(*hull, |spheres| Aabb::from_spheres(spheres)),
+            Core::Hull(hull) => hull.aabb(),
             Core::Support(shape) => shape.aabb(),
         };
         core.inflated(self.rounding)

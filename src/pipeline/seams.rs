@@ -12,8 +12,9 @@ use crate::{
     query::Separation,
 };
 
-/// One side of a pair: how the point `point + offset` and a part of it lie to each other, in that side's frame. None if there is no such part.
-pub(super) type Side<'a> = &'a dyn Fn(u32, Vec3, Vec3) -> Option<Separation>;
+/// One side of a pair: how the point `point + normal * height` and a part of it lie to each other, in that side's frame. None if there is no
+/// such part, or if it stays more than [`FLUSH`] beneath the plane through `point` across `normal`, a unit vector.
+pub(super) type Side<'a> = &'a dyn Fn(u32, Vec3, Vec3, f32) -> Option<Separation>;
 
 /// Removes contacts with edges and sides of parts that other parts cover, which are in deeper contact or about as deep; leaves the others
 /// sorted by depth.
@@ -88,7 +89,7 @@ impl Touch {
     /// above it.
     fn is_covered(&self, other: &Touch, side: Side) -> bool {
         // Straight above the place: nothing of a part that ends here with this normal is nearer than the place itself.
-        let Some(s) = side(other.part, self.point, self.normal * SEAM_REACH) else { return false };
+        let Some(s) = side(other.part, self.point, self.normal, SEAM_REACH) else { return false };
         // In the plane of a triangle both of its sides are as near; it is known which one is touched.
         let turned = s.distance.abs() < FLUSH && other.normal.dot(s.normal) > 0.5;
         let up = if turned { s.normal } else { -s.normal };
@@ -103,7 +104,7 @@ impl Touch {
         if other.part == self.part {
             return self.distance > 0.25 * SEAM_REACH;
         }
-        let above = side(self.part, self.point, up * (0.5 * SEAM_REACH - height));
+        let above = side(self.part, self.point, up, 0.5 * SEAM_REACH - height);
         above.is_none_or(|s| s.distance > 0.25 * SEAM_REACH)
     }
 }

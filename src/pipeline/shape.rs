@@ -96,6 +96,17 @@ impl Hull {
         }
     }
 
+    /// Box around it.
+    pub fn aabb(&self) -> Aabb {
+        with_spheres!(*self, |spheres| Aabb::from_spheres(spheres))
+    }
+
+    /// The greatest of `direction . x` over the primitive, relative to that of `origin`; `direction` is a unit vector.
+    pub(super) fn height(&self, origin: Vec3, direction: Vec3) -> f32 {
+        let height = |s: &Sphere| (s.center - origin).dot(direction) + s.radius;
+        with_spheres!(self, |spheres| spheres.iter().map(height).fold(f32::NEG_INFINITY, f32::max))
+    }
+
     /// How a sphere and the primitive lie to each other, the sphere relative to `origin`, a point nearby.
     pub(super) fn separation_from(&self, origin: Vec3, sphere: [Sphere; 1]) -> Separation {
         with_spheres!(*self, |spheres| {

@@ -26,7 +26,7 @@ use super::{
     Impact, Statics, StepInput,
     broad_phase::BodyPair,
     first_impact::{ImpactResult, first_impact},
-    mid_phase::PrimitivePair,
+    mid_phase::Candidates,
     motion::{Facing, PairMotion},
     narrow_phase::are_in_touch,
 };
@@ -136,7 +136,7 @@ pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    candidates: &[Vec<Vec<PrimitivePair>>],
+    candidates: &[Vec<Candidates>],
     results: &mut [ImpactResult],
 ) -> Stops {
     let mut stops = Stops(vec![None; input.bodies.len()]);
@@ -279,7 +279,7 @@ fn slides(
 fn impact_from(
     input: &StepInput,
     statics: &Statics,
-    (pair, candidates): (&BodyPair, &[Vec<PrimitivePair>]),
+    (pair, candidates): (&BodyPair, &[Candidates]),
     stops: &Stops,
     fraction: f32,
     before: &ImpactResult,
@@ -290,7 +290,12 @@ fn impact_from(
     motions.iter_mut().for_each(|motion| motion.slop *= RENEWED_SLOP);
     // What slides strays from its way by less than was added to find them.
     let slide = pair.bodies().all(|body| stops.state(body) <= State::Sliding);
-    let known = slide && matches!(motions[..], [PairMotion { facing: Facing::Shape(_), .. }]);
+    let known = match &motions[..] {
+        [motion @ PairMotion { facing: Facing::Shape(_), .. }] => {
+            candidates[0].covers.map_or(slide, |covers| motion.nearing() <= covers)
+        }
+        _ => false,
+    };
     let mut found = first_impact(input.culling, motions, known.then_some(candidates), before.normal);
     if let Some(impact) = &mut found.impact {
         impact.fraction = fraction + (1.0 - fraction) * impact.fraction;
