@@ -5,6 +5,7 @@
 
 use std::cmp::Ordering;
 
+use bevy::platform::collections::HashSet;
 use glam::Vec3;
 
 use super::{
@@ -165,6 +166,7 @@ pub(super) fn of_shapes(
     let to_second = Placement::from(pose12.inverse());
     let to_first = Placement::from(*pose12);
     let mut directions = Directions::new(Vec3::Y);
+    let mut made = [HashSet::default(), HashSet::default()];
     let mut collect = |[primitive1, primitive2]: [u32; 2], hull: Hull| {
         let mut push = |s: &Separation| {
             contacts.push(Contact {
@@ -177,8 +179,11 @@ pub(super) fn of_shapes(
             });
         };
         with_spheres!(hull, |first| with_spheres!(shape2.hull(primitive2), |second| {
-            if !directions.part(&first, &second, prediction) {
-                directions.learn(two_sided(&first, &second, prediction, &mut push));
+            if directions.parting(&first, &second, [prediction; 2]).is_none() {
+                let [made1, made2] = &mut made;
+                let spheres1 = SharedSpheres::new(shape1, primitive1, primitive2, made1);
+                let spheres2 = SharedSpheres::new(shape2, primitive2, primitive1, made2);
+                directions.learn(two_sided((&first, spheres1), (&second, spheres2), prediction, &mut push));
             }
         }));
     };
@@ -215,18 +220,18 @@ fn collect_part(shape1: &Shape, part: &Part, pose12: &Pose3, prediction: f32, co
         };
         with_spheres!(hull, |first| match &part.core {
             Core::Cuboid(half) => {
-                if let (main, true) = one_sided(&first, &Cuboid { half: *half }, within, &mut push) {
+                if let (main, true) = one_sided((&first, NONE_SHARED), &Cuboid { half: *half }, within, &mut push) {
                     corners(*half, -main, |corner| at_corner(&first, corner, main, within, &mut push));
                 }
             }
             Core::Support(shape) => {
-                if let (main, true) = one_sided(&first, &Support(&**shape), within, &mut push) {
+                if let (main, true) = one_sided((&first, NONE_SHARED), &Support(&**shape), within, &mut push) {
                     let near = first.origin() + main;
                     shape.face(-main, near, &mut |corner| at_corner(&first, corner, main, within, &mut push));
                 }
             }
             Core::Hull(hull) => with_spheres!(*hull, |second| {
-                two_sided(&first, &second, within, &mut push);
+                two_sided((&first, NONE_SHARED), (&second, NONE_SHARED), within, &mut push);
             }),
         });
     });
@@ -264,26 +269,24 @@ fn at_corner<const N: usize>(
 /// The nearest points of two primitives, and the nearest points of the other spheres on either side that face the same way:
 /// a cone on a floor, or beside another cone, touches along a line, and rests on both its ends. Returns the normal of the nearest points.
 fn two_sided<const N: usize, const M: usize>(
-    first: &[Sphere; N],
-    second: &[Sphere; M],
+    (first, spheres1): (&[Sphere; N], SharedSpheres),
+    (second, spheres2): (&[Sphere; M], SharedSpheres),
     prediction: f32,
     push: &mut impl FnMut(&Separation),
 ) -> Vec3 {
-    let (main, is_near) = one_sided(first, second, prediction, push);
+    let (main, is_near) = one_sided((first, spheres1), second, prediction, push);
     if is_near && N > 1 && M > 1 {
-        for sphere in second {
-            let ours = separation(first, &[*sphere], 0);
-            if ours.distance <= prediction && ours.normal.dot(main) >= VERTEX_NORMAL_COSINE {
-                push(&ours);
-            }
-        }
+        spheres2.each(second, |sphere| {
+            let theirs = separation(first, &[*sphere], 0);
+            at_sphere(&theirs, main, prediction, push)
+        });
     }
     main
 }
 
 /// The same for the spheres of the first side alone. Returns the normal of the nearest points, and whether they are near.
 fn one_sided<const N: usize, B: Convex>(
-    first: &[Sphere; N],
+    (first, spheres): (&[Sphere; N], SharedSpheres),
     second: &B,
     prediction: f32,
     push: &mut impl FnMut(&Separation),
@@ -294,12 +297,53 @@ fn one_sided<const N: usize, B: Convex>(
     }
     push(&main);
     if N > 1 {
-        for sphere in first {
+        spheres.each(first, |sphere| {
             let ours = separation(&[*sphere], second, 0);
-            if ours.distance <= prediction && ours.normal.dot(main.normal) >= VERTEX_NORMAL_COSINE {
-                push(&ours);
+            at_sphere(&ours, main.normal, prediction, push)
+        });
+    }
+    (main.normal, true)
+}
+
+/// The contact of a sphere, if it is near and faces the same way as the nearest points. True if that is settled whatever these are.
+fn at_sphere(contact: &Separation, main: Vec3, prediction: f32, push: &mut impl FnMut(&Separation)) -> bool {
+    let is_near = contact.distance <= prediction;
+    let is_contact = is_near && contact.normal.dot(main) >= VERTEX_NORMAL_COSINE;
+    if is_contact {
+        push(contact);
+    }
+    is_contact || !is_near
+}
+
+/// The spheres of a primitive that faces another one. Primitives share spheres, and a sphere makes its contact once.
+struct SharedSpheres<'a> {
+    indices: &'a [u32],
+    other: u32,
+    /// Spheres with the other's primitives that have been settled.
+    settled: Option<&'a mut HashSet<[u32; 2]>>,
+}
+
+const NONE_SHARED: SharedSpheres = SharedSpheres { indices: &[], other: 0, settled: None };
+
+impl<'a> SharedSpheres<'a> {
+    fn new(shape: &'a Shape, primitive: u32, other: u32, settled: &'a mut HashSet<[u32; 2]>) -> Self {
+        Self { indices: shape.axis.primitives()[primitive as usize].indices(), other, settled: Some(settled) }
+    }
+
+    /// Looks at each sphere that is not settled; `look` tells whether it is then.
+    fn each<const N: usize>(mut self, spheres: &[Sphere; N], mut look: impl FnMut(&Sphere) -> bool) {
+        for (i, sphere) in spheres.iter().enumerate() {
+            match &mut self.settled {
+                None => {
+                    look(sphere);
+                }
+                Some(settled) => {
+                    let key = [self.indices[i], self.other];
+                    if !settled.contains(&key) && look(sphere) {
+                        settled.insert(key);
+                    }
+                }
             }
         }
     }
-    (main.normal, true)
 }

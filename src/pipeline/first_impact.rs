@@ -1,12 +1,10 @@
 //! The first impact of a pair within the step.
 
-use std::collections::HashMap;
-
 use glam::Vec3;
 
 use super::{
     Culling, Impact,
-    mid_phase::{self, Candidates, PrimitivePair},
+    mid_phase::{self, Candidate, Candidates, PrimitivePair},
     motion::{Facing, PairMotion, with_sides},
     parting::Parting,
 };
@@ -94,7 +92,7 @@ struct Search {
     /// The greatest overlap at the start of the step, as far as the solver leaves it on purpose, in metres.
     carried: f32,
     /// The overlaps of single primitives of a motion there.
-    overlaps: HashMap<(usize, PrimitivePair), f32>,
+    overlaps: Vec<((usize, PrimitivePair), f32)>,
     /// The motion and the primitives that meet first so far, and whether they have touched at the start of the part.
     met: Option<(usize, PrimitivePair, bool)>,
 }
@@ -139,8 +137,8 @@ impl Search {
             };
             let mut parting = (count > FEW_PRIMITIVES).then(|| Parting::new(motion, &chords, direction)).flatten();
             let mut starts = Vec::new();
-            for pair in candidates.within(nearing) {
-                if parting.as_mut().is_some_and(|parting| parting.is_apart(pair)) {
+            for &Candidate { primitives: pair, normal, .. } in candidates.within(nearing) {
+                if parting.as_mut().is_some_and(|parting| parting.is_apart(pair, normal)) {
                     continue;
                 }
                 let start = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
@@ -155,7 +153,7 @@ impl Search {
                 }
                 if part == 0 && start.overlap() > 0.0 {
                     self.carried = self.carried.max(start.overlap().min(motion.allowed));
-                    self.overlaps.insert((index, pair), start.overlap());
+                    self.overlaps.push(((index, pair), start.overlap()));
                 }
                 if !start.stay_apart() {
                     result.in_touch |= part == 0 && start.distance() <= TOUCH_DISTANCE;
@@ -169,7 +167,8 @@ impl Search {
         for (index, motion, chords, starts) in &approaching {
             for (pair, start) in starts {
                 let limit = result.impact.map_or(1.0, |impact| impact.fraction);
-                let overlap = self.overlaps.get(&(*index, *pair)).map_or(self.carried, |own| own.max(self.carried));
+                let own = self.overlaps.iter().find(|(key, _)| *key == (*index, *pair));
+                let overlap = own.map_or(self.carried, |(_, own)| own.max(self.carried));
                 let toi = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
                     rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop])
                 });

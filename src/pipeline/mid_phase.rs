@@ -18,6 +18,7 @@ use crate::{
     query::{Separation, separation},
 };
 use bevy::tasks::TaskPool;
+use glam::Vec3;
 
 /// Indices of a primitive of the first body and one of the second; of a part, which is one, 0.
 pub(super) type PrimitivePair = [u32; 2];
@@ -28,6 +29,8 @@ pub(super) struct Candidate {
     pub primitives: PrimitivePair,
     /// Their distance at the start of the step in metres, or less; minus infinity if it is not known.
     pub distance: f32,
+    /// Unit vector, in the frame of the chords at the start, along which they are that far apart; zero if it is not known.
+    pub normal: Vec3,
 }
 
 /// Primitives of a pair that may meet.
@@ -43,13 +46,13 @@ pub(super) struct Candidates {
 impl Candidates {
     /// Primitives of which nothing is known but that they are all.
     pub fn all(pairs: impl IntoIterator<Item = PrimitivePair>, covers: Option<f32>) -> Self {
-        let candidate = |primitives| Candidate { primitives, distance: f32::NEG_INFINITY };
+        let candidate = |primitives| Candidate { primitives, distance: f32::NEG_INFINITY, normal: Vec3::ZERO };
         Self { pairs: pairs.into_iter().map(candidate).collect(), covers }
     }
 
     /// Those that come within a distance of zero if points come nearer by no more than `way` metres.
-    pub fn within(&self, way: f32) -> impl Iterator<Item = PrimitivePair> {
-        self.pairs.iter().filter(move |candidate| candidate.distance <= way).map(|candidate| candidate.primitives)
+    pub fn within(&self, way: f32) -> impl Iterator<Item = &Candidate> {
+        self.pairs.iter().filter(move |candidate| candidate.distance <= way)
     }
 }
 
@@ -68,27 +71,29 @@ pub(super) fn candidates(motion: &PairMotion, culling: Culling, prediction: f32)
         Culling::Hybrid if motion.way() <= NEAR_WAY * motion.size => {
             // Bodies that stop, each by itself, are covered as far as it costs little.
             let way = motion.nearing().max(motion.ways().min(SURE_WAY * motion.size));
-            near(motion, way + (1.0 + 2.0 * SLIDE_WAY) * prediction)
+            near(motion, [motion.nearing(), way + (1.0 + 2.0 * SLIDE_WAY) * prediction])
         }
         Culling::Hybrid => swept(motion, prediction),
     }
 }
 
-/// The primitives that come within `covers` metres of each other at the start.
-fn near(motion: &PairMotion, covers: f32) -> Candidates {
+/// The primitives that come within `covers` metres of each other at the start. Their distance is exact where it is less than `nearing`.
+fn near(motion: &PairMotion, [nearing, covers]: [f32; 2]) -> Candidates {
     let pose12 = motion.pose12();
     // Boxes and directions are not exact.
     let reach = covers * (1.0 + CONTACT_ROUNDING) + CONTACT_ROUNDING * motion.size;
-    let mut directions = Directions::new(motion.sweep2.start.rotation.inverse() * motion.center_line());
+    let turn = motion.sweep2.start.rotation;
+    let mut directions = Directions::new(turn.inverse() * motion.center_line());
     let mut pairs = Vec::new();
     let mut add = |primitives: PrimitivePair, hull: Hull| {
         with_sides!(motion.facing, hull, primitives[1], |first, second| {
-            if !directions.part(&first, second, reach) {
+            let (distance, normal) = directions.parting(&first, second, [nearing, reach]).unwrap_or_else(|| {
                 let Separation { distance, normal, .. } = separation(&first, second, 0);
                 directions.learn(normal);
-                if distance <= reach {
-                    pairs.push(Candidate { primitives, distance });
-                }
+                (distance, normal)
+            });
+            if distance <= reach {
+                pairs.push(Candidate { primitives, distance, normal: turn * normal });
             }
         });
     };

@@ -52,7 +52,7 @@ pub(super) fn contacts(
                     Some(covers) => nearing <= covers,
                     None => !pair.bodies().any(|body| stops.is_stopped(body)),
                 };
-                let candidates = known.then(|| candidates.within(nearing));
+                let candidates = known.then(|| candidates.within(nearing).map(|candidate| candidate.primitives));
                 contact::of_shapes(shape1, shape2, &pose12, input.prediction, candidates, &mut contacts);
             }
             second => contact::find(shape1, second, &pose12, input.prediction, &mut contacts),

@@ -1,7 +1,7 @@
 //! Primitives that are near each other at an instant.
 
 use arrayvec::ArrayVec;
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 
 use super::{Hull, Part, Shape};
 use crate::{
@@ -12,6 +12,8 @@ use crate::{
 
 /// Calls `visit` with the primitives of two shapes whose boxes come within `reach` metres of each other, and with the first one in the
 /// frame of the second shape. `pose12`: pose of the second shape in the frame of the first.
+///
+/// Few primitives of either shape are near the other at all: those are held against each other one by one.
 pub(super) fn near_shape(
     shape1: &Shape,
     shape2: &Shape,
@@ -20,10 +22,48 @@ pub(super) fn near_shape(
     mut visit: impl FnMut([u32; 2], Hull),
 ) {
     let to_second = Placement::from(pose12.inverse());
-    in_reach(shape1, &shape2.aabb().transformed(pose12, 1.0).inflated(reach), |primitive1| {
-        let hull = shape1.hull(primitive1).placed(&to_second);
-        in_reach(shape2, &hull.aabb().inflated(reach), |primitive2| visit([primitive1, primitive2], hull));
+    let mut near1 = Vec::new();
+    let mut around1 = Aabb::EMPTY;
+    let target = shape2.aabb().inflated(reach);
+    in_reach(shape1, &target.transformed(pose12, 1.0), |primitive| {
+        let hull = shape1.hull(primitive).placed(&to_second);
+        let aabb = hull.aabb();
+        if aabb.overlaps(&target) {
+            near1.push((primitive, hull, Box3A::new(&aabb.inflated(reach))));
+            around1 = around1.merge(aabb);
+        }
     });
+    if near1.is_empty() {
+        return;
+    }
+    let mut near2 = Vec::new();
+    in_reach(shape2, &around1.inflated(reach), |primitive| {
+        near2.push((primitive, Box3A::new(&shape2.hull(primitive).aabb())));
+    });
+    for (primitive1, hull, box1) in near1 {
+        for (primitive2, box2) in &near2 {
+            if box1.overlaps(box2) {
+                visit([primitive1, *primitive2], hull);
+            }
+        }
+    }
+}
+
+/// A box that is compared quickly.
+#[derive(Clone, Copy)]
+struct Box3A {
+    min: Vec3A,
+    max: Vec3A,
+}
+
+impl Box3A {
+    fn new(aabb: &Aabb) -> Self {
+        Self { min: aabb.min.into(), max: aabb.max.into() }
+    }
+
+    fn overlaps(&self, other: &Self) -> bool {
+        (self.min.cmple(other.max) & other.min.cmple(self.max)).all()
+    }
 }
 
 /// The same for the primitives of a shape that are near a part, in the part's frame. `pose12`: pose of the part in the frame of the shape.
@@ -56,13 +96,28 @@ impl Directions {
         Self { known: ArrayVec::from_iter([likely]) }
     }
 
-    /// True if two primitives are farther apart than `reach` metres along a direction that is known.
-    pub fn part<const N: usize, B: Convex>(&mut self, first: &[Sphere; N], second: &B, reach: f32) -> bool {
-        let found = self.known.iter().position(|&n| second.low(n) + first.low(-n) > reach);
-        if let Some(i) = found {
-            self.known[..=i].rotate_right(1);
+    /// The first known direction along which the gap of two primitives is larger than `reach` metres. If there is none, that of the largest gap,
+    /// if it is larger than `least`. With the gap.
+    pub fn parting<const N: usize, B: Convex>(
+        &mut self,
+        first: &[Sphere; N],
+        second: &B,
+        [least, reach]: [f32; 2],
+    ) -> Option<(f32, Vec3)> {
+        let mut best = (least, None);
+        for (i, &direction) in self.known.iter().enumerate() {
+            let gap = second.low(direction) + first.low(-direction);
+            if gap > best.0 {
+                best = (gap, Some(i));
+                if gap > reach {
+                    break;
+                }
+            }
         }
-        found.is_some()
+        let (gap, i) = (best.0, best.1?);
+        let direction = self.known[i];
+        self.known[..=i].rotate_right(1);
+        Some((gap, direction))
     }
 
     /// Remembers a unit vector from a first side to a second.

@@ -72,6 +72,11 @@ impl<'a> Parting<'a> {
 
     /// Remembers a direction: where a pair was apart, others may be.
     pub fn learn(&mut self, direction: Vec3) {
+        self.directions.insert(0, self.direction(direction));
+        self.directions.truncate(PARTING_DIRECTIONS);
+    }
+
+    fn direction(&self, direction: Vec3) -> Direction {
         let low = match &self.second {
             Second::Shape(_) => 0.0,
             Second::Part(part) => match &part.core {
@@ -80,12 +85,15 @@ impl<'a> Parting<'a> {
                 Core::Support(shape) => Support(&**shape).low(direction),
             },
         };
-        self.directions.insert(0, Direction { vector: direction.extend(1.0), low });
-        self.directions.truncate(PARTING_DIRECTIONS);
+        Direction { vector: direction.extend(1.0), low }
     }
 
-    /// True if two primitives stay apart along a direction that is known, all the way.
-    pub fn is_apart(&mut self, pair: [u32; 2]) -> bool {
+    /// True if two primitives stay apart along a direction that is known, all the way. `nearest`: that of their nearest points at the start,
+    /// better than any other; zero if it is not known.
+    pub fn is_apart(&mut self, pair: [u32; 2], nearest: Vec3) -> bool {
+        if nearest != Vec3::ZERO {
+            return self.is_apart_along(pair, &self.direction(nearest));
+        }
         let found = (0..self.directions.len()).find(|&i| self.is_apart_along(pair, &self.directions[i]));
         if let Some(i) = found {
             self.directions[..=i].rotate_right(1);
@@ -194,7 +202,7 @@ mod tests {
                     for pair in (0..torus.len() as u32).flat_map(|i| (0..count).map(move |j| [i, j])) {
                         parting.learn(random.vector().normalize());
                         let least = least_distance(&motion, pair);
-                        if parting.is_apart(pair) {
+                        if parting.is_apart(pair, Vec3::ZERO) {
                             apart += 1;
                             assert!(least > 0.0, "{pair:?} of case {case} come within {least} m");
                         } else {
