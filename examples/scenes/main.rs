@@ -44,7 +44,7 @@ struct Args {
     /// Seed of the scene's random placement.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder of `.ma` files to use as models. Default: the project's own.
+    /// Folder of `.medial` or `.ma` files to use as models. Default: the project's own.
     #[arg(long)]
     models: Option<PathBuf>,
     /// `none` also runs every step's input with every primitive pair tested, and prints both side by side.

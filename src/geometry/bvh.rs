@@ -1,3 +1,5 @@
+use arrayvec::ArrayVec;
+
 use super::Aabb;
 
 /// Bounding volume hierarchy of boxes: one item a leaf, balanced, flat.
@@ -78,7 +80,7 @@ impl Bvh {
         if self.nodes.is_empty() {
             return;
         }
-        let mut stack = Stack::new(0);
+        let mut stack = Stack::<u32>::from_iter([0]);
         while let Some(index) = stack.pop() {
             let node = &self.nodes[index as usize];
             if !test(&node.aabb) {
@@ -101,7 +103,7 @@ impl Bvh {
     pub fn least(&self, mut bound: impl FnMut(&Aabb) -> f32, mut cost: impl FnMut(u32) -> f32) -> Option<(u32, f32)> {
         let root = self.nodes.first()?;
         let mut best: Option<(u32, f32)> = None;
-        let mut stack = Stack::new((0, bound(&root.aabb)));
+        let mut stack = Stack::from_iter([(0, bound(&root.aabb))]);
         while let Some((index, least)) = stack.pop() {
             if best.is_some_and(|(_, best)| least >= best) {
                 continue;
@@ -137,7 +139,7 @@ impl Bvh {
         mut visit: impl FnMut(u32, u32),
     ) {
         let (Some(root1), Some(root2)) = (self.nodes.first(), other.nodes.first()) else { return };
-        let mut stack = Stack::new(((0, place1(&root1.aabb)), (0, place2(&root2.aabb))));
+        let mut stack = Stack::from_iter([((0, place1(&root1.aabb)), (0, place2(&root2.aabb)))]);
         while let Some(((index1, placed1), (index2, placed2))) = stack.pop() {
             if !test(&placed1, &placed2) {
                 continue;
@@ -163,26 +165,7 @@ impl Bvh {
 }
 
 /// A stack that never allocates: every level of either tree leaves at most one node waiting.
-struct Stack<T> {
-    items: [T; 2 * MAX_DEPTH],
-    len: usize,
-}
-
-impl<T: Copy> Stack<T> {
-    fn new(root: T) -> Self {
-        Self { items: [root; 2 * MAX_DEPTH], len: 1 }
-    }
-
-    fn push(&mut self, item: T) {
-        self.items[self.len] = item;
-        self.len += 1;
-    }
-
-    fn pop(&mut self) -> Option<T> {
-        self.len = self.len.checked_sub(1)?;
-        Some(self.items[self.len])
-    }
-}
+type Stack<T> = ArrayVec<T, { 2 * MAX_DEPTH }>;
 
 #[cfg(test)]
 mod tests {

@@ -1,18 +1,22 @@
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 
 use thiserror::Error;
 
-use crate::medial_axis::{CleanupReport, MedialAxis, MedialAxisError, ma};
+use crate::{
+    builder::{MedialFileError, MedialLevels, MedialLevelsError},
+    medial_axis::{MedialAxis, MedialAxisError, ma},
+};
 
 /// A shape with its name.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// The file's name without its ending.
     pub name: String,
-    /// The shape.
+    /// The shape, with its coarser levels if the file has some.
     pub axis: MedialAxis,
-    /// What clean-up changed in the file's lists.
-    pub report: CleanupReport,
 }
 
 /// Why models could not be read.
@@ -42,12 +46,15 @@ pub enum ModelError {
         /// Why.
         source: MedialAxisError,
     },
-    /// The folder holds no `.ma` file.
-    #[error("{}: no .ma file in this folder; `--models` wants a folder of medial meshes", .0.display())]
+    /// A `.medial` file cannot be used.
+    #[error(transparent)]
+    Levels(#[from] MedialFileError),
+    /// The folder holds no medial mesh.
+    #[error("{}: no .medial or .ma file in this folder; `--models` wants a folder of medial meshes", .0.display())]
     None(PathBuf),
 }
 
-/// Reads every `.ma` file of a folder, in the order of their names.
+/// Reads every `.medial` file of a folder, and every `.ma` file that has no such one beside it, in the order of their names.
 ///
 /// # Errors
 /// If the folder or a file cannot be read, or a file is no shape; the message names the file and, for its text, the line.
@@ -56,26 +63,45 @@ pub fn load_models(folder: &Path) -> Result<Vec<Model>, ModelError> {
         let path = path.to_owned();
         move |source| ModelError::Io { path, source }
     };
-    let mut paths = Vec::new();
+    let mut files: BTreeMap<PathBuf, bool> = BTreeMap::new();
     for entry in std::fs::read_dir(folder).map_err(io(folder))? {
         let path = entry.map_err(io(folder))?.path();
-        if path.extension().is_some_and(|extension| extension == "ma") {
-            paths.push(path);
+        let ending = path.extension().unwrap_or_default();
+        if ending == "ma" || ending == "medial" {
+            *files.entry(path.with_extension("")).or_default() |= ending == "medial";
         }
     }
-    if paths.is_empty() {
+    if files.is_empty() {
         return Err(ModelError::None(folder.to_owned()));
     }
-    paths.sort();
-    paths
+    files
         .into_iter()
-        .map(|path| {
-            let bytes = std::fs::read(&path).map_err(io(&path))?;
-            let file = ma::parse(&bytes).map_err(|source| ModelError::Format { path: path.clone(), source })?;
-            let (axis, report) =
-                file.into_medial_axis().map_err(|source| ModelError::Shape { path: path.clone(), source })?;
-            let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-            Ok(Model { name, axis, report })
+        .map(|(stem, has_levels)| {
+            let axis = if has_levels { with_levels(&stem) } else { without_levels(&stem) }?;
+            let name = stem.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+            Ok(Model { name, axis })
         })
         .collect()
+}
+
+fn with_levels(stem: &Path) -> Result<MedialAxis, ModelError> {
+    let path = with_ending(stem, "medial");
+    let empty = || MedialFileError::Content { path: path.clone(), source: MedialLevelsError::Empty };
+    Ok(MedialLevels::load(&path)?.into_medial_axis().ok_or_else(empty)?)
+}
+
+fn without_levels(stem: &Path) -> Result<MedialAxis, ModelError> {
+    let path = with_ending(stem, "ma");
+    let bytes = std::fs::read(&path).map_err(|source| ModelError::Io { path: path.clone(), source })?;
+    let file = ma::parse(&bytes).map_err(|source| ModelError::Format { path: path.clone(), source })?;
+    let (axis, _) = file.into_medial_axis().map_err(|source| ModelError::Shape { path, source })?;
+    Ok(axis)
+}
+
+/// A name may have dots.
+fn with_ending(stem: &Path, ending: &str) -> PathBuf {
+    let mut path = stem.as_os_str().to_owned();
+    path.push(".");
+    path.push(ending);
+    path.into()
 }

@@ -63,9 +63,9 @@ pub fn models() -> &'static [Model] {
     MODELS.get_or_init(|| load_models(&assets().join("models")).unwrap())
 }
 
-/// The model of that name.
+/// The finest level of the model of that name.
 pub fn model(name: &str) -> MedialAxis {
-    models().iter().find(|model| model.name == name).unwrap().axis.clone()
+    models().iter().find(|model| model.name == name).unwrap().axis.clone().with_coarser(Vec::new())
 }
 
 pub fn run(app: &mut App, steps: u32) {
