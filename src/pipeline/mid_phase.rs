@@ -27,6 +27,24 @@ pub(super) fn run(
     })
 }
 
+/// Given primitive pairs of each pair, for each of its motions.
+pub(super) fn from_candidates(
+    input: &StepInput,
+    statics: &Statics,
+    pairs: &[BodyPair],
+    primitives: Vec<Vec<PrimitivePair>>,
+) -> Vec<Vec<Vec<PrimitivePair>>> {
+    let of_motion = |motion: &PairMotion, primitives: &[PrimitivePair]| match &motion.facing {
+        Facing::Shape(_) => primitives.to_vec(),
+        Facing::Part(part) => primitives.iter().filter(|[_, j]| *j == part.id).map(|&[i, _]| [i, 0]).collect(),
+    };
+    let of_pair = |(pair, primitives): (&BodyPair, Vec<PrimitivePair>)| {
+        let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
+        motions.iter().map(|motion| of_motion(motion, &primitives)).collect()
+    };
+    pairs.iter().zip(primitives).map(of_pair).collect()
+}
+
 /// Candidate primitive pairs of one motion, in ascending order.
 pub(super) fn candidates(motion: &PairMotion, culling: Culling, prediction: f32) -> Vec<PrimitivePair> {
     if culling == Culling::None {
