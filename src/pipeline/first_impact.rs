@@ -150,11 +150,11 @@ impl Search {
         let mut approaching = Vec::new();
         let mut nearest = f32::INFINITY;
         for (index, (motion, candidates)) in motions.iter().zip(candidates).enumerate() {
+            result.slop = result.slop.max(motion.slop);
             if candidates.is_empty() {
                 continue;
             }
             let chords = motion.chords();
-            result.slop = result.slop.max(motion.slop);
             result.toi_tests += candidates.len();
             let direction = if result.normal == Vec3::ZERO { motion.center_line() } else { result.normal };
             let mut parting = Parting::new(motion, &chords, motion.to_chords(direction));
