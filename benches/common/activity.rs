@@ -28,9 +28,3 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
-
-/// The medians over all steps and over the active ones.
-pub fn medians(values: &[f64], active: &[bool]) -> [f64; 2] {
-    let chosen = values.iter().zip(active).filter(|(_, active)| **active);
-    [median(values.iter().copied()), median(chosen.map(|(value, _)| *value))]
-}

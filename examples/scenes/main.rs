@@ -10,6 +10,7 @@
 mod activity;
 #[path = "../../benches/baselines/mod.rs"]
 mod baselines;
+#[path = "../../benches/common/compare.rs"]
 mod compare;
 mod view;
 
@@ -126,7 +127,7 @@ fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn 
     print_summary(&summary);
     let rows = &app.world().resource::<Monitor>().rows;
     if let Some(comparison) = &comparison {
-        comparison.print(rows);
+        println!("\n{}", comparison.report(app.world()));
     }
     if let Some(path) = &args.csv {
         write_csv(path, rows).map_err(|error| format!("{}: {error}", path.display()))?;

@@ -1,14 +1,17 @@
 //! The hybrid culling beside others: each step's input is run again with both, in turns, on the same threads.
 
+use std::fmt;
+
 use bevy::{prelude::*, tasks::ComputeTaskPool};
 use bevy_medial::{
     pipeline::{self, Culling, StepInput, StepOutput},
     plugin::MedialStep,
-    scenes::Row,
+    scenes::{Monitor, Row},
 };
+use serde::Serialize;
 
 use crate::{
-    activity::{Activity, active, medians},
+    activity::{Activity, active, median},
     baselines::{Baseline, Kind},
 };
 
@@ -40,12 +43,17 @@ struct Step {
     figures: [Figures; 2],
 }
 
-#[derive(Clone, Copy)]
-struct Figures {
-    culling_ms: f64,
-    rest_ms: f64,
-    body_pairs: usize,
-    candidates: usize,
+/// What culling took and left. Times in milliseconds.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Figures {
+    /// Broad and mid phase, and what a baseline needs to update.
+    pub culling_ms: f64,
+    /// Narrow phase, stops and reduction.
+    pub rest_ms: f64,
+    /// Pairs of bodies that are left.
+    pub body_pairs: f64,
+    /// Pairs of primitives that are left.
+    pub candidates: f64,
 }
 
 impl Figures {
@@ -55,9 +63,63 @@ impl Figures {
         Self {
             culling_ms: culling.as_secs_f64() * 1e3,
             rest_ms: (times.total() - culling).as_secs_f64() * 1e3,
-            body_pairs: output.counts.body_pairs,
-            candidates: output.counts.candidates,
+            body_pairs: output.counts.body_pairs as f64,
+            candidates: output.counts.candidates as f64,
         }
+    }
+
+    /// Each figure by its own median.
+    fn medians<'a>(steps: impl Iterator<Item = &'a Figures> + Clone) -> Self {
+        let of = |value: fn(&Figures) -> f64| median(steps.clone().map(value));
+        Self {
+            culling_ms: of(|f| f.culling_ms),
+            rest_ms: of(|f| f.rest_ms),
+            body_pairs: of(|f| f.body_pairs),
+            candidates: of(|f| f.candidates),
+        }
+    }
+
+    /// The whole of the collision.
+    pub fn total_ms(&self) -> f64 {
+        self.culling_ms + self.rest_ms
+    }
+}
+
+/// Medians of a comparison.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// The other culling.
+    pub other: String,
+    /// Number of steps, all of them and the active ones.
+    pub steps: [usize; 2],
+    /// Over all steps and over the active ones, of hybrid culling and of the other.
+    pub figures: [[Figures; 2]; 2],
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let ([all, active], other) = (self.steps, &self.other);
+        writeln!(f, "the same results in every step; medians over {all} steps, and over {active} active ones:")?;
+        writeln!(
+            f,
+            "{:14} {:>10} {other:>10} {:>7}   {:>10} {other:>10} {:>7}",
+            "", "hybrid", "ratio", "hybrid", "ratio"
+        )?;
+        let lines: [(&str, usize, fn(&Figures) -> f64); 5] = [
+            ("culling, ms", 4, |f| f.culling_ms),
+            ("the rest, ms", 4, |f| f.rest_ms),
+            ("collision, ms", 4, Figures::total_ms),
+            ("body pairs", 0, |f| f.body_pairs),
+            ("candidates", 0, |f| f.candidates),
+        ];
+        for (label, digits, value) in lines {
+            write!(f, "{label:14}")?;
+            for [hybrid, other] in self.figures.each_ref().map(|sides| sides.each_ref().map(value)) {
+                write!(f, " {hybrid:10.digits$} {other:10.digits$} {:7.2}  ", other / hybrid)?;
+            }
+            writeln!(f)?;
+        }
+        Ok(())
     }
 }
 
@@ -109,33 +171,22 @@ impl Comparison {
         Ok(())
     }
 
-    /// Prints medians. `rows`: of the same steps.
-    pub fn print(&self, rows: &[Row]) {
-        let activities = self.steps.iter().zip(rows);
-        let activities = activities
-            .map(|(step, row)| Activity { contact_pairs: step.contact_pairs, energy: row.kinetic_energy_per_kg });
-        let active = active(&activities.collect::<Vec<_>>());
-        let count = active.iter().filter(|active| **active).count();
-        let name = &self.name;
-        println!(
-            "\nthe same results in every step; medians over {} steps, and over {count} active ones:",
-            active.len()
-        );
-        println!("{:14} {:>10} {name:>10} {:>7}   {:>10} {name:>10} {:>7}", "", "hybrid", "ratio", "hybrid", "ratio");
-        let line = |label: &str, digits: usize, value: &dyn Fn(&Figures) -> f64| {
-            let [hybrid, other] = [0, 1].map(|side: usize| {
-                medians(&self.steps.iter().map(|step| value(&step.figures[side])).collect::<Vec<_>>(), &active)
-            });
-            print!("{label:14}");
-            for (hybrid, other) in hybrid.into_iter().zip(other) {
-                print!(" {hybrid:10.digits$} {other:10.digits$} {:7.2}  ", other / hybrid);
-            }
-            println!();
+    /// The medians so far. `world`: the one that was run.
+    pub fn report(&self, world: &World) -> Report {
+        let rows = &world.resource::<Monitor>().rows;
+        let activity = |(step, row): (&Step, &Row)| Activity {
+            contact_pairs: step.contact_pairs,
+            energy: row.kinetic_energy_per_kg,
         };
-        line("culling, ms", 4, &|f| f.culling_ms);
-        line("the rest, ms", 4, &|f| f.rest_ms);
-        line("collision, ms", 4, &|f| f.culling_ms + f.rest_ms);
-        line("body pairs", 0, &|f| f.body_pairs as f64);
-        line("candidates", 0, &|f| f.candidates as f64);
+        let active = active(&self.steps.iter().zip(rows).map(activity).collect::<Vec<_>>());
+        let medians = |chosen: &[bool]| {
+            let steps = self.steps.iter().zip(chosen).filter(|(_, chosen)| **chosen);
+            [0, 1].map(|side: usize| Figures::medians(steps.clone().map(|(step, _)| &step.figures[side])))
+        };
+        Report {
+            other: self.name.clone(),
+            steps: [active.len(), active.iter().filter(|active| **active).count()],
+            figures: [medians(&vec![true; active.len()]), medians(&active)],
+        }
     }
 }
