@@ -1,13 +1,24 @@
-//! Separation and time of impact for each kind of pair, over random pairs of which the share that hits is printed.
+//! Kernels, and the hierarchies that lead to them.
+//!
+//! - separation and time of impact for each kind of pair, over random pairs of which the share that hits is printed;
+//! - time of impact of the pairs of a file, for each of its kinds and categories, where the file is there:
+//!   `../shared/pairs/moving_pairs.txt`, or what `MOVING_PAIRS` names, in the form of `examples/pairs.rs`;
+//! - rays against each kind of primitive, of which the share that hits is printed;
+//! - building a hierarchy over the primitives of each model, and two of it against each other.
 
-use std::hint::black_box;
+#[path = "common/pairs.rs"]
+mod pairs;
+
+use std::{collections::BTreeMap, hint::black_box, path::Path};
 
 use bevy_medial::{
-    geometry::Sphere,
-    query::{Cuboid, Moving, MovingConvex, TimeOfImpactStatus, separation, time_of_impact},
+    geometry::{Aabb, Bvh, Pose3, Sphere},
+    query::{Cuboid, Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, ray_cast, separation, time_of_impact},
+    scenes::load_models,
 };
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec3, Vec3};
+use pairs::{Pair, Primitive, Second};
 
 const PAIRS: u64 = 1024;
 
@@ -78,5 +89,103 @@ fn kernels(criterion: &mut Criterion) {
     bench_pair::<3, _>(criterion, "slab-box", cuboid);
 }
 
-criterion_group!(benches, kernels);
+fn solve(pair: &Pair) -> TimeOfImpact {
+    fn against<const N: usize>(first: &Moving<N>, second: &Second) -> TimeOfImpact {
+        match second {
+            Second::Box { half } => time_of_impact(first, &Cuboid { half: *half }, 1.0),
+            Second::Primitive(Primitive::Sphere(second)) => time_of_impact(first, second, 1.0),
+            Second::Primitive(Primitive::Cone(second)) => time_of_impact(first, second, 1.0),
+            Second::Primitive(Primitive::Slab(second)) => time_of_impact(first, second, 1.0),
+        }
+    }
+    match &pair.first {
+        Primitive::Sphere(first) => against(first, &pair.second),
+        Primitive::Cone(first) => against(first, &pair.second),
+        Primitive::Slab(first) => against(first, &pair.second),
+    }
+}
+
+fn file(criterion: &mut Criterion) {
+    let named = std::env::var("MOVING_PAIRS");
+    let path = named.as_deref().unwrap_or(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/pairs/moving_pairs.txt"));
+    let Ok(text) = std::fs::read_to_string(path) else {
+        return println!("{path}: not there, so none of its pairs is timed; MOVING_PAIRS names another");
+    };
+    let mut groups: BTreeMap<(String, String), Vec<Pair>> = BTreeMap::new();
+    for pair in pairs::read(&text) {
+        match pair {
+            Ok(pair) => groups.entry((pair.kind.clone(), pair.category.clone())).or_default().push(pair),
+            Err((line, error)) => return println!("{path}:{line}: {error}"),
+        }
+    }
+    for ((kind, category), pairs) in &groups {
+        let hits = pairs.iter().filter(|pair| solve(pair).status != TimeOfImpactStatus::Separated).count();
+        println!("{kind}, {category}: {} % of {} pairs hit", 100 * hits / pairs.len(), pairs.len());
+        let mut group = criterion.benchmark_group(format!("file {kind}"));
+        group.throughput(Throughput::Elements(pairs.len() as u64));
+        group.bench_function(BenchmarkId::from_parameter(category), |bencher| {
+            bencher.iter(|| pairs.iter().map(|pair| solve(black_box(pair)).fraction).sum::<f32>());
+        });
+        group.finish();
+    }
+}
+
+fn bench_rays<const N: usize>(criterion: &mut Criterion, kind: &str) {
+    let mut random = Random(2);
+    let rays: Vec<([Sphere; N], Vec3, Vec3)> = (0..PAIRS)
+        .map(|_| {
+            let spheres = random.moving::<N>(Vec3::ZERO, Vec3::ZERO).start;
+            let origin = random.vector(1.0).normalize_or(Vec3::X) * 3.0;
+            (spheres, origin, -origin + random.vector(0.5))
+        })
+        .collect();
+    let cast = |(spheres, origin, direction): &([Sphere; N], Vec3, Vec3)| ray_cast(spheres, *origin, *direction, 2.0);
+    let hits = rays.iter().filter(|ray| cast(ray).is_some()).count();
+    println!("ray-{kind}: {} % of {PAIRS} rays hit", 100 * hits as u64 / PAIRS);
+    let mut group = criterion.benchmark_group("ray");
+    group.throughput(Throughput::Elements(PAIRS));
+    group.bench_function(BenchmarkId::from_parameter(kind), |bencher| {
+        bencher.iter(|| rays.iter().filter_map(|ray| cast(black_box(ray))).map(|hit| hit.time).sum::<f32>());
+    });
+    group.finish();
+}
+
+fn rays(criterion: &mut Criterion) {
+    bench_rays::<1>(criterion, "sphere");
+    bench_rays::<2>(criterion, "cone");
+    bench_rays::<3>(criterion, "slab");
+}
+
+/// Two of a model, turned against each other and pushed together by a third of their size.
+fn hierarchies(criterion: &mut Criterion) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
+    let models = match load_models(&folder) {
+        Ok(models) => models,
+        Err(error) => return println!("{error}"),
+    };
+    let mut group = criterion.benchmark_group("hierarchy");
+    for model in &models {
+        let spheres = model.axis.spheres();
+        let of_primitive = |primitive: &bevy_medial::geometry::Primitive| {
+            Aabb::from_spheres(primitive.indices().iter().map(|&i| spheres[i as usize]))
+        };
+        let boxes: Vec<Aabb> = model.axis.primitives().iter().map(of_primitive).collect();
+        let bvh = Bvh::new(&boxes);
+        let aside = Vec3::X * bvh.aabb().half_extents().x * 4.0 / 3.0;
+        let pose = Pose3::from_parts(aside, glam::Quat::from_rotation_y(2.0));
+        let pairs = || {
+            let mut pairs = 0u32;
+            bvh.visit_pairs(&bvh, |a| *a, |b| b.transformed(&pose, 1.0), Aabb::overlaps, |_, _| pairs += 1);
+            pairs
+        };
+        println!("{}: {} primitives, {} pairs of them found", model.name, boxes.len(), pairs());
+        group.bench_function(BenchmarkId::new("build", &model.name), |bencher| {
+            bencher.iter(|| Bvh::new(black_box(&boxes)));
+        });
+        group.bench_function(BenchmarkId::new("against itself", &model.name), |bencher| bencher.iter(pairs));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, kernels, file, rays, hierarchies);
 criterion_main!(benches);

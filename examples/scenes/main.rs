@@ -2,10 +2,16 @@
 //!
 //! ```text
 //! cargo run --release --example scenes -- NAME [--headless] [--steps N] [--dt S] [--seed S] [--models DIR]
-//!                                         [--cull hybrid|none] [--csv FILE] [--json FILE] [--list]
-//!                                         [--screenshot FILE]
+//!                                         [--cull hybrid|none|bvh-obb|bvh-sphere|bvh-aabb]
+//!                                         [--csv FILE] [--json FILE] [--list] [--screenshot FILE]
 //! ```
 
+#[path = "../../benches/common/activity.rs"]
+mod activity;
+#[path = "../../benches/baselines/mod.rs"]
+mod baselines;
+#[path = "../../benches/common/compare.rs"]
+mod compare;
 mod view;
 
 use std::{
@@ -14,13 +20,10 @@ use std::{
     process::ExitCode,
 };
 
-use bevy::{prelude::*, tasks::ComputeTaskPool};
-use bevy_medial::{
-    pipeline::{self, Culling, StepInput},
-    plugin::MedialStep,
-    scenes::{Model, Monitor, Row, SCENES, Scene, StageSummary, Summary, headless_app, load_models},
-};
+use bevy::prelude::*;
+use bevy_medial::scenes::{Model, Monitor, Row, SCENES, Scene, StageSummary, Summary, headless_app, load_models};
 use clap::Parser;
+use compare::{Comparison, Cull};
 use indicatif::ProgressBar;
 use view::Show;
 
@@ -47,7 +50,7 @@ struct Args {
     /// Folder of `.medial` or `.ma` files to use as models. Default: the project's own.
     #[arg(long)]
     models: Option<PathBuf>,
-    /// `none` also runs every step's input with every primitive pair tested, and prints both side by side.
+    /// Also run every step's input with another culling, and print both side by side.
     #[arg(long, value_enum, default_value_t = Cull::Hybrid)]
     cull: Cull,
     /// Write a row for each step.
@@ -59,12 +62,6 @@ struct Args {
     /// Run the steps, write a picture of the last one as PNG and exit. Needs a graphics adapter, software will do, and no display.
     #[arg(long)]
     screenshot: Option<PathBuf>,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Cull {
-    Hybrid,
-    None,
 }
 
 fn main() -> ExitCode {
@@ -98,7 +95,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         return Ok(view::screenshot(show(), steps, UVec2::new(1280, 720), file)?);
     }
     // What asks for figures is meant to end by itself.
-    let wants_figures = args.csv.is_some() || args.json.is_some() || args.cull == Cull::None || args.steps.is_some();
+    let wants_figures = args.csv.is_some() || args.json.is_some() || args.cull != Cull::Hybrid || args.steps.is_some();
     if args.headless || wants_figures || !has_display() {
         return headless(args, scene, &models);
     }
@@ -116,11 +113,11 @@ fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn 
     scene.spawn(app.world_mut(), models, args.seed);
     let steps = args.steps.unwrap_or(scene.steps);
     let progress = ProgressBar::new(steps.into());
-    let mut brute_force = Vec::new();
+    let mut comparison = Comparison::with(args.cull);
     for _ in 0..steps {
         app.update();
-        if args.cull == Cull::None {
-            brute_force.push(test_every_pair(app.world())?);
+        if let Some(comparison) = &mut comparison {
+            comparison.run(app.world())?;
         }
         progress.inc(1);
     }
@@ -129,13 +126,8 @@ fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn 
         app.world_mut().resource_scope(|world, monitor: Mut<Monitor>| monitor.summary(scene.name, args.seed, world));
     print_summary(&summary);
     let rows = &app.world().resource::<Monitor>().rows;
-    if args.cull == Cull::None {
-        let hybrid = rows.iter().map(|row| row.broad_ms + row.mid_ms + row.narrow_ms + row.stop_ms + row.reduce_ms);
-        let (hybrid, none) = (median(hybrid.collect()), median(brute_force));
-        println!(
-            "collision, median ms: hybrid culling {hybrid:.4}, none {none:.4}: {:.1} times as fast",
-            none / hybrid
-        );
+    if let Some(comparison) = &comparison {
+        println!("\n{}", comparison.report(app.world()));
     }
     if let Some(path) = &args.csv {
         write_csv(path, rows).map_err(|error| format!("{}: {error}", path.display()))?;
@@ -145,23 +137,6 @@ fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn 
         std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))?;
     }
     Ok(())
-}
-
-/// Runs the last step's input again without culling. Returns the milliseconds; an error if that finds anything else.
-fn test_every_pair(world: &World) -> Result<f64, String> {
-    let step = world.resource::<MedialStep>();
-    let input = StepInput { culling: Culling::None, ..step.input.clone() };
-    let pool = ComputeTaskPool::get_or_init(Default::default);
-    let output = pipeline::step(&input, &step.statics, pool);
-    if output.pairs != step.output.pairs || output.manifolds != step.output.manifolds {
-        return Err("culling has lost a pair".into());
-    }
-    Ok(output.times.total().as_secs_f64() * 1e3)
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// A line for each step, under a line of names: those of the row's fields.

@@ -7,7 +7,9 @@
 use bevy::tasks::TaskPool;
 use glam::Vec3;
 
-use super::{Body, Culling, Meeting, Shape, Side, Solid, Statics, StepInput, parallel};
+use super::{
+    Body, Candidates, Culling, Meeting, Shape, Side, Solid, Statics, StepInput, mid_phase::PrimitivePair, parallel,
+};
 use crate::{
     constants::SLIDE_WAY,
     geometry::{Aabb, Bvh, Sphere},
@@ -80,18 +82,47 @@ pub(super) fn run(
         Culling::Hybrid => near_pairs(input, statics, pool),
         Culling::None => all_pairs(input, statics),
     };
-    // A pair stops only if both sides consent.
+    pairs.retain_mut(|pair| consents(input, statics, pair, filter(pair.first, pair.second)));
+    pairs
+}
+
+/// The pairs among given candidates that may collide, in order, with the primitive pairs of each.
+pub(super) fn from_candidates(
+    input: &StepInput,
+    statics: &Statics,
+    candidates: Vec<Candidates>,
+) -> Vec<(BodyPair, Vec<PrimitivePair>)> {
+    let mut pairs: Vec<(BodyPair, Vec<PrimitivePair>)> = candidates
+        .into_iter()
+        .filter_map(|Candidates { sides, mut primitives }| {
+            let mut pair = match sides {
+                [Side::Body(i), Side::Body(j)] => between(input, i, j),
+                [Side::Body(body), Side::Static(item)] | [Side::Static(item), Side::Body(body)] => {
+                    with_static(input, statics, &input.bodies[body as usize], body, item)
+                }
+                [Side::Static(_), Side::Static(_)] => None,
+            }?;
+            consents(input, statics, &mut pair, Meeting::Stopping);
+            if pair.first != sides[0] {
+                primitives.iter_mut().for_each(|pair| pair.reverse());
+            }
+            primitives.sort_unstable();
+            Some((pair, primitives))
+        })
+        .collect();
+    pairs.sort_unstable_by_key(|(pair, _)| *pair);
+    pairs
+}
+
+/// Notes whether a pair stops, which it does only if both sides consent; false if they do not collide.
+fn consents(input: &StepInput, statics: &Statics, pair: &mut BodyPair, meeting: Meeting) -> bool {
     let consent = |side| match side {
         Side::Body(body) => (input.bodies[body as usize].passes, input.bodies[body as usize].stop_groups),
         Side::Static(body) => (statics.bodies[body as usize].passes, statics.bodies[body as usize].stop_groups),
     };
-    pairs.retain_mut(|pair| {
-        let [(passes1, groups1), (passes2, groups2)] = [pair.first, pair.second].map(consent);
-        let meeting = filter(pair.first, pair.second);
-        pair.stops = meeting == Meeting::Stopping && !passes1 && !passes2 && groups1.test(&groups2);
-        meeting != Meeting::Apart
-    });
-    pairs
+    let [(passes1, groups1), (passes2, groups2)] = [pair.first, pair.second].map(consent);
+    pair.stops = meeting == Meeting::Stopping && !passes1 && !passes2 && groups1.test(&groups2);
+    meeting != Meeting::Apart
 }
 
 /// The pairs that may come within the prediction distance of each other.
@@ -187,6 +218,14 @@ fn may_collide(input: &StepInput, body1: &Body, body2: &Body) -> bool {
         && !kept_apart(input, body1.owner, body2.owner)
 }
 
+/// The pair of two bodies, if they may collide.
+fn between(input: &StepInput, i: u32, j: u32) -> Option<BodyPair> {
+    let [lesser, greater] = [i.min(j), i.max(j)];
+    let [body1, body2] = [lesser, greater].map(|index| &input.bodies[index as usize]);
+    let (first, second) = if body1.solid.medial().is_some() { (lesser, greater) } else { (greater, lesser) };
+    may_collide(input, body1, body2).then(|| BodyPair::new(Side::Body(first), Side::Body(second)))
+}
+
 /// The pair of a body and a static, if they may collide.
 fn with_static(input: &StepInput, statics: &Statics, body: &Body, index: u32, item: u32) -> Option<BodyPair> {
     let target = &statics.bodies[item as usize];
@@ -207,12 +246,7 @@ fn with_static(input: &StepInput, statics: &Statics, body: &Body, index: u32, it
 fn all_pairs(input: &StepInput, statics: &Statics) -> Vec<BodyPair> {
     let mut pairs = Vec::new();
     for (i, body) in (0..).zip(&input.bodies) {
-        for (j, other) in (i + 1..).zip(&input.bodies[i as usize + 1..]) {
-            if may_collide(input, body, other) {
-                let (first, second) = if body.solid.medial().is_some() { (i, j) } else { (j, i) };
-                pairs.push(BodyPair::new(Side::Body(first), Side::Body(second)));
-            }
-        }
+        pairs.extend((i + 1..input.bodies.len() as u32).filter_map(|j| between(input, i, j)));
         pairs.extend((0..statics.bodies.len() as u32).filter_map(|item| with_static(input, statics, body, i, item)));
     }
     pairs.sort_unstable();

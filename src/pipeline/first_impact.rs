@@ -123,13 +123,13 @@ impl Search {
         let mut approaching = Vec::new();
         let mut nearest = f32::INFINITY;
         for (index, (motion, candidates)) in motions.iter().zip(candidates).enumerate() {
+            result.slop = result.slop.max(motion.slop);
             let nearing = motion.nearing();
             let count = candidates.within(nearing).count();
             if count == 0 {
                 continue;
             }
             let chords = motion.chords();
-            result.slop = result.slop.max(motion.slop);
             result.toi_tests += count;
             let direction = match result.normal {
                 normal if normal == Vec3::ZERO => motion.center_line(),

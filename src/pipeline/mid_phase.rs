@@ -18,7 +18,7 @@ use crate::{
     query::{Separation, separation},
 };
 use bevy::tasks::TaskPool;
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 /// Indices of a primitive of the first body and one of the second; of a part, which is one, 0.
 pub(super) type PrimitivePair = [u32; 2];
@@ -64,6 +64,26 @@ pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], pool
     })
 }
 
+/// Given primitive pairs of each pair, for each of its motions.
+pub(super) fn from_candidates(
+    input: &StepInput,
+    statics: &Statics,
+    pairs: &[BodyPair],
+    primitives: Vec<Vec<PrimitivePair>>,
+) -> Vec<Vec<Candidates>> {
+    let of_motion = |motion: &PairMotion, primitives: &[PrimitivePair]| match &motion.facing {
+        Facing::Shape(_) => Candidates::all(primitives.iter().copied(), None),
+        Facing::Part(part) => {
+            Candidates::all(primitives.iter().filter(|[_, j]| *j == part.id).map(|&[i, _]| [i, 0]), None)
+        }
+    };
+    let of_pair = |(pair, primitives): (&BodyPair, Vec<PrimitivePair>)| {
+        let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
+        motions.iter().map(|motion| of_motion(motion, &primitives)).collect()
+    };
+    pairs.iter().zip(primitives).map(of_pair).collect()
+}
+
 /// Candidate primitive pairs of one motion.
 pub(super) fn candidates(motion: &PairMotion, culling: Culling, prediction: f32) -> Candidates {
     match culling {
@@ -82,7 +102,11 @@ fn near(motion: &PairMotion, [nearing, covers]: [f32; 2]) -> Candidates {
     let pose12 = motion.pose12();
     // Boxes and directions are not exact.
     let reach = covers * (1.0 + CONTACT_ROUNDING) + CONTACT_ROUNDING * motion.size;
-    let turn = motion.sweep2.start.rotation;
+    // Chords that face a part are in its frame.
+    let turn = match motion.facing {
+        Facing::Shape(_) => motion.sweep2.start.rotation,
+        Facing::Part(_) => Quat::IDENTITY,
+    };
     let mut directions = Directions::new(turn.inverse() * motion.center_line());
     let mut pairs = Vec::new();
     let mut add = |primitives: PrimitivePair, hull: Hull| {
@@ -101,7 +125,6 @@ fn near(motion: &PairMotion, [nearing, covers]: [f32; 2]) -> Candidates {
         Facing::Shape(shape2) => near_shape(motion.shape1, shape2, &pose12, reach, add),
         Facing::Part(part) => near_part(motion.shape1, part, &pose12, reach, |i, hull| add([i, 0], hull)),
     }
-    pairs.sort_unstable_by_key(|candidate| candidate.primitives);
     Candidates { pairs, covers: Some(covers) }
 }
 

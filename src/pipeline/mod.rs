@@ -44,6 +44,8 @@ use crate::{
     query::Cuboid,
 };
 
+use broad_phase::BodyPair;
+
 pub use contact::{Contact, Manifold, Second};
 pub use parts::{ConvexParts, Core, Part};
 pub(crate) use shape::with_spheres;
@@ -429,11 +431,7 @@ pub fn step_filtered(
     pool: &TaskPool,
 ) -> StepOutput {
     let mut output = StepOutput::default();
-    let mut clock = Instant::now();
-    let mut lap = || {
-        let now = Instant::now();
-        now - std::mem::replace(&mut clock, now)
-    };
+    let mut lap = laps();
 
     let pairs = broad_phase::run(input, statics, filter, pool);
     output.times.broad = lap();
@@ -441,13 +439,64 @@ pub fn step_filtered(
     let candidates = mid_phase::run(input, statics, &pairs, pool);
     output.times.mid = lap();
 
-    let mut results = narrow_phase::impacts(input, statics, &pairs, &candidates, pool);
+    finish(input, statics, &pairs, &candidates, output, pool)
+}
+
+/// Two bodies that may meet within the step, wherever each stops, and those of their primitives that may come within the
+/// prediction distance of each other if none does.
+#[derive(Clone, Debug)]
+pub struct Candidates {
+    /// The bodies, in any order. One of them at least is medial.
+    pub sides: [Side; 2],
+    /// Primitives of the first side and the second, in any order, none twice; of a side that is not medial the parts.
+    pub primitives: Vec<[u32; 2]>,
+}
+
+/// Runs what follows culling: to measure culling of another kind beside the hybrid one, with all else the same.
+///
+/// Of the candidates, pairs of bodies that may not collide are left out. Whatever is found by searching again within the step, where
+/// bodies spin fast or have stopped, is culled as in any other step.
+///
+/// # Panics
+/// If an index is out of range.
+pub fn step_from_candidates(
+    input: &StepInput,
+    statics: &Statics,
+    candidates: Vec<Candidates>,
+    pool: &TaskPool,
+) -> StepOutput {
+    let (pairs, primitives): (Vec<_>, Vec<_>) =
+        broad_phase::from_candidates(input, statics, candidates).into_iter().unzip();
+    let candidates = mid_phase::from_candidates(input, statics, &pairs, primitives);
+    finish(input, statics, &pairs, &candidates, StepOutput::default(), pool)
+}
+
+/// A clock that tells the time since it was last asked.
+fn laps() -> impl FnMut() -> Duration {
+    let mut clock = Instant::now();
+    move || {
+        let now = Instant::now();
+        now - std::mem::replace(&mut clock, now)
+    }
+}
+
+/// Runs stages 4 and 5.
+fn finish(
+    input: &StepInput,
+    statics: &Statics,
+    pairs: &[BodyPair],
+    candidates: &[Vec<mid_phase::Candidates>],
+    mut output: StepOutput,
+    pool: &TaskPool,
+) -> StepOutput {
+    let mut lap = laps();
+    let mut results = narrow_phase::impacts(input, statics, pairs, candidates, pool);
     output.times.narrow = lap();
 
-    let stops = stop::run(input, statics, &pairs, &candidates, &mut results);
+    let stops = stop::run(input, statics, pairs, candidates, &mut results);
     output.times.stop = lap();
 
-    let contacts = narrow_phase::contacts(input, statics, &pairs, &candidates, &stops, pool);
+    let contacts = narrow_phase::contacts(input, statics, pairs, candidates, &stops, pool);
     output.times.narrow += lap();
 
     output.counts = Counts {
@@ -462,7 +511,7 @@ pub fn step_filtered(
     output.stops =
         stops.iter().map(|(body, fraction)| Stop { body, fraction, pose: stops.final_pose(input, body) }).collect();
     let impacts = results.iter().map(|result| result.impact);
-    reduce::run(&pairs, impacts, contacts, &mut output);
+    reduce::run(pairs, impacts, contacts, &mut output);
     output.times.reduce = lap();
     output
 }

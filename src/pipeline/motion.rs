@@ -172,14 +172,14 @@ impl<'a> PairMotion<'a> {
         self.frame_at(0.0).rotation.inverse() * direction
     }
 
-    /// Unit vector from the middle of the first shape to that of what it faces, at the start.
+    /// Unit vector, in the frame of the chords, from the middle of the first shape to that of what it faces, at the start.
     pub fn center_line(&self) -> Vec3 {
         let center1 = self.sweep1.start.transform_point(self.shape1.bounding_sphere().center);
         let center2 = self.sweep2.start.transform_point(match &self.facing {
             Facing::Shape(shape2) => shape2.bounding_sphere().center,
             Facing::Part(part) => part.aabb().center(),
         });
-        (center2 - center1).normalize_or(Vec3::Y)
+        self.to_chords(self.frame.rotation * (center2 - center1).normalize_or(Vec3::Y))
     }
 
     /// In how many parts the step is to be searched.

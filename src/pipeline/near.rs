@@ -11,7 +11,7 @@ use crate::{
 };
 
 /// Calls `visit` with the primitives of two shapes whose boxes come within `reach` metres of each other, and with the first one in the
-/// frame of the second shape. `pose12`: pose of the second shape in the frame of the first.
+/// frame of the second shape, in ascending order. `pose12`: pose of the second shape in the frame of the first.
 ///
 /// Few primitives of either shape are near the other at all: those are held against each other one by one.
 pub(super) fn near_shape(
@@ -25,21 +25,21 @@ pub(super) fn near_shape(
     let mut near1 = Vec::new();
     let mut around1 = Aabb::EMPTY;
     let target = shape2.aabb().inflated(reach);
-    in_reach(shape1, &target.transformed(pose12, 1.0), |primitive| {
+    for primitive in in_reach(shape1, &target.transformed(pose12, 1.0)) {
         let hull = shape1.hull(primitive).placed(&to_second);
         let aabb = hull.aabb();
         if aabb.overlaps(&target) {
             near1.push((primitive, hull, Box3A::new(&aabb.inflated(reach))));
             around1 = around1.merge(aabb);
         }
-    });
+    }
     if near1.is_empty() {
         return;
     }
-    let mut near2 = Vec::new();
-    in_reach(shape2, &around1.inflated(reach), |primitive| {
-        near2.push((primitive, Box3A::new(&shape2.hull(primitive).aabb())));
-    });
+    let near2: Vec<(u32, Box3A)> = in_reach(shape2, &around1.inflated(reach))
+        .into_iter()
+        .map(|primitive| (primitive, Box3A::new(&shape2.hull(primitive).aabb())))
+        .collect();
     for (primitive1, hull, box1) in near1 {
         for (primitive2, box2) in &near2 {
             if box1.overlaps(box2) {
@@ -70,18 +70,21 @@ impl Box3A {
 pub(super) fn near_part(shape1: &Shape, part: &Part, pose12: &Pose3, reach: f32, mut visit: impl FnMut(u32, Hull)) {
     let to_part = Placement::from(pose12.inverse());
     let target = part.aabb().inflated(reach);
-    in_reach(shape1, &target.transformed(pose12, 1.0), |primitive1| {
+    for primitive1 in in_reach(shape1, &target.transformed(pose12, 1.0)) {
         let hull = shape1.hull(primitive1).placed(&to_part);
         if hull.aabb().overlaps(&target) {
             visit(primitive1, hull);
         }
-    });
+    }
 }
 
-/// The primitives whose boxes overlap with a box in the shape's frame.
-fn in_reach(shape: &Shape, reach: &Aabb, visit: impl FnMut(u32)) {
+/// The primitives whose boxes overlap with a box in the shape's frame, in ascending order.
+fn in_reach(shape: &Shape, reach: &Aabb) -> Vec<u32> {
     let unscaled = Aabb { min: reach.min / shape.scale, max: reach.max / shape.scale };
-    shape.bvh().visit(|aabb| aabb.overlaps(&unscaled), visit);
+    let mut primitives = Vec::new();
+    shape.bvh().visit(|aabb| aabb.overlaps(&unscaled), |primitive| primitives.push(primitive));
+    primitives.sort_unstable();
+    primitives
 }
 
 /// Directions along which some primitives of a pair are far from each other: most others are as well.

@@ -5,6 +5,7 @@ use bevy_medial::pipeline::{Body, Culling, Statics, StepInput, StepOutput, step}
 use glam::Vec3;
 
 use crate::{
+    baselines::Kind,
     common::Random,
     random_steps::{random_step, tally},
 };
@@ -54,6 +55,41 @@ fn culling_changes_nothing_among_few() {
 fn culling_changes_nothing_among_many() {
     let [impacts, contacts, stops, _] = compare(2, 200, 50, 20, 5.0);
     assert!(impacts > 3000 && contacts > 9_000 && stops > 1500);
+}
+
+#[test]
+fn baselines_lose_nothing() {
+    let mut random = Random(3);
+    let (mut totals, mut kept, mut hybrids) = ([0; 4], [0; 3], 0);
+    for number in 0..3000 {
+        let (mut input, statics) = random_step(&mut random, 12, 6, 2.0, Vec3::ZERO);
+        // They know of no bodies that carry others along.
+        input.bodies.iter_mut().for_each(|body| body.stops = body.active);
+        let hybrid = run(&input, &statics);
+        for (kind, kept) in [Kind::Obb, Kind::Sphere, Kind::Aabb].into_iter().zip(&mut kept) {
+            let other = kind.baseline().step(&input, &statics, pool()).unwrap();
+            assert_eq!(hybrid.pairs, other.pairs, "step {number}, {kind:?}");
+            assert_eq!(hybrid.manifolds, other.manifolds, "step {number}, {kind:?}");
+            assert_eq!(hybrid.stops, other.stops, "step {number}, {kind:?}");
+            *kept += other.counts.candidates;
+        }
+        hybrids += hybrid.counts.candidates;
+        totals.iter_mut().zip(tally(&hybrid)).for_each(|(sum, count)| *sum += count);
+    }
+    let [impacts, contacts, stops, _] = totals;
+    println!("{impacts} impacts, {contacts} contacts, {stops} stops; candidates {kept:?}, hybrid {hybrids}");
+    assert!(impacts > 10_000 && contacts > 20_000 && stops > 6000);
+    assert!(kept.iter().all(|&kept| kept < 2 * hybrids), "they cull nothing");
+}
+
+#[test]
+fn baselines_refuse_what_they_do_not_cover() {
+    let mut random = Random(4);
+    let (mut input, statics) = random_step(&mut random, 4, 1, 2.0, Vec3::ZERO);
+    let body = &mut input.bodies[0];
+    (body.stops, body.sweep.translation) = (false, Vec3::X);
+    let result = Kind::Aabb.baseline().step(&input, &statics, pool());
+    assert_eq!(result.err().as_deref(), Some("body 0 moves and does not stop"));
 }
 
 #[test]

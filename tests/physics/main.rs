@@ -2,6 +2,8 @@
 //!
 //! One binary, so that Bevy is linked once. Everything is seeded, nothing depends on the clock.
 
+#[path = "../../benches/baselines/mod.rs"]
+mod baselines;
 mod builds;
 mod bullets;
 mod casts;

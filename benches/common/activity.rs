@@ -1,0 +1,30 @@
+//! Which steps of a run count as active, and medians over them.
+
+/// What tells how much happens in a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Activity {
+    /// Pairs of bodies with contacts.
+    pub contact_pairs: usize,
+    /// Kinetic energy, in any unit.
+    pub energy: f32,
+}
+
+/// Active are the steps with at least 30 % of the greatest number of contact pairs in any step, and 3 % of the greatest kinetic energy:
+/// bodies touch, and have not come to rest.
+pub fn active(steps: &[Activity]) -> Vec<bool> {
+    let most_pairs = steps.iter().map(|step| step.contact_pairs).max().unwrap_or(0);
+    let most_energy = steps.iter().map(|step| step.energy).fold(0.0, f32::max);
+    let is_active = |step: &Activity| {
+        step.contact_pairs > 0
+            && step.contact_pairs as f32 >= 0.3 * most_pairs as f32
+            && step.energy >= 0.03 * most_energy
+    };
+    steps.iter().map(is_active).collect()
+}
+
+/// The median; the upper one of an even number; not a number for none.
+pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}

@@ -1,0 +1,87 @@
+//! Medial meshes, with rapier for the response.
+//!
+//! The step is that of the plugin, between rapier's taking over of components and its writing back: snapshot, rapier's step, the
+//! pipeline and what follows from it. Collision is the pipeline, and what rapier spends on collision detection in its own step.
+
+use std::time::{Duration, Instant};
+
+use bevy::{ecs::schedule::SingleThreadedExecutor, prelude::*};
+use bevy_medial::{
+    plugin::{MedialStep, MedialSystems},
+    scenes::{Model, Scene, headless_app},
+};
+use bevy_rapier3d::{
+    plugin::context::{RapierContextSimulation, RapierRigidBodySet},
+    prelude::{PhysicsSet, RapierRigidBodyHandle},
+};
+
+use super::{Engine, StepTimes};
+use crate::world::{SEED, State, World};
+
+#[derive(Resource)]
+struct Clock {
+    begin: Instant,
+    whole: Duration,
+}
+
+/// The plugin in an app without a window.
+pub struct Medial<'a> {
+    app: App,
+    world: &'a World,
+}
+
+impl<'a> Medial<'a> {
+    /// The scene that the world was read from.
+    pub fn new(world: &'a World, scene: &Scene, models: &[Model]) -> Self {
+        let mut app = headless_app(world.dt);
+        app.edit_schedule(PostUpdate, |schedule| {
+            schedule.set_executor(SingleThreadedExecutor::new());
+        });
+        app.insert_resource(Clock { begin: Instant::now(), whole: Duration::ZERO }).add_systems(
+            PostUpdate,
+            (
+                begin.after(PhysicsSet::SyncBackend).before(MedialSystems::Snapshot),
+                end.after(MedialSystems::Detect).before(PhysicsSet::Writeback),
+            ),
+        );
+        scene.spawn(app.world_mut(), models, SEED);
+        Self { app, world }
+    }
+}
+
+fn begin(mut clock: ResMut<Clock>) {
+    clock.begin = Instant::now();
+}
+
+fn end(mut clock: ResMut<Clock>) {
+    clock.whole = clock.begin.elapsed();
+}
+
+impl Engine for Medial<'_> {
+    fn step(&mut self) -> StepTimes {
+        self.app.update();
+        let world = self.app.world_mut();
+        let mut simulation = world.query::<&RapierContextSimulation>();
+        let counters = simulation.iter(world).map(|simulation| simulation.pipeline.counters);
+        let rapier: Duration = counters.map(|counters| counters.stages.collision_detection_time.time()).sum();
+        let output = &world.resource::<MedialStep>().output;
+        StepTimes {
+            collision: output.times.total() + rapier,
+            whole: world.resource::<Clock>().whole,
+            contact_pairs: output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count(),
+        }
+    }
+
+    fn states(&self) -> Vec<State> {
+        let app = self.app.world();
+        let set = app.try_query::<&RapierRigidBodySet>().and_then(|mut query| query.iter(app).next());
+        let state = |body: &crate::world::Body| {
+            let handle = app.get::<RapierRigidBodyHandle>(body.entity);
+            match handle.and_then(|handle| set?.bodies.get(handle.0)) {
+                Some(rigid) => State { pose: *rigid.position(), linear: rigid.linvel(), angular: rigid.angvel() },
+                None => State { pose: body.pose, linear: Vec3::ZERO, angular: Vec3::ZERO },
+            }
+        };
+        self.world.bodies.iter().map(state).collect()
+    }
+}

@@ -1,0 +1,227 @@
+//! The demo scenes with medial meshes, and with what else there is: rapier alone and avian, with convex decomposition, hulls and triangle
+//! meshes. With them the culling beside its baselines.
+//!
+//! ```text
+//! cargo bench --bench peers -- [--quick] [--scene NAME] [--engine NAME] [--out DIR] [--list]
+//! ```
+//!
+//! Without `--out` tables are printed only. `--quick` runs a few steps of each, and leaves out what takes long to prepare: it shows that all of it works.
+//!
+//! Everything runs on one core, to which the process is bound: rapier by itself has one thread, and Bevy's pools have threads that share it.
+
+#[path = "../common/activity.rs"]
+mod activity;
+#[path = "../baselines/mod.rs"]
+mod baselines;
+#[path = "../common/compare.rs"]
+mod compare;
+mod engines;
+#[path = "../common/hulls.rs"]
+mod hulls;
+mod measure;
+mod overlap;
+mod report;
+mod shapes;
+mod world;
+
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use bevy_medial::{
+    builder,
+    scenes::{Model, Scene, headless_app, load_models},
+};
+use clap::Parser;
+use compare::{Comparison, Cull};
+use engines::{
+    Engine,
+    avian::Avian,
+    medial::Medial,
+    rapier::{Ccd, Rapier},
+};
+use measure::{Row, ShapeFigures};
+use overlap::Surfaces;
+use report::Culling;
+use shapes::{Kind, ModelShape, Shapes};
+use world::{SEED, World};
+
+#[derive(Parser)]
+#[command(about = "The demo scenes in several engines")]
+struct Args {
+    /// A few steps of each, to see that all of it works.
+    #[arg(long)]
+    quick: bool,
+    /// Only this scene.
+    #[arg(long)]
+    scene: Option<String>,
+    /// Only engines whose name contains this; `culling` for the baselines.
+    #[arg(long)]
+    engine: Option<String>,
+    /// Folder for the tables.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// List scenes and engines.
+    #[arg(long)]
+    list: bool,
+    /// What cargo adds.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+const SCENES: [&str; 4] = ["rods", "tori", "stairs", "dinosaur"];
+
+/// An engine with its shapes.
+enum Setup {
+    Medial,
+    Rapier(Kind, Ccd),
+    Avian,
+}
+
+const SETUPS: [(&str, Setup); 8] = [
+    ("medial meshes", Setup::Medial),
+    ("rapier, decomposition", Setup::Rapier(Kind::Decomposition, Ccd::Default)),
+    ("rapier, decomposition, CCD of all", Setup::Rapier(Kind::Decomposition, Ccd::On)),
+    ("rapier, decomposition, no CCD", Setup::Rapier(Kind::Decomposition, Ccd::Off)),
+    ("rapier, fine decomposition", Setup::Rapier(Kind::FineDecomposition, Ccd::Default)),
+    ("rapier, hull", Setup::Rapier(Kind::Hull, Ccd::Default)),
+    ("rapier, triangle mesh", Setup::Rapier(Kind::TriMesh, Ccd::Default)),
+    ("avian, decomposition", Setup::Avian),
+];
+
+const CULLS: [Cull; 4] = [Cull::None, Cull::BvhObb, Cull::BvhSphere, Cull::BvhAabb];
+
+/// Length of a step in seconds.
+const DT: f32 = 1.0 / 60.0;
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), String> {
+    if args.list {
+        println!("scenes: {}", SCENES.join(", "));
+        SETUPS.iter().for_each(|(name, _)| println!("engine: {name}"));
+        return Ok(());
+    }
+    if let Some(name) = args.scene.as_deref().filter(|name| !SCENES.contains(name)) {
+        return Err(format!("there is no scene `{name}` here; there are {}", SCENES.join(", ")));
+    }
+    // Threads that are started from now on are bound to it as well.
+    let core = core_affinity::get_core_ids().and_then(|cores| cores.first().copied());
+    if !core.is_some_and(core_affinity::set_for_current) {
+        eprintln!("the process cannot be bound to one core: times of Bevy's threads are those of several");
+    }
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
+    let models = load_models(&folder).map_err(|error| error.to_string())?;
+    let (mut peers, mut culling) = (Vec::new(), Vec::new());
+    let mut shapes = Shapes::default();
+    for name in SCENES.iter().filter(|name| args.scene.as_deref().is_none_or(|only| only == **name)) {
+        let Some(scene) = Scene::by_name(name) else { continue };
+        run_scene(args, scene, &models, &folder, &mut shapes, &mut peers)?;
+        culling.extend(run_culling(args, scene, &models)?);
+    }
+    match &args.out {
+        Some(folder) => {
+            report::write_all(folder, "cargo bench --bench peers -- --out benches/results", &peers, &culling)
+        }
+        None => Ok(()),
+    }
+}
+
+/// Steps of a scene.
+fn steps(args: &Args, scene: &Scene) -> usize {
+    // Enough for bodies to touch.
+    if args.quick { 50.min(scene.steps as usize) } else { scene.steps as usize }
+}
+
+fn is_wanted(args: &Args, name: &str) -> bool {
+    args.engine.as_deref().is_none_or(|part| name.contains(part))
+}
+
+fn run_scene(
+    args: &Args,
+    scene: &Scene,
+    models: &[Model],
+    folder: &Path,
+    shapes: &mut Shapes,
+    rows: &mut Vec<Row>,
+) -> Result<(), String> {
+    let world = World::new(scene, models, folder, DT)?;
+    let surfaces = Surfaces::new(&world)?;
+    for (name, setup) in &SETUPS {
+        let slow = matches!(setup, Setup::Rapier(Kind::FineDecomposition, _));
+        if !is_wanted(args, name) || (args.quick && slow) {
+            continue;
+        }
+        let (figures, mut engine): (ShapeFigures, Box<dyn Engine>) = match setup {
+            Setup::Medial => (medial_figures(&world), Box::new(Medial::new(&world, scene, models))),
+            Setup::Rapier(kind, ccd) => {
+                let made = shapes.of_world(*kind, &world);
+                (hull_figures(&world, &made), Box::new(Rapier::new(&world, &made, *ccd)?))
+            }
+            Setup::Avian => {
+                let made = shapes.of_world(Kind::Decomposition, &world);
+                (hull_figures(&world, &made), Box::new(Avian::new(&world, &made)?))
+            }
+        };
+        let row = measure::run((scene.name, name), &world, &surfaces, figures, &mut *engine, steps(args, scene));
+        println!(
+            "{:9} {name:34} {:3} active: collision {:8.3} ms, step {:8.3} ms; overlap {:6.2} %, {} of {} lost",
+            row.scene,
+            row.active_steps,
+            row.collision_active_ms,
+            row.step_active_ms,
+            row.overlap_max_percent,
+            row.lost,
+            row.bodies
+        );
+        rows.push(row);
+    }
+    Ok(())
+}
+
+/// Of the medial meshes themselves.
+fn medial_figures(world: &World) -> ShapeFigures {
+    let count = world.models.len().max(1);
+    let errors = world.models.iter().map(|model| builder::measure(&model.mesh, &model.axis).mesh_to_envelope);
+    let parts: usize = world.models.iter().map(|model| model.axis.primitives().len()).sum();
+    ShapeFigures { parts: parts as f64 / count as f64, error: shapes::worst(errors) }
+}
+
+fn hull_figures(world: &World, made: &[ModelShape]) -> ShapeFigures {
+    let count = made.len().max(1);
+    let parts = made.iter().zip(&world.models).map(|(shape, model)| match shape.hulls.len() {
+        0 => model.mesh.triangles.len(),
+        hulls => hulls,
+    });
+    ShapeFigures {
+        parts: parts.sum::<usize>() as f64 / count as f64,
+        error: shapes::worst(made.iter().map(|shape| shape.error)),
+    }
+}
+
+/// The scene with the hybrid culling, beside each baseline.
+fn run_culling(args: &Args, scene: &Scene, models: &[Model]) -> Result<Vec<Culling>, String> {
+    let mut rows = Vec::new();
+    for cull in CULLS.into_iter().filter(|_| is_wanted(args, "culling")) {
+        let Some(mut comparison) = Comparison::with(cull) else { continue };
+        let mut app = headless_app(DT);
+        scene.spawn(app.world_mut(), models, SEED);
+        for _ in 0..steps(args, scene) {
+            app.update();
+            comparison.run(app.world())?;
+        }
+        let report = comparison.report(app.world());
+        println!("{}, culling: {report}", scene.name);
+        rows.push(Culling { scene: scene.name, report });
+    }
+    Ok(rows)
+}

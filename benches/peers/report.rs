@@ -1,0 +1,158 @@
+//! The tables, as CSV and Markdown.
+
+use std::{fmt::Write, fs, path::Path};
+
+use serde::Serialize;
+
+use crate::{
+    compare::{Figures, Report},
+    measure::Row,
+};
+
+/// A scene with the hybrid culling, and beside it another.
+pub struct Culling {
+    pub scene: &'static str,
+    pub report: Report,
+}
+
+impl Culling {
+    /// A row for either culling, over all steps and over the active ones.
+    fn rows(&self) -> impl Iterator<Item = CullingRow<'_>> {
+        let Report { other, steps, figures } = &self.report;
+        [0, 1].into_iter().flat_map(move |over| {
+            ["hybrid", other].into_iter().zip(&figures[over]).map(move |(culling, figures)| CullingRow {
+                scene: self.scene,
+                beside: other,
+                over: ["all", "active"][over],
+                steps: steps[over],
+                culling,
+                figures: *figures,
+            })
+        })
+    }
+}
+
+#[derive(Serialize)]
+struct CullingRow<'a> {
+    scene: &'a str,
+    beside: &'a str,
+    over: &'a str,
+    steps: usize,
+    culling: &'a str,
+    #[serde(flatten)]
+    figures: Figures,
+}
+
+/// Writes rows under a line of their fields' names.
+///
+/// # Errors
+/// If the file cannot be written; the message names it.
+pub fn write_csv<T: Serialize>(path: &Path, rows: &[T]) -> Result<(), String> {
+    let mut text = String::new();
+    for (index, row) in rows.iter().enumerate() {
+        let Ok(serde_json::Value::Object(fields)) = serde_json::to_value(row) else { continue };
+        if index == 0 {
+            text += &fields.keys().map(String::as_str).collect::<Vec<_>>().join(",");
+            text.push('\n');
+        }
+        let value = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        text += &fields.values().map(value).collect::<Vec<_>>().join(",");
+        text.push('\n');
+    }
+    write(path, &text)
+}
+
+fn write(path: &Path, text: &str) -> Result<(), String> {
+    fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// Writes all tables to a folder.
+///
+/// # Errors
+/// If a file cannot be written; the message names it.
+pub fn write_all(folder: &Path, command: &str, peers: &[Row], culling: &[Culling]) -> Result<(), String> {
+    fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    write_csv(&folder.join("peers.csv"), peers)?;
+    write_csv(&folder.join("culling.csv"), &culling.iter().flat_map(Culling::rows).collect::<Vec<_>>())?;
+    write(&folder.join("README.md"), &markdown(command, peers, culling))
+}
+
+/// The processor, and how many threads it has.
+fn machine() -> String {
+    let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    let name = model.map_or("a processor of unknown name", |(_, name)| name.trim());
+    format!("{name}, {} {}", std::env::consts::ARCH, std::env::consts::OS)
+}
+
+const HEAD: &str = "\
+# Results
+
+Made by the command below; every figure is of one run. All engines have the same bodies, masses, inertias, poses, gravity, damping and step,
+and run on one and the same core. Times are medians in milliseconds, of the *active* steps and, in brackets, of all: active are those with at
+least 30 % of the greatest number of contact pairs and 3 % of the greatest kinetic energy.
+
+- *collision*: finding contacts and impacts; *step*: all of a step, without copies from and to components.
+- *overlap*: deepest overlap of the exact meshes of two bodies, in percent of the smaller body's size: the greatest of every fifth
+  step, and the median over those that are active.
+- *lost*: bodies that have fallen through the ground or left the square that it covers.
+- *error*: from the exact mesh to the shape that stands for it, in percent of the mesh's diagonal: the greatest of any model, and the mean.
+
+`benches/peers` and `benches/baselines` say how each engine and each baseline is set up.
+";
+
+fn markdown(command: &str, peers: &[Row], culling: &[Culling]) -> String {
+    let mut text = format!("{HEAD}\nMachine: {}. Command: `{command}`.\n", machine());
+    // Writing to a string cannot fail.
+    for rows in peers.chunk_by(|a, b| a.scene == b.scene) {
+        let _ = write!(
+            text,
+            "\n## {}: {} bodies, {} steps\n\n\
+             | engine and shapes | parts | error: max, mean | active steps | collision | step | overlap: max, median | lost |\n\
+             |---|---|---|---|---|---|---|---|\n",
+            rows[0].scene, rows[0].bodies, rows[0].steps
+        );
+        for row in rows {
+            let _ = writeln!(
+                text,
+                "| {} | {:.0} | {:.2}, {:.2} | {} | {:.3} ({:.3}) | {:.3} ({:.3}) | {:.2}, {:.2} % | {} |",
+                row.engine,
+                row.parts,
+                row.error_max_percent,
+                row.error_mean_percent,
+                row.active_steps,
+                row.collision_active_ms,
+                row.collision_ms,
+                row.step_active_ms,
+                row.step_ms,
+                row.overlap_max_percent,
+                row.overlap_median_percent,
+                row.lost,
+            );
+        }
+    }
+    if !culling.is_empty() {
+        text += "\n## Culling\n\n\
+            Each step's input with the hybrid culling and with another, all else the same, and the same results. The ratio is of the whole \
+            collision, over active steps and in brackets over all: above 1 the hybrid one is faster.\n\n\
+            | scene | beside | culling, hybrid | other | collision, hybrid | other | ratio | candidates, hybrid | other |\n\
+            |---|---|---|---|---|---|---|---|---|\n";
+        for Culling { scene, report } in culling {
+            let [all, [hybrid, other]] = report.figures;
+            let _ = writeln!(
+                text,
+                "| {scene} | {} | {:.3} | {:.3} | {:.3} | {:.3} | {:.2} ({:.2}) | {:.0} | {:.0} |",
+                report.other,
+                hybrid.culling_ms,
+                other.culling_ms,
+                hybrid.total_ms(),
+                other.total_ms(),
+                other.total_ms() / hybrid.total_ms(),
+                all[1].total_ms() / all[0].total_ms(),
+                hybrid.candidates,
+                other.candidates,
+            );
+        }
+    }
+    text
+}
