@@ -150,7 +150,7 @@ impl Comparison {
             Some(baseline) => baseline.step(&step.input, &step.statics, pool),
             None => Ok(pipeline::step(&brute_force, &step.statics, pool)),
         };
-        let outputs: [Result<StepOutput, String>; 2] = if self.steps.len() % 2 == 0 {
+        let outputs: [Result<StepOutput, String>; 2] = if self.steps.len().is_multiple_of(2) {
             [hybrid(), other()]
         } else {
             let last = other();

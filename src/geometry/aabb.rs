@@ -1,4 +1,4 @@
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 use glamx::Pose3;
 
 use super::Sphere;
@@ -102,4 +102,23 @@ impl Aabb {
 pub(crate) fn rotated_extents(rotation: glam::Quat, half: Vec3) -> Vec3 {
     let axes = glam::Mat3::from_quat(rotation);
     axes.x_axis.abs() * half.x + axes.y_axis.abs() * half.y + axes.z_axis.abs() * half.z
+}
+
+/// The same in a form that is compared quickly.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Box3A {
+    min: Vec3A,
+    max: Vec3A,
+}
+
+impl From<Aabb> for Box3A {
+    fn from(aabb: Aabb) -> Self {
+        Self { min: aabb.min.into(), max: aabb.max.into() }
+    }
+}
+
+impl Box3A {
+    pub fn overlaps(&self, other: &Self) -> bool {
+        (self.min.cmple(other.max) & other.min.cmple(self.max)).all()
+    }
 }

@@ -1,97 +1,119 @@
 use arrayvec::ArrayVec;
+use glam::Vec3;
 
-use super::Aabb;
+use super::{Aabb, aabb::Box3A};
 
-/// Bounding volume hierarchy of boxes: one item a leaf, balanced, flat.
+/// Bounding volume hierarchy of boxes: one item a leaf, flat.
 ///
-/// Nodes lie in depth-first order, so the left child follows its parent and the tree of `n` items has `2 n - 1` nodes
-/// and a depth of at most 33.
+/// Nodes lie in depth-first order: the left child follows its parent, and what follows a subtree comes next when that is left out. The
+/// tree of `n` items has `2 n - 1` nodes.
 #[derive(Clone, Debug, Default)]
 pub struct Bvh {
     nodes: Vec<Node>,
 }
 
+/// Two to a cache line.
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    aabb: Aabb,
-    /// Right child, or `LEAF` plus the item.
+    min: Vec3,
+    /// The node that follows the subtree, or `LEAF` plus the item.
     link: u32,
+    max: Vec3,
+    _unused: u32,
 }
 
 const LEAF: u32 = 1 << 31;
-const MAX_DEPTH: usize = 34;
+/// Each child has three quarters of its parent's items at most.
+const MAX_DEPTH: usize = 80;
 
 impl Node {
+    fn new(Aabb { min, max }: Aabb, link: u32) -> Self {
+        Self { min, link, max, _unused: 0 }
+    }
+
     fn item(&self) -> Option<u32> {
         (self.link & LEAF != 0).then_some(self.link & !LEAF)
+    }
+
+    fn aabb(&self) -> Aabb {
+        Aabb { min: self.min, max: self.max }
     }
 }
 
 impl Bvh {
     /// A hierarchy over `boxes`, whose positions in the slice are the items.
     pub fn new(boxes: &[Aabb]) -> Self {
-        let mut bvh = Self::default();
-        bvh.rebuild(boxes);
+        let mut items: Vec<Item> =
+            (0..).zip(boxes).map(|(index, aabb)| Item { center: aabb.center(), index }).collect();
+        let mut bvh = Self { nodes: Vec::with_capacity(2 * items.len()) };
+        if !items.is_empty() {
+            bvh.build(boxes, &mut items);
+        }
         bvh
     }
 
-    /// The same without new allocations once the hierarchy has been as large.
-    pub fn rebuild(&mut self, boxes: &[Aabb]) {
-        self.nodes.clear();
-        if boxes.is_empty() {
-            return;
-        }
-        let mut items: Vec<u32> = (0..boxes.len() as u32).collect();
-        self.build(boxes, &mut items);
-    }
-
-    /// Splits at the median along the axis in which the centres spread most.
-    fn build(&mut self, boxes: &[Aabb], items: &mut [u32]) {
+    fn build(&mut self, boxes: &[Aabb], items: &mut [Item]) -> Aabb {
         let node = self.nodes.len();
-        if let [item] = *items {
-            self.nodes.push(Node { aabb: boxes[item as usize], link: LEAF | item });
-            return;
+        if let [Item { index, .. }] = *items {
+            let aabb = boxes[index as usize];
+            self.nodes.push(Node::new(aabb, LEAF | index));
+            return aabb;
         }
-        let centers = items.iter().map(|&i| boxes[i as usize].center());
-        let spread = centers.fold(Aabb::EMPTY, |aabb, c| aabb.merge(Aabb { min: c, max: c })).half_extents();
-        let axis = spread.max_position();
-        let middle = items.len() / 2;
-        // Ties by index: the tree depends on nothing but the boxes.
-        items.select_nth_unstable_by(middle, |&a, &b| {
-            let key = |i: u32| boxes[i as usize].center()[axis];
-            key(a).total_cmp(&key(b)).then(a.cmp(&b))
-        });
-        let (left, right) = items.split_at_mut(middle);
-        self.nodes.push(Node { aabb: Aabb::EMPTY, link: 0 });
-        self.build(boxes, left);
-        let right_child = self.nodes.len();
-        self.build(boxes, right);
-        let aabb = self.nodes[node + 1].aabb.merge(self.nodes[right_child].aabb);
-        self.nodes[node] = Node { aabb, link: right_child as u32 };
+        let (left, right) = split(items);
+        self.nodes.push(Node::new(Aabb::EMPTY, 0));
+        let aabb = self.build(boxes, left).merge(self.build(boxes, right));
+        self.nodes[node] = Node::new(aabb, self.nodes.len() as u32);
+        aabb
     }
 
     /// The box around all items.
     pub fn aabb(&self) -> Aabb {
-        self.nodes.first().map_or(Aabb::EMPTY, |root| root.aabb)
+        self.nodes.first().map_or(Aabb::EMPTY, Node::aabb)
+    }
+
+    /// The node that follows a node's subtree.
+    fn end(&self, index: usize) -> usize {
+        let node = &self.nodes[index];
+        if node.item().is_some() { index + 1 } else { node.link as usize }
     }
 
     /// Calls `visit` with every item whose box and whose ancestors' boxes pass `test`.
-    pub fn visit(&self, mut test: impl FnMut(&Aabb) -> bool, mut visit: impl FnMut(u32)) {
-        if self.nodes.is_empty() {
-            return;
-        }
-        let mut stack = Stack::<u32>::from_iter([0]);
-        while let Some(index) = stack.pop() {
-            let node = &self.nodes[index as usize];
-            if !test(&node.aabb) {
-                continue;
-            }
-            match node.item() {
-                Some(item) => visit(item),
-                None => {
-                    stack.push(node.link);
-                    stack.push(index + 1);
+    pub fn visit(&self, mut test: impl FnMut(&Aabb) -> bool, visit: impl FnMut(u32)) {
+        self.visit_nodes(0, |node| test(&node.aabb()), visit);
+    }
+
+    /// Calls `visit` with every item whose box overlaps with another.
+    pub fn overlapping(&self, other: &Aabb, visit: impl FnMut(u32)) {
+        let other = Box3A::from(*other);
+        self.visit_nodes(0, |node| Box3A::from(node.aabb()).overlaps(&other), visit);
+    }
+
+    /// The leaves, one beside the next in space. Those are neither items nor in their order.
+    pub fn leaves(&self) -> Vec<Leaf> {
+        (0..self.nodes.len()).filter(|&index| self.nodes[index].item().is_some()).map(Leaf).collect()
+    }
+
+    /// The item of a leaf of this hierarchy.
+    pub fn item(&self, leaf: Leaf) -> u32 {
+        self.nodes[leaf.0].link & !LEAF
+    }
+
+    /// Calls `visit` with every item whose box overlaps with that of a leaf, if its own leaf comes later: of all leaves it gives each pair once.
+    pub fn overlapping_later(&self, leaf: Leaf, visit: impl FnMut(u32)) {
+        let bounds = Box3A::from(self.nodes[leaf.0].aabb());
+        self.visit_nodes(leaf.0 + 1, |node| Box3A::from(node.aabb()).overlaps(&bounds), visit);
+    }
+
+    /// From the node `index` on.
+    fn visit_nodes(&self, mut index: usize, mut test: impl FnMut(&Node) -> bool, mut visit: impl FnMut(u32)) {
+        while let Some(node) = self.nodes.get(index) {
+            if test(node) {
+                if let Some(item) = node.item() {
+                    visit(item);
                 }
+                index += 1;
+            } else {
+                index = self.end(index);
             }
         }
     }
@@ -103,13 +125,12 @@ impl Bvh {
     pub fn least(&self, mut bound: impl FnMut(&Aabb) -> f32, mut cost: impl FnMut(u32) -> f32) -> Option<(u32, f32)> {
         let root = self.nodes.first()?;
         let mut best: Option<(u32, f32)> = None;
-        let mut stack = Stack::from_iter([(0, bound(&root.aabb))]);
+        let mut stack = Stack::from_iter([(0, bound(&root.aabb()))]);
         while let Some((index, least)) = stack.pop() {
             if best.is_some_and(|(_, best)| least >= best) {
                 continue;
             }
-            let node = &self.nodes[index as usize];
-            match node.item() {
+            match self.nodes[index].item() {
                 Some(item) => {
                     let cost = cost(item);
                     if best.is_none_or(|(_, best)| cost < best) {
@@ -117,7 +138,8 @@ impl Bvh {
                     }
                 }
                 None => {
-                    let [left, right] = [index + 1, node.link].map(|i| (i, bound(&self.nodes[i as usize].aabb)));
+                    let children = [index + 1, self.end(index + 1)];
+                    let [left, right] = children.map(|i| (i, bound(&self.nodes[i].aabb())));
                     let (near, far) = if right.1 < left.1 { (right, left) } else { (left, right) };
                     stack.push(far);
                     stack.push(near);
@@ -139,23 +161,23 @@ impl Bvh {
         mut visit: impl FnMut(u32, u32),
     ) {
         let (Some(root1), Some(root2)) = (self.nodes.first(), other.nodes.first()) else { return };
-        let mut stack = Stack::from_iter([((0, place1(&root1.aabb)), (0, place2(&root2.aabb)))]);
+        let mut stack = Stack::from_iter([((0, place1(&root1.aabb())), (0, place2(&root2.aabb())))]);
         while let Some(((index1, placed1), (index2, placed2))) = stack.pop() {
             if !test(&placed1, &placed2) {
                 continue;
             }
-            let (node1, node2) = (&self.nodes[index1 as usize], &other.nodes[index2 as usize]);
+            let (node1, node2) = (&self.nodes[index1], &other.nodes[index2]);
             match (node1.item(), node2.item()) {
                 (Some(item1), Some(item2)) => visit(item1, item2),
-                (None, item2) if item2.is_some() || node1.aabb.extent_squared() >= node2.aabb.extent_squared() => {
-                    for child in [node1.link, index1 + 1] {
-                        let placed1 = place1(&self.nodes[child as usize].aabb);
+                (None, item2) if item2.is_some() || node1.aabb().extent_squared() >= node2.aabb().extent_squared() => {
+                    for child in [self.end(index1 + 1), index1 + 1] {
+                        let placed1 = place1(&self.nodes[child].aabb());
                         stack.push(((child, placed1), (index2, placed2)));
                     }
                 }
                 _ => {
-                    for child in [node2.link, index2 + 1] {
-                        let placed2 = place2(&other.nodes[child as usize].aabb);
+                    for child in [other.end(index2 + 1), index2 + 1] {
+                        let placed2 = place2(&other.nodes[child].aabb());
                         stack.push(((index1, placed1), (child, placed2)));
                     }
                 }
@@ -164,13 +186,43 @@ impl Bvh {
     }
 }
 
+/// A leaf of a [`Bvh`].
+#[derive(Clone, Copy, Debug)]
+pub struct Leaf(usize);
+
+/// What a leaf is to hold.
+struct Item {
+    center: Vec3,
+    index: u32,
+}
+
+/// Splits items in the middle of the axis along which their centres spread most, or at the median if that would leave less than a
+/// quarter on one side.
+fn split(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
+    let spread = items.iter().map(|item| Aabb { min: item.center, max: item.center }).fold(Aabb::EMPTY, Aabb::merge);
+    let axis = spread.half_extents().max_position();
+    let plane = spread.center()[axis];
+    let mut left = 0;
+    for i in 0..items.len() {
+        if items[i].center[axis] < plane {
+            items.swap(i, left);
+            left += 1;
+        }
+    }
+    if 4 * left.min(items.len() - left) < items.len() {
+        left = items.len() / 2;
+        // Ties by index: the tree depends on nothing but the boxes.
+        items
+            .select_nth_unstable_by(left, |a, b| a.center[axis].total_cmp(&b.center[axis]).then(a.index.cmp(&b.index)));
+    }
+    items.split_at_mut(left)
+}
+
 /// A stack that never allocates: every level of either tree leaves at most one node waiting.
 type Stack<T> = ArrayVec<T, { 2 * MAX_DEPTH }>;
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
 
     /// Boxes of mixed sizes at places from a fixed sequence.
@@ -196,7 +248,10 @@ mod tests {
             let bvh = Bvh::new(&items);
             for query in boxes(50, 7) {
                 let mut visited = Vec::new();
-                bvh.visit(|aabb| aabb.overlaps(&query), |item| visited.push(item));
+                bvh.overlapping(&query, |item| visited.push(item));
+                let mut again = Vec::new();
+                bvh.visit(|aabb| aabb.overlaps(&query), |item| again.push(item));
+                assert_eq!(visited, again);
                 visited.sort_unstable();
                 let expected: Vec<u32> = (0..count).filter(|&i| items[i as usize].overlaps(&query)).collect();
                 assert_eq!(visited, expected);
@@ -223,6 +278,26 @@ mod tests {
             }
         }
         assert!(visited < 50 * 223 / 2, "{visited} items visited: nothing is left out");
+    }
+
+    #[test]
+    fn visits_each_overlap_among_the_items_once() {
+        let mut found = 0;
+        for count in [0, 1, 2, 90] {
+            let items = boxes(count, 5);
+            let bvh = Bvh::new(&items);
+            let mut visited = Vec::new();
+            for leaf in bvh.leaves() {
+                let item = bvh.item(leaf);
+                bvh.overlapping_later(leaf, |other| visited.push((item.min(other), item.max(other))));
+            }
+            visited.sort_unstable();
+            let all = (0..count).flat_map(|i| (i + 1..count).map(move |j| (i, j)));
+            let expected: Vec<_> = all.filter(|&(i, j)| items[i as usize].overlaps(&items[j as usize])).collect();
+            assert_eq!(visited, expected);
+            found += expected.len();
+        }
+        assert!(found > 100, "only {found} overlaps");
     }
 
     #[test]

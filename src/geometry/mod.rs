@@ -20,7 +20,8 @@ mod primitive;
 mod sweep;
 
 pub use aabb::Aabb;
-pub use bvh::Bvh;
+pub(crate) use aabb::Box3A;
+pub use bvh::{Bvh, Leaf};
 pub use glamx::Pose3;
 pub use obb::Obb;
 pub(crate) use obb::part_within;

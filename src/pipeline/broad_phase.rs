@@ -164,36 +164,26 @@ fn carried(input: &StepInput, pairs: &[BodyPair], carries: &mut [f32]) -> Option
 fn near(input: &StepInput, statics: &Statics, spheres: &[SweptSphere], pool: &TaskPool) -> Vec<BodyPair> {
     let boxes: Vec<Aabb> = spheres.iter().map(SweptSphere::aabb).collect();
     let bvh = Bvh::new(&boxes);
-    let found = parallel::map(pool, &input.bodies, 64, |i, body| {
+    let found = parallel::map(pool, &bvh.leaves(), 64, |_, &leaf| {
         let mut pairs = Vec::new();
-        let sphere = &spheres[i];
-        if body.solid.medial().is_some() {
-            bvh.visit(
-                |aabb| aabb.overlaps(&boxes[i]),
-                |other| {
-                    let second = &input.bodies[other as usize];
-                    let once = other as usize > i || second.solid.medial().is_none();
-                    if once && may_collide(input, body, second) && sphere.meets(&spheres[other as usize]) {
-                        pairs.push(BodyPair::new(Side::Body(i as u32), Side::Body(other)));
-                    }
-                },
-            );
-        }
+        let index = bvh.item(leaf);
+        let i = index as usize;
+        let (body, sphere) = (&input.bodies[i], &spheres[i]);
+        bvh.overlapping_later(leaf, |other| {
+            pairs.extend(between(input, index, other).filter(|_| sphere.meets(&spheres[other as usize])));
+        });
         // The sphere has half of the prediction distance already.
         let reach = boxes[i].inflated(0.5 * input.prediction);
-        statics.bvh.visit(
-            |aabb| aabb.overlaps(&reach),
-            |item| {
-                let Some(pair) = with_static(input, statics, body, i as u32, item) else { return };
-                let obb = &statics.boxes[item as usize];
-                let to_box = |point| obb.pose.inverse_transform_point(point);
-                let cone = [Vec3::ZERO, sphere.motion]
-                    .map(|motion| Sphere::new(to_box(sphere.sphere.center + motion), sphere.sphere.radius));
-                if separation(&cone, &Cuboid { half: obb.half_extents }, 0).distance <= 0.5 * input.prediction {
-                    pairs.push(pair);
-                }
-            },
-        );
+        statics.bvh.overlapping(&reach, |item| {
+            let Some(pair) = with_static(input, statics, body, index, item) else { return };
+            let obb = &statics.boxes[item as usize];
+            let to_box = |point| obb.pose.inverse_transform_point(point);
+            let cone = [Vec3::ZERO, sphere.motion]
+                .map(|motion| Sphere::new(to_box(sphere.sphere.center + motion), sphere.sphere.radius));
+            if separation(&cone, &Cuboid { half: obb.half_extents }, 0).distance <= 0.5 * input.prediction {
+                pairs.push(pair);
+            }
+        });
         pairs
     });
     let mut pairs: Vec<BodyPair> = found.into_iter().flatten().collect();

@@ -1,12 +1,12 @@
 //! Primitives that are near each other at an instant.
 
 use arrayvec::ArrayVec;
-use glam::{Vec3, Vec3A};
+use glam::Vec3;
 
 use super::{Hull, Part, Shape};
 use crate::{
     constants::PARTING_DIRECTIONS,
-    geometry::{Aabb, Placement, Pose3, Sphere},
+    geometry::{Aabb, Box3A, Placement, Pose3, Sphere},
     query::Convex,
 };
 
@@ -29,7 +29,7 @@ pub(super) fn near_shape(
         let hull = shape1.hull(primitive).placed(&to_second);
         let aabb = hull.aabb();
         if aabb.overlaps(&target) {
-            near1.push((primitive, hull, Box3A::new(&aabb.inflated(reach))));
+            near1.push((primitive, hull, Box3A::from(aabb.inflated(reach))));
             around1 = around1.merge(aabb);
         }
     }
@@ -38,7 +38,7 @@ pub(super) fn near_shape(
     }
     let near2: Vec<(u32, Box3A)> = in_reach(shape2, &around1.inflated(reach))
         .into_iter()
-        .map(|primitive| (primitive, Box3A::new(&shape2.hull(primitive).aabb())))
+        .map(|primitive| (primitive, Box3A::from(shape2.hull(primitive).aabb())))
         .collect();
     for (primitive1, hull, box1) in near1 {
         for (primitive2, box2) in &near2 {
@@ -46,23 +46,6 @@ pub(super) fn near_shape(
                 visit([primitive1, *primitive2], hull);
             }
         }
-    }
-}
-
-/// A box that is compared quickly.
-#[derive(Clone, Copy)]
-struct Box3A {
-    min: Vec3A,
-    max: Vec3A,
-}
-
-impl Box3A {
-    fn new(aabb: &Aabb) -> Self {
-        Self { min: aabb.min.into(), max: aabb.max.into() }
-    }
-
-    fn overlaps(&self, other: &Self) -> bool {
-        (self.min.cmple(other.max) & other.min.cmple(self.max)).all()
     }
 }
 
@@ -82,7 +65,7 @@ pub(super) fn near_part(shape1: &Shape, part: &Part, pose12: &Pose3, reach: f32,
 fn in_reach(shape: &Shape, reach: &Aabb) -> Vec<u32> {
     let unscaled = Aabb { min: reach.min / shape.scale, max: reach.max / shape.scale };
     let mut primitives = Vec::new();
-    shape.bvh().visit(|aabb| aabb.overlaps(&unscaled), |primitive| primitives.push(primitive));
+    shape.bvh().overlapping(&unscaled, |primitive| primitives.push(primitive));
     primitives.sort_unstable();
     primitives
 }

@@ -126,12 +126,9 @@ fn convex_parts<'a>(other: &'a dyn ParryShape, reach: &Aabb) -> Vec<Part<'a>> {
     let shape = &medial.shape;
     let reach = reach.transformed(&Pose3::IDENTITY, 1.0 / shape.scale);
     let mut parts = Vec::new();
-    shape.bvh().visit(
-        |aabb| aabb.overlaps(&reach),
-        |id| {
-            parts.push(Part { id, pose: Pose3::IDENTITY, core: Core::Hull(shape.hull(id)), rounding: 0.0 });
-        },
-    );
+    shape.bvh().overlapping(&reach, |id| {
+        parts.push(Part { id, pose: Pose3::IDENTITY, core: Core::Hull(shape.hull(id)), rounding: 0.0 });
+    });
     parts
 }
 
