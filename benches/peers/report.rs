@@ -91,8 +91,8 @@ and run on one and the same core. Times are medians in milliseconds, of the *act
 least 30 % of the greatest number of contact pairs and 3 % of the greatest kinetic energy.
 
 - *collision*: finding contacts and impacts; *step*: all of a step, without copies from and to components.
-- *overlap*: deepest overlap of the exact meshes of two bodies, in percent of the smaller body's size: the greatest of every fifth
-  step, and the median over those that are active.
+- *overlap*: deepest overlap of the exact meshes of two bodies, in percent of the smaller body's size: the greatest in 120 steps that
+  are spread evenly, and the median over those of them that are active.
 - *lost*: bodies that have fallen through the ground or left the square that it covers.
 - *error*: from the exact mesh to the shape that stands for it, in percent of the mesh's diagonal: the greatest of any model, and the mean.
 
