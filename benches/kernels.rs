@@ -9,7 +9,7 @@
 #[path = "common/pairs.rs"]
 mod pairs;
 
-use std::{collections::BTreeMap, hint::black_box, path::Path};
+use std::{collections::BTreeMap, hint::black_box, path::Path, time::Duration};
 
 use bevy_medial::{
     geometry::{Aabb, Bvh, Pose3, Sphere},
@@ -111,18 +111,20 @@ fn file(criterion: &mut Criterion) {
     let Ok(text) = std::fs::read_to_string(path) else {
         return println!("{path}: not there, so none of its pairs is timed; MOVING_PAIRS names another");
     };
-    let mut groups: BTreeMap<(String, String), Vec<Pair>> = BTreeMap::new();
+    let mut groups: BTreeMap<[String; 2], Vec<Pair>> = BTreeMap::new();
     for pair in pairs::read(&text) {
         match pair {
-            Ok(pair) => groups.entry((pair.kind.clone(), pair.category.clone())).or_default().push(pair),
+            Ok(pair) => groups.entry(pair.labels.clone()).or_default().push(pair),
             Err((line, error)) => return println!("{path}:{line}: {error}"),
         }
     }
-    for ((kind, category), pairs) in &groups {
+    for ([kind, category], pairs) in &groups {
         let hits = pairs.iter().filter(|pair| solve(pair).status != TimeOfImpactStatus::Separated).count();
         println!("{kind}, {category}: {} % of {} pairs hit", 100 * hits / pairs.len(), pairs.len());
         let mut group = criterion.benchmark_group(format!("file {kind}"));
         group.throughput(Throughput::Elements(pairs.len() as u64));
+        // There are a hundred of them.
+        group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1)).sample_size(20);
         group.bench_function(BenchmarkId::from_parameter(category), |bencher| {
             bencher.iter(|| pairs.iter().map(|pair| solve(black_box(pair)).fraction).sum::<f32>());
         });

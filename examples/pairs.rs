@@ -55,7 +55,8 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let mut count = 0;
     for pair in pairs::read(&text) {
         let pair = pair.map_err(|(line, error)| format!("{path}:{line}: {error}"))?;
-        kinds.entry(pair.kind.clone()).or_default().push((count, pair));
+        let [kind, _] = &pair.labels;
+        kinds.entry(kind.clone()).or_default().push((count, pair));
         count += 1;
     }
 

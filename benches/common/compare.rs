@@ -8,7 +8,6 @@ use bevy_medial::{
     plugin::MedialStep,
     scenes::{Monitor, Row},
 };
-use serde::Serialize;
 
 use crate::{
     activity::{Activity, active, median},
@@ -44,7 +43,7 @@ struct Step {
 }
 
 /// What culling took and left. Times in milliseconds.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug)]
 pub struct Figures {
     /// Broad and mid phase, and what a baseline needs to update.
     pub culling_ms: f64,

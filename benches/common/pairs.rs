@@ -22,10 +22,8 @@ pub enum Second {
 
 /// A pair in relative coordinates.
 pub struct Pair {
-    /// What is special about it.
-    pub category: String,
-    /// The kinds of its sides.
-    pub kind: String,
+    /// The kinds of its sides, and what is special about it.
+    pub labels: [String; 2],
     pub first: Primitive,
     pub second: Second,
 }
@@ -99,7 +97,7 @@ fn parse(line: &str) -> Result<Pair, LineError> {
         (DQuat::IDENTITY, origin, Second::Primitive(second))
     };
     let first = primitive('A', kind1, &first_numbers, pose_origin, pose_rotation)?;
-    Ok(Pair { category: category.into(), kind: format!("{kind1}-{kind2}"), first, second })
+    Ok(Pair { labels: [format!("{kind1}-{kind2}"), category.into()], first, second })
 }
 
 fn numbers(side: char, text: &str) -> Result<Vec<f32>, LineError> {

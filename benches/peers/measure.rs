@@ -43,8 +43,8 @@ pub struct Row {
     pub error_mean_percent: f32,
 }
 
-/// Overlaps are looked at in every so many steps.
-pub const SAMPLE_EVERY: usize = 5;
+/// In how many steps, evenly spread, overlaps are looked at.
+const SAMPLES: usize = 120;
 
 /// Runs an engine. Overlaps and losses are looked at afterwards: nothing but the engine runs between its steps.
 pub fn run(
@@ -74,10 +74,11 @@ pub fn run(
     let [step_ms, step_active_ms] = medians(&whole, &active);
     let [_, contact_pairs_active] = medians(&pairs, &active);
 
-    let samples = states.iter().step_by(SAMPLE_EVERY);
+    let every = steps.div_ceil(SAMPLES).max(1);
+    let samples = states.iter().step_by(every);
     let progress = ProgressBar::new(samples.len() as u64).with_message("overlaps");
     let overlaps: Vec<f32> = progress.wrap_iter(samples).map(|states| surfaces.deepest(states)).collect();
-    let sampled_active = active.iter().step_by(SAMPLE_EVERY);
+    let sampled_active = active.iter().step_by(every);
     let typical = overlaps.iter().zip(sampled_active).filter(|(_, active)| **active);
     Row {
         scene,

@@ -4,10 +4,7 @@ use std::{fmt::Write, fs, path::Path};
 
 use serde::Serialize;
 
-use crate::{
-    compare::{Figures, Report},
-    measure::Row,
-};
+use crate::{compare::Report, measure::Row};
 
 /// A scene with the hybrid culling, and beside it another.
 pub struct Culling {
@@ -26,7 +23,10 @@ impl Culling {
                 over: ["all", "active"][over],
                 steps: steps[over],
                 culling,
-                figures: *figures,
+                culling_ms: figures.culling_ms,
+                rest_ms: figures.rest_ms,
+                body_pairs: figures.body_pairs,
+                candidates: figures.candidates,
             })
         })
     }
@@ -39,24 +39,22 @@ struct CullingRow<'a> {
     over: &'a str,
     steps: usize,
     culling: &'a str,
-    #[serde(flatten)]
-    figures: Figures,
+    culling_ms: f64,
+    rest_ms: f64,
+    body_pairs: f64,
+    candidates: f64,
 }
 
-/// Writes rows under a line of their fields' names.
-///
-/// # Errors
-/// If the file cannot be written; the message names it.
-pub fn write_csv<T: Serialize>(path: &Path, rows: &[T]) -> Result<(), String> {
+/// Writes rows under a line of their fields' names. Text is in quotes.
+fn write_csv<T: Serialize>(path: &Path, rows: impl IntoIterator<Item = T>) -> Result<(), String> {
     let mut text = String::new();
-    for (index, row) in rows.iter().enumerate() {
+    for row in rows {
         let Ok(serde_json::Value::Object(fields)) = serde_json::to_value(row) else { continue };
-        if index == 0 {
+        if text.is_empty() {
             text += &fields.keys().map(String::as_str).collect::<Vec<_>>().join(",");
             text.push('\n');
         }
-        let value = |value: &serde_json::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-        text += &fields.values().map(value).collect::<Vec<_>>().join(",");
+        text += &fields.values().map(ToString::to_string).collect::<Vec<_>>().join(",");
         text.push('\n');
     }
     write(path, &text)
@@ -73,7 +71,7 @@ fn write(path: &Path, text: &str) -> Result<(), String> {
 pub fn write_all(folder: &Path, command: &str, peers: &[Row], culling: &[Culling]) -> Result<(), String> {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     write_csv(&folder.join("peers.csv"), peers)?;
-    write_csv(&folder.join("culling.csv"), &culling.iter().flat_map(Culling::rows).collect::<Vec<_>>())?;
+    write_csv(&folder.join("culling.csv"), culling.iter().flat_map(Culling::rows))?;
     write(&folder.join("README.md"), &markdown(command, peers, culling))
 }
 
@@ -93,8 +91,8 @@ and run on one and the same core. Times are medians in milliseconds, of the *act
 least 30 % of the greatest number of contact pairs and 3 % of the greatest kinetic energy.
 
 - *collision*: finding contacts and impacts; *step*: all of a step, without copies from and to components.
-- *overlap*: deepest overlap of the exact meshes of two bodies, in percent of the smaller body's size: the greatest of every fifth
-  step, and the median over those that are active.
+- *overlap*: deepest overlap of the exact meshes of two bodies, in percent of the smaller body's size: the greatest in 120 steps that
+  are spread evenly, and the median over those of them that are active.
 - *lost*: bodies that have fallen through the ground or left the square that it covers.
 - *error*: from the exact mesh to the shape that stands for it, in percent of the mesh's diagonal: the greatest of any model, and the mean.
 

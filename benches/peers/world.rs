@@ -21,7 +21,7 @@ pub struct World {
     pub dt: f32,
     /// The models that occur.
     pub models: Vec<SceneModel>,
-    /// The bodies, in the order of their entities.
+    /// The bodies.
     pub bodies: Vec<Body>,
 }
 
@@ -48,8 +48,6 @@ pub enum Form {
 
 /// A body at the start.
 pub struct Body {
-    /// Its entity in the world that the scene was spawned in.
-    pub entity: Entity,
     pub form: Form,
     pub pose: Pose3,
     /// False if it never moves.
@@ -80,7 +78,6 @@ impl World {
         scene.spawn(app.world_mut(), models, SEED);
         let world = app.world_mut();
         type Item = (
-            Entity,
             &'static Name,
             &'static Transform,
             Option<&'static MedialMesh>,
@@ -92,7 +89,7 @@ impl World {
         let mut query = world.query_filtered::<Item, With<SceneEntity>>();
         let assets = world.resource::<Assets<MedialAxis>>();
         let mut result = Self { dt, models: Vec::new(), bodies: Vec::new() };
-        for (entity, name, transform, mesh, obb, kind, velocity, damping) in query.iter(world) {
+        for (name, transform, mesh, obb, kind, velocity, damping) in query.iter(world) {
             let axis = mesh.and_then(|mesh| assets.get(&mesh.0));
             let scale = transform.scale.x;
             let form = match (axis, obb) {
@@ -104,7 +101,6 @@ impl World {
                 (None, None) => return Err(format!("{name} has no shape")),
             };
             result.bodies.push(Body {
-                entity,
                 form,
                 pose: Pose3::from_parts(transform.translation, transform.rotation),
                 dynamic: kind == Some(&RigidBody::Dynamic),
@@ -114,7 +110,6 @@ impl World {
                 size: axis.map_or(f32::INFINITY, |axis| 2.0 * axis.bounding_sphere().radius * scale),
             });
         }
-        result.bodies.sort_by_key(|body| body.entity);
         Ok(result)
     }
 

@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 
 use bevy::{ecs::schedule::SingleThreadedExecutor, prelude::*};
 use bevy_medial::{
+    geometry::Pose3,
     plugin::{MedialStep, MedialSystems},
-    scenes::{Model, Scene, headless_app},
+    scenes::{Model, Scene, SceneEntity, headless_app},
 };
 use bevy_rapier3d::{
     plugin::context::{RapierContextSimulation, RapierRigidBodySet},
@@ -25,14 +26,15 @@ struct Clock {
 }
 
 /// The plugin in an app without a window.
-pub struct Medial<'a> {
+pub struct Medial {
     app: App,
-    world: &'a World,
+    /// Of the bodies, with where they start.
+    entities: Vec<(Entity, Pose3)>,
 }
 
-impl<'a> Medial<'a> {
+impl Medial {
     /// The scene that the world was read from.
-    pub fn new(world: &'a World, scene: &Scene, models: &[Model]) -> Self {
+    pub fn new(world: &World, scene: &Scene, models: &[Model]) -> Self {
         let mut app = headless_app(world.dt);
         app.edit_schedule(PostUpdate, |schedule| {
             schedule.set_executor(SingleThreadedExecutor::new());
@@ -45,7 +47,14 @@ impl<'a> Medial<'a> {
             ),
         );
         scene.spawn(app.world_mut(), models, SEED);
-        Self { app, world }
+        let mut query = app.world_mut().query_filtered::<(Entity, &Transform), With<SceneEntity>>();
+        // No two bodies start at one place.
+        let entity_at = |pose: Pose3| {
+            let found = query.iter(app.world()).find(|(_, transform)| transform.translation == pose.translation);
+            (found.map_or(Entity::PLACEHOLDER, |(entity, _)| entity), pose)
+        };
+        let entities = world.bodies.iter().map(|body| body.pose).map(entity_at).collect();
+        Self { app, entities }
     }
 }
 
@@ -57,7 +66,7 @@ fn end(mut clock: ResMut<Clock>) {
     clock.whole = clock.begin.elapsed();
 }
 
-impl Engine for Medial<'_> {
+impl Engine for Medial {
     fn step(&mut self) -> StepTimes {
         self.app.update();
         let world = self.app.world_mut();
@@ -75,13 +84,14 @@ impl Engine for Medial<'_> {
     fn states(&self) -> Vec<State> {
         let app = self.app.world();
         let set = app.try_query::<&RapierRigidBodySet>().and_then(|mut query| query.iter(app).next());
-        let state = |body: &crate::world::Body| {
-            let handle = app.get::<RapierRigidBodyHandle>(body.entity);
+        let state = |(entity, start): &(Entity, Pose3)| {
+            let handle = app.get::<RapierRigidBodyHandle>(*entity);
             match handle.and_then(|handle| set?.bodies.get(handle.0)) {
                 Some(rigid) => State { pose: *rigid.position(), linear: rigid.linvel(), angular: rigid.angvel() },
-                None => State { pose: body.pose, linear: Vec3::ZERO, angular: Vec3::ZERO },
+                // A box has no rigid body.
+                None => State { pose: *start, linear: Vec3::ZERO, angular: Vec3::ZERO },
             }
         };
-        self.world.bodies.iter().map(state).collect()
+        self.entities.iter().map(state).collect()
     }
 }

@@ -10,7 +10,7 @@ use bevy_rapier3d::rapier::prelude::*;
 use super::{Engine, StepTimes};
 use crate::{
     shapes::{ModelShape, collider},
-    world::{State, World},
+    world::{Body, State, World},
 };
 
 /// What rapier does about fast bodies.
@@ -18,10 +18,16 @@ use crate::{
 pub enum Ccd {
     /// What it does unasked: sweeps fast bodies against fixed ones.
     Default,
-    /// Sweeps of all bodies against all.
-    On,
+    /// Also sweeps those against all that are fast at the start, as one would ask of it. (Of all bodies would be the same as of none: two that
+    /// this is asked for are not swept against each other.)
+    Bullets,
     /// None at all.
     Off,
+}
+
+/// True for a body that starts at more than 20 m/s.
+pub fn is_fast(body: &Body) -> bool {
+    body.velocity.linear.length() > 20.0
 }
 
 /// A world of rapier.
@@ -51,7 +57,7 @@ impl Rapier {
                 .angvel(body.velocity.angular)
                 .linear_damping(body.damping.linear_damping)
                 .angular_damping(body.damping.angular_damping)
-                .ccd_enabled(ccd == Ccd::On);
+                .ccd_enabled(ccd == Ccd::Bullets && is_fast(body));
             handles.push(physics.insert(rigid, shape).0);
         }
         Ok(Self { physics, handles })
