@@ -2,7 +2,7 @@
 //! meshes. With them the culling beside its baselines.
 //!
 //! ```text
-//! cargo bench --bench peers -- [--quick] [--scene NAME] [--engine NAME] [--out DIR] [--list]
+//! cargo bench --bench peers -- [--quick] [--scene NAME] [--engine NAME] [--runs N] [--out DIR] [--list]
 //! ```
 //!
 //! Without `--out` tables are printed only. `--quick` runs a few steps of each, and leaves out what takes long to prepare: it shows that all of it works.
@@ -41,7 +41,7 @@ use engines::{
     medial::Medial,
     rapier::{Ccd, Rapier, is_fast},
 };
-use measure::{Row, ShapeFigures};
+use measure::{Plan, Row, ShapeFigures};
 use overlap::Surfaces;
 use report::Culling;
 use shapes::{Kind, ModelShape, Shapes};
@@ -59,6 +59,10 @@ struct Args {
     /// Only engines whose name contains this; `culling` for the baselines.
     #[arg(long)]
     engine: Option<String>,
+    /// How often each engine runs each scene; of each step the fastest counts. The second and later runs are for machines that do
+    /// other things as well.
+    #[arg(long, default_value_t = 3)]
+    runs: usize,
     /// Folder for the tables.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -128,10 +132,10 @@ fn run(args: &Args) -> Result<(), String> {
         run_scene(args, scene, &models, &folder, &mut shapes, &mut peers)?;
         culling.extend(run_culling(args, scene, &models)?);
     }
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
+    let command = format!("cargo bench --bench peers -- {}", words.join(" "));
     match &args.out {
-        Some(folder) => {
-            report::write_all(folder, "cargo bench --bench peers -- --out benches/results", &peers, &culling)
-        }
+        Some(folder) => report::write_all(folder, &command, &peers, &culling),
         None => Ok(()),
     }
 }
@@ -162,18 +166,24 @@ fn run_scene(
         if !is_wanted(args, name) || (args.quick && slow) || same {
             continue;
         }
-        let (figures, mut engine): (ShapeFigures, Box<dyn Engine>) = match setup {
-            Setup::Medial => (medial_figures(&world), Box::new(Medial::new(&world, scene, models))),
+        type Make<'a> = Box<dyn Fn() -> Result<Box<dyn Engine>, String> + 'a>;
+        let (figures, make): (ShapeFigures, Make) = match setup {
+            Setup::Medial => (medial_figures(&world), Box::new(|| Ok(Box::new(Medial::new(&world, scene, models))))),
             Setup::Rapier(kind, ccd) => {
                 let made = shapes.of_world(*kind, &world);
-                (hull_figures(&world, &made), Box::new(Rapier::new(&world, &made, *ccd)?))
+                let figures = hull_figures(&world, &made);
+                let world = &world;
+                (figures, Box::new(move || Ok(Box::new(Rapier::new(world, &made, *ccd)?))))
             }
             Setup::Avian => {
                 let made = shapes.of_world(Kind::Decomposition, &world);
-                (hull_figures(&world, &made), Box::new(Avian::new(&world, &made)?))
+                let figures = hull_figures(&world, &made);
+                let world = &world;
+                (figures, Box::new(move || Ok(Box::new(Avian::new(world, &made)?))))
             }
         };
-        let row = measure::run((scene.name, name), &world, &surfaces, figures, &mut *engine, steps(args, scene));
+        let plan = Plan { steps: steps(args, scene), runs: if args.quick { 1 } else { args.runs } };
+        let row = measure::run((scene.name, name), &world, &surfaces, figures, &*make, plan)?;
         println!(
             "{:9} {name:34} {:3} active: collision {:8.3} ms, step {:8.3} ms; overlap {:6.2} %, {} of {} lost",
             row.scene,
