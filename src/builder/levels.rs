@@ -6,7 +6,10 @@
 //!
 //! About a third of the size of `.ma` text, with the errors, and damage does not pass for a shape.
 
-use std::path::{Path, PathBuf};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -175,16 +178,23 @@ impl MedialLevels {
     /// # Errors
     /// Names the file, and why it gives no levels.
     pub fn load(path: &Path) -> Result<Self, MedialFileError> {
-        let bytes = std::fs::read(path).map_err(|source| MedialFileError::Io { path: path.into(), source })?;
+        let bytes = fs::read(path).map_err(|source| MedialFileError::Io { path: path.into(), source })?;
         Self::from_bytes(&bytes).map_err(|source| MedialFileError::Content { path: path.into(), source })
     }
 
-    /// Writes a `.medial` file.
+    /// Writes a `.medial` file, of which nobody sees a part: it gets its name when it is whole.
     ///
     /// # Errors
     /// Names the file that the system does not write.
     pub fn save(&self, path: &Path) -> Result<(), MedialFileError> {
-        std::fs::write(path, self.to_bytes()).map_err(|source| MedialFileError::Io { path: path.into(), source })
+        // A thread writes one at a time.
+        let temporary = path.with_extension(format!("{}-{:?}.tmp", std::process::id(), std::thread::current().id()));
+        let written = fs::write(&temporary, self.to_bytes()).and_then(|()| fs::rename(&temporary, path));
+        written.map_err(|source| {
+            // What is left of it does no harm if this fails too.
+            let _ = fs::remove_file(&temporary);
+            MedialFileError::Io { path: path.into(), source }
+        })
     }
 }
 

@@ -1,9 +1,4 @@
-use std::{
-    fs,
-    io::{self, ErrorKind},
-    ops::ControlFlow,
-    path::Path,
-};
+use std::{fs, io::ErrorKind, ops::ControlFlow, path::Path};
 
 use bevy::log::warn;
 
@@ -24,10 +19,10 @@ pub(super) fn fit_cached(
         Err(error) => warn!("what the cache holds is not used, but built and written anew: {error}"),
     }
     let levels = fit(mesh, options, progress)?;
-    if let Err(error) = write(directory, &path, &levels.to_bytes()) {
+    let made = fs::create_dir_all(directory).map_err(|source| MedialFileError::Io { path: directory.into(), source });
+    if let Err(error) = made.and_then(|()| levels.save(&path)) {
         warn!(
-            "{}: {error}, so the next run builds it again; give MedialBuildPlugin::cache a directory that can be written",
-            path.display()
+            "{error}, so the next run builds it again; give MedialBuildPlugin::cache a directory that can be written"
         );
     }
     Ok(levels)
@@ -41,18 +36,4 @@ fn digest(mesh: &TriangleMesh, options: &FitOptions) -> blake3::Hash {
     hasher.update(bytemuck::cast_slice(&mesh.positions));
     hasher.update(bytemuck::cast_slice(&mesh.triangles));
     hasher.finalize()
-}
-
-/// Writes a file of which nobody sees a part: it gets its name when it is whole.
-fn write(directory: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
-    fs::create_dir_all(directory)?;
-    // A thread writes one at a time.
-    let name = format!("{}-{:?}.tmp", std::process::id(), std::thread::current().id());
-    let temporary = directory.join(name);
-    let written = fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, path));
-    if written.is_err() {
-        // What is left of it does no harm if this fails too.
-        let _ = fs::remove_file(&temporary);
-    }
-    written
 }
