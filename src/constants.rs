@@ -35,7 +35,7 @@ pub const FEW_PRIMITIVES: usize = 8;
 
 /// Relative way of two bodies in a step, per metre of the smaller one's bounding radius, up to which those of their primitives are looked for that are
 /// near each other at the start. Farther, and most of these are never met.
-pub const NEAR_WAY: f32 = 0.15;
+pub const NEAR_WAY: f32 = 0.06;
 
 /// The same for the ways of either body by itself, which count where one stops and the other does not. Larger, and more primitives are found;
 /// smaller, and they are looked for anew at a stop.

@@ -78,8 +78,8 @@ impl Bvh {
     }
 
     /// Calls `visit` with every item whose box and whose ancestors' boxes pass `test`.
-    pub fn visit(&self, mut test: impl FnMut(&Aabb) -> bool, visit: impl FnMut(u32)) {
-        self.visit_nodes(0, |node| test(&node.aabb()), visit);
+    pub fn visit(&self, test: impl Fn(&Aabb) -> bool, visit: impl FnMut(u32)) {
+        self.visit_tested(|index| test(&self.nodes[index].aabb()), visit);
     }
 
     /// Calls `visit` with every item whose box overlaps with another.
@@ -138,8 +138,7 @@ impl Bvh {
                     }
                 }
                 None => {
-                    let children = [index + 1, self.end(index + 1)];
-                    let [left, right] = children.map(|i| (i, bound(&self.nodes[i].aabb())));
+                    let [left, right] = self.children(index).map(|i| (i, bound(&self.nodes[i].aabb())));
                     let (near, far) = if right.1 < left.1 { (right, left) } else { (left, right) };
                     stack.push(far);
                     stack.push(near);
@@ -149,37 +148,62 @@ impl Bvh {
         best
     }
 
-    /// Calls `visit` with every pair of items, one of each tree, whose boxes and ancestors' boxes pass `test`.
-    ///
-    /// `place1` and `place2` take the boxes of this tree and of the other to where they are compared.
-    pub fn visit_pairs<A: Copy, B: Copy>(
-        &self,
-        other: &Bvh,
-        place1: impl Fn(&Aabb) -> A,
-        place2: impl Fn(&Aabb) -> B,
-        test: impl Fn(&A, &B) -> bool,
-        mut visit: impl FnMut(u32, u32),
-    ) {
-        let (Some(root1), Some(root2)) = (self.nodes.first(), other.nodes.first()) else { return };
-        let mut stack = Stack::from_iter([((0, place1(&root1.aabb())), (0, place2(&root2.aabb())))]);
-        while let Some(((index1, placed1), (index2, placed2))) = stack.pop() {
-            if !test(&placed1, &placed2) {
+    /// A value for each node: those of the leaves from their items, the others merged from those of their children.
+    pub fn values<T>(&self, leaf: impl Fn(u32) -> T, merge: impl Fn(&T, &T) -> T) -> Vec<T> {
+        // Children come later than their parents: from the last node to the first.
+        let count = self.nodes.len();
+        let mut values: Vec<T> = Vec::with_capacity(count);
+        for index in (0..count).rev() {
+            let value = match self.nodes[index].item() {
+                Some(item) => leaf(item),
+                None => {
+                    let [left, right] = self.children(index).map(|child| &values[count - 1 - child]);
+                    merge(left, right)
+                }
+            };
+            values.push(value);
+        }
+        values.reverse();
+        values
+    }
+
+    fn children(&self, index: usize) -> [usize; 2] {
+        [index + 1, self.end(index + 1)]
+    }
+
+    /// Calls `visit` with every item that passes `test`, and whose ancestors do: which is asked with the indices of nodes, those of [`values`](Self::values).
+    pub fn visit_tested(&self, test: impl Fn(usize) -> bool, mut visit: impl FnMut(u32)) {
+        let mut index = 0;
+        while let Some(node) = self.nodes.get(index) {
+            if test(index) {
+                if let Some(item) = node.item() {
+                    visit(item);
+                }
+                index += 1;
+            } else {
+                index = self.end(index);
+            }
+        }
+    }
+
+    /// Calls `visit` with every pair of items, one of each tree, that passes `test`, and whose ancestors do: which is asked with the indices of
+    /// nodes, those of [`values`](Self::values).
+    pub fn visit_pairs(&self, other: &Bvh, test: impl Fn(usize, usize) -> bool, mut visit: impl FnMut(u32, u32)) {
+        if self.nodes.is_empty() || other.nodes.is_empty() {
+            return;
+        }
+        let mut stack = Stack::from_iter([(0, 0)]);
+        while let Some((index1, index2)) = stack.pop() {
+            if !test(index1, index2) {
                 continue;
             }
-            let (node1, node2) = (&self.nodes[index1], &other.nodes[index2]);
-            match (node1.item(), node2.item()) {
+            match (self.nodes[index1].item(), other.nodes[index2].item()) {
                 (Some(item1), Some(item2)) => visit(item1, item2),
-                (None, item2) if item2.is_some() || node1.aabb().extent_squared() >= node2.aabb().extent_squared() => {
-                    for child in [self.end(index1 + 1), index1 + 1] {
-                        let placed1 = place1(&self.nodes[child].aabb());
-                        stack.push(((child, placed1), (index2, placed2)));
-                    }
-                }
-                _ => {
-                    for child in [other.end(index2 + 1), index2 + 1] {
-                        let placed2 = place2(&other.nodes[child].aabb());
-                        stack.push(((index1, placed1), (child, placed2)));
-                    }
+                (None, Some(_)) => stack.extend(self.children(index1).map(|child| (child, index2))),
+                (Some(_), None) => stack.extend(other.children(index2).map(|child| (index1, child))),
+                (None, None) => {
+                    let [left, right] = other.children(index2);
+                    stack.extend(self.children(index1).into_iter().flat_map(|child| [(child, left), (child, right)]));
                 }
             }
         }
@@ -218,8 +242,8 @@ fn split(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     items.split_at_mut(left)
 }
 
-/// A stack that never allocates: every level of either tree leaves at most one node waiting.
-type Stack<T> = ArrayVec<T, { 2 * MAX_DEPTH }>;
+/// A stack that never allocates: every level of a tree leaves at most one node waiting, of two trees at most three pairs.
+type Stack<T> = ArrayVec<T, { 3 * MAX_DEPTH }>;
 
 #[cfg(test)]
 mod tests {
@@ -306,10 +330,12 @@ mod tests {
         for (count1, count2) in [(0, 5), (1, 1), (1, 90), (130, 1), (64, 65)] {
             let (items1, items2) = (boxes(count1, 3), boxes(count2, 4));
             let mut visited = Vec::new();
-            let shifted = |aabb: &Aabb| aabb.swept(Vec3::X, [1.0, 1.0]);
-            Bvh::new(&items1).visit_pairs(&Bvh::new(&items2), shifted, shifted, Aabb::overlaps, |i, j| {
-                visited.push((i, j));
-            });
+            let trees = [&items1, &items2].map(|items| Bvh::new(items));
+            let merge = |a: &Aabb, b: &Aabb| a.merge(*b);
+            let values =
+                [trees[0].values(|i| items1[i as usize], merge), trees[1].values(|i| items2[i as usize], merge)];
+            let test = |i: usize, j: usize| values[0][i].overlaps(&values[1][j]);
+            trees[0].visit_pairs(&trees[1], test, |i, j| visited.push((i, j)));
             visited.sort_unstable();
             let all = (0..count1).flat_map(|i| (0..count2).map(move |j| (i, j)));
             let expected: Vec<_> = all.filter(|&(i, j)| items1[i as usize].overlaps(&items2[j as usize])).collect();

@@ -6,6 +6,7 @@ use super::{
     Culling, Impact,
     mid_phase::{self, Candidate, Candidates, PrimitivePair},
     motion::{Facing, PairMotion, with_sides},
+    moving_boxes::TimedBoxes,
     parting::Parting,
 };
 use crate::{
@@ -34,16 +35,21 @@ pub(super) struct ImpactResult {
 ///
 /// What slides over a seam takes the overlap that it has along to the next part. Where bodies spin, the step is searched in parts.
 ///
-/// `candidates` of each motion over the whole step, if they are known. `normal`: a direction in the world, from the first body to the second, along which many of
+/// `candidates` of each motion over the whole step, if they are known; else the `boxes` of either side over the motion's time, as far as they are, and how
+/// far the bodies may be from there, in metres. `normal`: a direction in the world, from the first body to the second, along which many of
 /// them may be apart; zero if none is known.
 pub(super) fn first_impact(
     culling: Culling,
     mut motions: Vec<PairMotion>,
     candidates: Option<&[Candidates]>,
+    boxes: [Option<TimedBoxes>; 2],
+    slack: f32,
     normal: Vec3,
 ) -> ImpactResult {
     let mut search = Search { result: ImpactResult { normal, ..Default::default() }, ..Default::default() };
     let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
+    // They are those of one part.
+    let boxes = if count == 1 { boxes } else { [None; 2] };
     let parts = Parts::new(&motions, count);
     for part in 0..count {
         parts.cut(&mut motions, part);
@@ -51,7 +57,7 @@ pub(super) fn first_impact(
         let candidates = match candidates {
             Some(known) if count == 1 => known,
             _ => {
-                found = motions.iter().map(|m| mid_phase::candidates(m, culling, 0.0)).collect();
+                found = motions.iter().map(|m| mid_phase::candidates(m, culling, slack, boxes)).collect();
                 &found
             }
         };

@@ -1,24 +1,30 @@
 //! Mid phase: which primitives of a pair may touch within the step, or come within the prediction distance.
 //!
+//! The boxes of each body's hierarchy are placed once, at the start of the step and at its end, and the two hierarchies of a pair are traversed against
+//! each other.
+//!
 //! Bodies that hardly move relative to their size: all primitives that are near each other at the start, with their distances. That
 //! holds whatever the bodies do, as long as they do not come nearer by more than what was counted on.
 //!
-//! Fast ones: the two hierarchies are traversed against each other in the frame of body 2 at the start; boxes move along their middles'
-//! chords. The sagitta of the whole step and the prediction distance widen them, so no pair is lost as long as the bodies keep to their way.
+//! Fast ones: those whose boxes meet on their way. The sagitta of the whole step and the prediction distance widen them, so no pair is
+//! lost as long as the bodies keep to their way.
+
+use bevy::tasks::TaskPool;
+use glam::{Quat, Vec3, Vec3A};
 
 use super::{
-    Culling, Hull, Statics, StepInput,
+    Culling, Hull, Shape, Statics, StepInput,
     broad_phase::BodyPair,
-    motion::{Facing, PairMotion, SweptBoxes, with_sides},
-    near::{Directions, near_part, near_shape},
+    motion::{Facing, PairMotion, with_sides},
+    moving_boxes::{BodyBoxes, MovingBox, MovingBoxes, TimedBoxes},
+    near::{Directions, near_part},
     parallel,
 };
 use crate::{
     constants::{CONTACT_ROUNDING, NEAR_WAY, SLIDE_WAY, SURE_WAY},
+    geometry::Placement,
     query::{Separation, separation},
 };
-use bevy::tasks::TaskPool;
-use glam::{Quat, Vec3};
 
 /// Indices of a primitive of the first body and one of the second; of a part, which is one, 0.
 pub(super) type PrimitivePair = [u32; 2];
@@ -57,10 +63,17 @@ impl Candidates {
 }
 
 /// Candidate primitive pairs for each motion of each pair.
-pub(super) fn run(input: &StepInput, statics: &Statics, pairs: &[BodyPair], pool: &TaskPool) -> Vec<Vec<Candidates>> {
+pub(super) fn run(
+    input: &StepInput,
+    statics: &Statics,
+    pairs: &[BodyPair],
+    boxes: &BodyBoxes,
+    pool: &TaskPool,
+) -> Vec<Vec<Candidates>> {
     parallel::map(pool, pairs, 8, |_, pair| {
         let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
-        motions.iter().map(|motion| candidates(motion, input.culling, input.prediction)).collect()
+        let boxes = [pair.first, pair.second].map(|side| boxes.between(side, [0.0, 1.0]));
+        motions.iter().map(|motion| candidates(motion, input.culling, input.prediction, boxes)).collect()
     })
 }
 
@@ -84,21 +97,27 @@ pub(super) fn from_candidates(
     pairs.iter().zip(primitives).map(of_pair).collect()
 }
 
-/// Candidate primitive pairs of one motion.
-pub(super) fn candidates(motion: &PairMotion, culling: Culling, prediction: f32) -> Candidates {
+/// Candidate primitive pairs of one motion. `boxes`: of either side over its time, if they are known; what a body has left its way by is
+/// part of `prediction` then.
+pub(super) fn candidates(
+    motion: &PairMotion,
+    culling: Culling,
+    prediction: f32,
+    boxes: [Option<TimedBoxes>; 2],
+) -> Candidates {
     match culling {
         Culling::None => all(motion),
         Culling::Hybrid if motion.way() <= NEAR_WAY * motion.size => {
             // Bodies that stop, each by itself, are covered as far as it costs little.
             let way = motion.nearing().max(motion.ways().min(SURE_WAY * motion.size));
-            near(motion, [motion.nearing(), way + (1.0 + 2.0 * SLIDE_WAY) * prediction])
+            near(motion, [motion.nearing(), way + (1.0 + 2.0 * SLIDE_WAY) * prediction], boxes)
         }
-        Culling::Hybrid => swept(motion, prediction),
+        Culling::Hybrid => swept(motion, prediction, boxes),
     }
 }
 
 /// The primitives that come within `covers` metres of each other at the start. Their distance is exact where it is less than `nearing`.
-fn near(motion: &PairMotion, [nearing, covers]: [f32; 2]) -> Candidates {
+fn near(motion: &PairMotion, [nearing, covers]: [f32; 2], boxes: [Option<TimedBoxes>; 2]) -> Candidates {
     let pose12 = motion.pose12();
     // Boxes and directions are not exact.
     let reach = covers * (1.0 + CONTACT_ROUNDING) + CONTACT_ROUNDING * motion.size;
@@ -122,35 +141,75 @@ fn near(motion: &PairMotion, [nearing, covers]: [f32; 2]) -> Candidates {
         });
     };
     match &motion.facing {
-        Facing::Shape(shape2) => near_shape(motion.shape1, shape2, &pose12, reach, add),
+        Facing::Shape(shape2) => {
+            let to_second = Placement::from(pose12.inverse());
+            let mut last = None;
+            for [i, j] in pairs_of_boxes(motion, shape2, boxes, reach, MovingBox::is_near) {
+                let hull = match last {
+                    Some((last, hull)) if last == i => hull,
+                    _ => motion.shape1.hull(i).placed(&to_second),
+                };
+                last = Some((i, hull));
+                add([i, j], hull);
+            }
+        }
         Facing::Part(part) => near_part(motion.shape1, part, &pose12, reach, |i, hull| add([i, 0], hull)),
     }
     Candidates { pairs, covers: Some(covers) }
 }
 
-fn swept(motion: &PairMotion, prediction: f32) -> Candidates {
-    let frame = motion.sweep2.start.rotation.inverse();
-    let boxes1 = SweptBoxes::new(&motion.sweep1, frame, motion.shape1.scale);
-    let margin = prediction + motion.whole_sagitta();
-    let mut pairs = Vec::new();
-    match &motion.facing {
-        Facing::Shape(shape2) => {
-            let boxes2 = SweptBoxes::new(&motion.sweep2, frame, shape2.scale);
-            motion.shape1.bvh().visit_pairs(
-                shape2.bvh(),
-                |aabb1| boxes1.place(aabb1),
-                |aabb2| boxes2.place(aabb2),
-                |swept1, swept2| swept1.meets(swept2, margin),
-                |i, j| pairs.push([i, j]),
-            );
-        }
+/// The primitives that come within the prediction distance of each other on their way.
+fn swept(motion: &PairMotion, prediction: f32, boxes: [Option<TimedBoxes>; 2]) -> Candidates {
+    let pairs = match &motion.facing {
+        Facing::Shape(shape2) => pairs_of_boxes(motion, shape2, boxes, prediction, MovingBox::meets),
         Facing::Part(part) => {
-            let target = SweptBoxes::new(&motion.sweep2, frame, 1.0).place(&part.aabb());
-            motion.shape1.bvh().visit(|aabb| boxes1.place(aabb).meets(&target, margin), |i| pairs.push([i, 0]));
+            // Boxes with the world's axes do if those are the part's as well.
+            let own;
+            let (boxes, offset) = match (boxes[0], motion.world_offset()) {
+                (Some(boxes), Some(frame)) => (boxes, Vec3A::from(frame) - boxes.origin()),
+                _ => {
+                    own = MovingBoxes::new(motion.shape1, &motion.sweep1, Vec3::ZERO);
+                    (own.whole(), Vec3A::ZERO)
+                }
+            };
+            let [start, end] = [motion.sweep2.start, motion.sweep2.end];
+            let target = MovingBox::new([start, end].map(|pose| part.aabb().transformed(&pose, 1.0)));
+            let mut pairs = Vec::new();
+            let margin = prediction + boxes.sagitta() + motion.sagitta_of_second();
+            let meets = |node: usize| boxes.node(node).meets(&target, offset, margin);
+            motion.shape1.bvh().visit_tested(meets, |i| pairs.push([i, 0]));
+            pairs.sort_unstable();
+            pairs
+        }
+    };
+    Candidates::all(pairs, None)
+}
+
+/// The primitives of two shapes whose boxes, widened by `reach`, pass a test, in ascending order.
+fn pairs_of_boxes(
+    motion: &PairMotion,
+    shape2: &Shape,
+    boxes: [Option<TimedBoxes>; 2],
+    reach: f32,
+    test: impl Fn(&MovingBox, &MovingBox, Vec3A, f32) -> bool,
+) -> Vec<PrimitivePair> {
+    let mut pairs = Vec::new();
+    let mut visit = |boxes1: TimedBoxes, boxes2: TimedBoxes| {
+        let offset = boxes1.offset(&boxes2);
+        let reach = reach + boxes1.sagitta() + boxes2.sagitta() + CONTACT_ROUNDING * motion.size;
+        let test = |i, j| test(&boxes1.node(i), &boxes2.node(j), offset, reach);
+        motion.shape1.bvh().visit_pairs(shape2.bvh(), test, |i, j| pairs.push([i, j]));
+    };
+    match boxes {
+        [Some(boxes1), Some(boxes2)] => visit(boxes1, boxes2),
+        _ => {
+            let boxes = [(motion.shape1, &motion.sweep1), (shape2, &motion.sweep2)];
+            let [boxes1, boxes2] = boxes.map(|(shape, sweep)| MovingBoxes::new(shape, sweep, Vec3::ZERO));
+            visit(boxes1.whole(), boxes2.whole());
         }
     }
     pairs.sort_unstable();
-    Candidates::all(pairs, None)
+    pairs
 }
 
 fn all(motion: &PairMotion) -> Candidates {

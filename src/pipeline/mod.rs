@@ -18,6 +18,7 @@ pub mod contact;
 mod first_impact;
 mod mid_phase;
 mod motion;
+mod moving_boxes;
 mod narrow_phase;
 mod near;
 pub(crate) mod parallel;
@@ -45,6 +46,7 @@ use crate::{
 };
 
 use broad_phase::BodyPair;
+use moving_boxes::BodyBoxes;
 
 pub use contact::{Contact, Manifold, Second};
 pub use parts::{ConvexParts, Core, Part};
@@ -436,10 +438,11 @@ pub fn step_filtered(
     let pairs = broad_phase::run(input, statics, filter, pool);
     output.times.broad = lap();
 
-    let candidates = mid_phase::run(input, statics, &pairs, pool);
+    let boxes = BodyBoxes::new(input, statics, &pairs, pool);
+    let candidates = mid_phase::run(input, statics, &pairs, &boxes, pool);
     output.times.mid = lap();
 
-    finish(input, statics, &pairs, &candidates, output, pool)
+    finish(input, statics, &pairs, (&candidates, &boxes), output, pool)
 }
 
 /// Two bodies that may meet within the step, wherever each stops, and those of their primitives that may come within the
@@ -468,7 +471,8 @@ pub fn step_from_candidates(
     let (pairs, primitives): (Vec<_>, Vec<_>) =
         broad_phase::from_candidates(input, statics, candidates).into_iter().unzip();
     let candidates = mid_phase::from_candidates(input, statics, &pairs, primitives);
-    finish(input, statics, &pairs, &candidates, StepOutput::default(), pool)
+    let boxes = BodyBoxes::new(input, statics, &pairs, pool);
+    finish(input, statics, &pairs, (&candidates, &boxes), StepOutput::default(), pool)
 }
 
 /// A clock that tells the time since it was last asked.
@@ -485,7 +489,7 @@ fn finish(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    candidates: &[Vec<mid_phase::Candidates>],
+    (candidates, boxes): (&[Vec<mid_phase::Candidates>], &BodyBoxes),
     mut output: StepOutput,
     pool: &TaskPool,
 ) -> StepOutput {
@@ -493,7 +497,7 @@ fn finish(
     let mut results = narrow_phase::impacts(input, statics, pairs, candidates, pool);
     output.times.narrow = lap();
 
-    let stops = stop::run(input, statics, pairs, candidates, &mut results);
+    let stops = stop::run(input, statics, pairs, candidates, boxes, &mut results);
     output.times.stop = lap();
 
     let contacts = narrow_phase::contacts(input, statics, pairs, candidates, &stops, pool);

@@ -1,6 +1,6 @@
 //! The motion of a pair in the frame in which its primitives are placed.
 
-use glam::{Affine3A, Mat3A, Quat, Vec3, Vec3A};
+use glam::{Quat, Vec3};
 
 use super::{Part, Second, Side, Solid, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
 use crate::{
@@ -214,9 +214,14 @@ impl<'a> PairMotion<'a> {
         self.sweep1.is_at_rest() && self.sweep2.is_at_rest()
     }
 
-    /// How far any point strays from its chord over the whole step, both sides together.
-    pub fn whole_sagitta(&self) -> f32 {
-        self.sweep1.sagitta(self.arms[0], 1) + self.sweep2.sagitta(self.arms[1], 1)
+    /// How far any point of the second body strays from its chord over the motion, in metres.
+    pub fn sagitta_of_second(&self) -> f32 {
+        self.sweep2.sagitta(self.arms[1], 1)
+    }
+
+    /// Where the frame of the sweeps is in the world, if their axes are the same.
+    pub fn world_offset(&self) -> Option<Vec3> {
+        (self.frame.rotation == Quat::IDENTITY).then_some(self.frame.translation)
     }
 }
 
@@ -249,66 +254,4 @@ fn reach(shape1: &Shape, sweep1: &Sweep, sweep2: &Sweep, arm2: f32) -> Aabb {
     // Points that meet were as far apart at the start as both have moved since.
     let way = (sweep1.translation - sweep2.translation).length() + sweep2.rotation.length().min(2.0) * arm2;
     Aabb::from_spheres([Sphere::new(start, radius + way)])
-}
-
-/// Bounds the motion of the boxes of one body's hierarchy over the step, seen from a fixed frame.
-pub(super) struct SweptBoxes {
-    start: Affine3A,
-    /// Moves a local point by its chord.
-    chord: Affine3A,
-    extents: Mat3A,
-    /// Angle of the rotation, at most a half turn.
-    angle: f32,
-    scale: f32,
-}
-
-/// A moving box: the middle goes from `center` by `motion`, the half extents hold for the whole step.
-#[derive(Clone, Copy)]
-pub(super) struct SweptBox {
-    center: Vec3A,
-    motion: Vec3A,
-    half: Vec3A,
-}
-
-impl SweptBoxes {
-    /// `frame`: rotation from the parent frame into that in which boxes are compared.
-    pub fn new(sweep: &Sweep, frame: Quat, scale: f32) -> Self {
-        let [start, end] = [0.0, 1.0].map(|fraction| {
-            let pose = sweep.pose_at(fraction);
-            Affine3A::from_rotation_translation(frame * pose.rotation, frame * pose.translation)
-        });
-        let chord = Affine3A { matrix3: end.matrix3 - start.matrix3, translation: end.translation - start.translation };
-        let Mat3A { x_axis, y_axis, z_axis } = start.matrix3;
-        let extents = Mat3A::from_cols(x_axis.abs(), y_axis.abs(), z_axis.abs());
-        Self { start, chord, extents, angle: sweep.rotation.length().min(2.0), scale }
-    }
-
-    /// The box over the step. A turn by an angle moves a corner by at most the angle, or twice, its distance from the middle.
-    pub fn place(&self, aabb: &Aabb) -> SweptBox {
-        let [min, max] = [aabb.min, aabb.max].map(|corner| Vec3A::from(corner) * (0.5 * self.scale));
-        let (center, half) = (max + min, max - min);
-        let grown = if self.angle > 0.0 { self.angle * half.length() } else { 0.0 };
-        SweptBox {
-            center: self.start.transform_point3a(center),
-            motion: self.chord.transform_point3a(center),
-            half: self.extents * half + grown,
-        }
-    }
-}
-
-impl SweptBox {
-    /// True if the boxes come within `margin` of each other at some instant, each axis by itself counted at the same time.
-    pub fn meets(&self, other: &SweptBox, margin: f32) -> bool {
-        let offset = other.center - self.center;
-        let motion = other.motion - self.motion;
-        let reach = self.half + other.half + margin;
-        let moves = motion.abs().cmpgt(Vec3A::splat(1e-12));
-        if (!moves & offset.abs().cmpgt(reach)).any() {
-            return false;
-        }
-        let (one, other) = ((-reach - offset) / motion, (reach - offset) / motion);
-        let enter = Vec3A::select(moves, one.min(other), Vec3A::ZERO).max_element();
-        let leave = Vec3A::select(moves, one.max(other), Vec3A::ONE).min_element();
-        enter.max(0.0) <= leave.min(1.0)
-    }
 }

@@ -25,7 +25,7 @@ pub(super) fn impacts(
 ) -> Vec<ImpactResult> {
     parallel::map(pool, pairs, 4, |i, pair| {
         let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
-        first_impact(input.culling, motions, Some(&candidates[i]), Vec3::ZERO)
+        first_impact(input.culling, motions, Some(&candidates[i]), [None; 2], 0.0, Vec3::ZERO)
     })
 }
 

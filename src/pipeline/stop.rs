@@ -23,11 +23,12 @@ use std::{
 use glam::{Quat, Vec3};
 
 use super::{
-    Impact, Statics, StepInput,
+    Impact, Side, Statics, StepInput,
     broad_phase::BodyPair,
     first_impact::{ImpactResult, first_impact},
     mid_phase::Candidates,
     motion::{Facing, PairMotion},
+    moving_boxes::BodyBoxes,
     narrow_phase::are_in_touch,
 };
 use crate::{
@@ -97,6 +98,15 @@ impl Stops {
         })
     }
 
+    /// Between which times of its own motion a body is from a fraction on, but for what it has slid. None if it has left it.
+    fn times(&self, side: Side, fraction: f32) -> Option<[f32; 2]> {
+        match side.body().and_then(|body| self.0[body as usize]) {
+            None | Some(Course { state: State::Free | State::Sliding, .. }) => Some([fraction, 1.0]),
+            Some(Course { state: State::Stopped, from, .. }) => Some([from; 2]),
+            Some(_) => None,
+        }
+    }
+
     /// The motion of a body from a fraction on.
     fn sweep_from(&self, input: &StepInput, body: u32, fraction: f32) -> Sweep {
         match &self.0[body as usize] {
@@ -137,6 +147,7 @@ pub(super) fn run(
     statics: &Statics,
     pairs: &[BodyPair],
     candidates: &[Vec<Candidates>],
+    boxes: &BodyBoxes,
     results: &mut [ImpactResult],
 ) -> Stops {
     let mut stops = Stops(vec![None; input.bodies.len()]);
@@ -221,8 +232,14 @@ pub(super) fn run(
         affected.sort_unstable();
         affected.dedup();
         for other in affected {
-            let found =
-                impact_from(input, statics, (&pairs[other], &candidates[other]), &stops, fraction, &results[other]);
+            let found = impact_from(
+                input,
+                statics,
+                (&pairs[other], &candidates[other], boxes),
+                &stops,
+                fraction,
+                &results[other],
+            );
             results[other].toi_tests += found.toi_tests;
             results[other].unresolved += found.unresolved;
             next[other] = found.impact;
@@ -279,7 +296,7 @@ fn slides(
 fn impact_from(
     input: &StepInput,
     statics: &Statics,
-    (pair, candidates): (&BodyPair, &[Candidates]),
+    (pair, candidates, boxes): (&BodyPair, &[Candidates], &BodyBoxes),
     stops: &Stops,
     fraction: f32,
     before: &ImpactResult,
@@ -296,7 +313,9 @@ fn impact_from(
         }
         _ => false,
     };
-    let mut found = first_impact(input.culling, motions, known.then_some(candidates), before.normal);
+    let boxes = [pair.first, pair.second].map(|side| boxes.between(side, stops.times(side, fraction)?));
+    let slack = 2.0 * SLIDE_WAY * input.prediction;
+    let mut found = first_impact(input.culling, motions, known.then_some(candidates), boxes, slack, before.normal);
     if let Some(impact) = &mut found.impact {
         impact.fraction = fraction + (1.0 - fraction) * impact.fraction;
     }

@@ -1,0 +1,156 @@
+//! The hierarchies of bodies on their way through a step.
+
+use std::collections::HashMap;
+
+use bevy::tasks::TaskPool;
+use glam::{Vec3, Vec3A};
+
+use super::{Hull, Shape, Side, Solid, Statics, StepInput, broad_phase::BodyPair, parallel};
+use crate::geometry::{Aabb, Placement, Pose3, Sweep};
+
+/// The boxes of each medial body in a pair, relative to where it is at the start, with the world's axes.
+#[derive(Default)]
+pub(super) struct BodyBoxes(HashMap<Side, MovingBoxes>);
+
+impl BodyBoxes {
+    /// Of all bodies in pairs.
+    pub fn new(input: &StepInput, statics: &Statics, pairs: &[BodyPair], pool: &TaskPool) -> Self {
+        let body = |side| -> (&Solid, Sweep) {
+            match side {
+                Side::Body(body) => (&input.bodies[body as usize].solid, input.bodies[body as usize].sweep),
+                Side::Static(body) => {
+                    (&statics.bodies[body as usize].solid, Sweep::at_rest(statics.bodies[body as usize].pose))
+                }
+            }
+        };
+        let mut sides: Vec<Side> = pairs.iter().flat_map(|pair| [pair.first, pair.second]).collect();
+        sides.retain(|&side| body(side).0.medial().is_some());
+        sides.sort_unstable();
+        sides.dedup();
+        let boxes = parallel::map(pool, &sides, 16, |_, &side| {
+            let (solid, sweep) = body(side);
+            solid.medial().map(|shape| MovingBoxes::new(shape, &sweep, sweep.start.translation))
+        });
+        Self(sides.into_iter().zip(boxes).filter_map(|(side, boxes)| Some((side, boxes?))).collect())
+    }
+
+    /// The boxes of a body between two times.
+    pub fn between(&self, side: Side, times: [f32; 2]) -> Option<TimedBoxes<'_>> {
+        self.0.get(&side).map(|boxes| TimedBoxes { boxes, times, is_whole: times == [0.0, 1.0] })
+    }
+}
+
+/// Boxes around a shape's primitives, and around those: for each node of its hierarchy where it is at the start of a motion and at its
+/// end.
+pub(super) struct MovingBoxes {
+    nodes: Vec<MovingBox>,
+    /// What they are relative to, in the frame of the sweep.
+    origin: Vec3,
+    /// How far a sphere may stray from its boxes on its way, in metres.
+    sagitta: f32,
+}
+
+/// A box whose faces move steadily.
+#[derive(Clone, Copy)]
+pub(super) struct MovingBox {
+    /// At the start and at the end.
+    min: [Vec3A; 2],
+    max: [Vec3A; 2],
+}
+
+/// Boxes between two times of their motion, fractions of it.
+#[derive(Clone, Copy)]
+pub(super) struct TimedBoxes<'a> {
+    boxes: &'a MovingBoxes,
+    times: [f32; 2],
+    is_whole: bool,
+}
+
+impl MovingBoxes {
+    /// In the frame of the sweep, relative to `origin`.
+    pub fn new(shape: &Shape, sweep: &Sweep, origin: Vec3) -> Self {
+        let frame = Pose3::from_translation(origin);
+        let placements = [sweep.start, sweep.end].map(|pose| Placement::from(frame.inv_mul(&pose)));
+        let around = |hull: Hull| MovingBox::new(placements.map(|placement| hull.placed(&placement).aabb()));
+        let nodes = shape.bvh().values(|primitive| around(shape.hull(primitive)), MovingBox::merge);
+        Self { nodes, origin, sagitta: sweep.sagitta(shape.arm(sweep.local_center), 1) }
+    }
+
+    /// The whole motion.
+    pub fn whole(&self) -> TimedBoxes<'_> {
+        TimedBoxes { boxes: self, times: [0.0, 1.0], is_whole: true }
+    }
+}
+
+impl TimedBoxes<'_> {
+    /// The box of a node.
+    pub fn node(&self, index: usize) -> MovingBox {
+        let boxes = &self.boxes.nodes[index];
+        if self.is_whole { *boxes } else { boxes.between(self.times) }
+    }
+
+    /// What they are relative to, in the frame of the motion.
+    pub fn origin(&self) -> Vec3A {
+        self.boxes.origin.into()
+    }
+
+    /// By how much the other's boxes are to be shifted to be in the same coordinates.
+    pub fn offset(&self, other: &Self) -> Vec3A {
+        other.origin() - self.origin()
+    }
+
+    /// How far spheres may stray from their boxes, in metres.
+    pub fn sagitta(&self) -> f32 {
+        self.boxes.sagitta
+    }
+}
+
+impl MovingBox {
+    /// From where it is at the start and at the end.
+    pub fn new(boxes: [Aabb; 2]) -> Self {
+        Self { min: boxes.map(|aabb| aabb.min.into()), max: boxes.map(|aabb| aabb.max.into()) }
+    }
+
+    fn merge(&self, other: &Self) -> Self {
+        let both = [0, 1];
+        Self { min: both.map(|i| self.min[i].min(other.min[i])), max: both.map(|i| self.max[i].max(other.max[i])) }
+    }
+
+    /// The part of its way between two times.
+    fn between(&self, times: [f32; 2]) -> Self {
+        let at = |[start, end]: [Vec3A; 2]| times.map(|time| start + (end - start) * time);
+        Self { min: at(self.min), max: at(self.max) }
+    }
+
+    /// How far the other is beyond this one along each axis, and along each axis' reverse, at the start or at the end.
+    #[inline]
+    fn gaps(&self, other: &Self, offset: Vec3A, time: usize) -> [Vec3A; 2] {
+        [other.min[time] + offset - self.max[time], self.min[time] - other.max[time] - offset]
+    }
+
+    /// True if they come within `reach` of each other along each axis at the start, the other shifted by `offset`.
+    #[inline]
+    pub fn is_near(&self, other: &Self, offset: Vec3A, reach: f32) -> bool {
+        let [above, below] = self.gaps(other, offset, 0);
+        above.max(below).cmple(Vec3A::splat(reach)).all()
+    }
+
+    /// True if they come within `reach` of each other along all axes at some time, the other shifted by `offset`.
+    #[inline]
+    pub fn meets(&self, other: &Self, offset: Vec3A, reach: f32) -> bool {
+        let reach = Vec3A::splat(reach);
+        let [starts, ends] = [0, 1].map(|time| self.gaps(other, offset, time).map(|gap| gap - reach));
+        let apart = starts[0].min(ends[0]).max(starts[1].min(ends[1]));
+        if apart.cmpgt(Vec3A::ZERO).any() {
+            return false;
+        }
+        // Along each axis by itself they meet. A gap that is there at the start only ends, one at the end begins.
+        let (mut enter, mut leave) = (Vec3A::ZERO, Vec3A::ONE);
+        for (start, end) in starts.into_iter().zip(ends) {
+            let crossing = start / (start - end);
+            enter = Vec3A::select(start.cmpgt(Vec3A::ZERO), enter.max(crossing), enter);
+            leave = Vec3A::select(end.cmpgt(Vec3A::ZERO), leave.min(crossing), leave);
+        }
+        enter.max_element() <= leave.min_element()
+    }
+}
