@@ -193,7 +193,7 @@ impl<'a> Builder<'a> {
             (area, area * per_sphere[1] / per_sphere[0])
         };
         let ((area, vertices), (fine_area, fine_vertices)) = (count(COARSE, 1), count(FINE, 2));
-        let coarse = Samples::new(&solid, area, vertices, options.seed);
+        let coarse = Samples::new(&solid, area, vertices, options.seed).turned_outward(&solid);
         let fine = Samples::new(&solid, fine_area, fine_vertices, options.seed);
         let balls = parallel::map(coarse.len(), 32, |i| {
             let normal = coarse.normals[i];

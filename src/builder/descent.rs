@@ -7,8 +7,9 @@
 use glam::{DVec3, DVec4};
 
 use super::{
-    envelope::{Complex, Envelope, Hit, Points, SurfacePoint},
+    envelope::{Complex, Envelope, Hit, SurfacePoint},
     parallel,
+    points::Points,
     solid::Solid,
 };
 
@@ -156,12 +157,12 @@ impl Target<'_> {
     ) -> Vec<Anchor> {
         let fade = FADE * self.spacing + depth_limit.min(NEARLY_OUTSIDE);
         let points = Points::new(places.iter().map(|s| envelope.point(s)).collect());
-        let own = envelope.hits(&points);
-        let others = self.rest.as_ref().map(|rest| rest.envelope.hits_among(&points, &rest.primitives));
-        let weight = |i: usize| {
-            let depth = others.as_ref().map_or(0.0, |others| -others[i].distance).max(-own[i].distance).max(0.0);
-            1.0 - depth / fade
-        };
+        let mut depths = envelope.depths(&points);
+        if let Some(rest) = &self.rest {
+            let others = rest.envelope.depths_among(&points, &rest.primitives);
+            depths.iter_mut().zip(others).for_each(|(depth, other)| *depth = depth.max(other));
+        }
+        let weight = |i: usize| 1.0 - depths[i] / fade;
         let visible: Vec<(usize, f64)> =
             (0..places.len()).map(|i| (i, weight(i))).filter(|(_, weight)| *weight > 0.0).collect();
         let anchors = parallel::map(visible.len(), 32, |at| {
@@ -190,14 +191,14 @@ impl Target<'_> {
 
     /// The greatest distance between the surface and the envelope, either way.
     pub fn worst(&self, complex: &Complex) -> f64 {
-        const HIDDEN: f64 = -1e-4;
+        const HIDDEN: f64 = 1e-4;
         let envelope = complex.envelope();
         let inward = self.hits(&envelope).iter().map(|hit| hit.distance.abs()).fold(0.0, f64::max);
         let points = Points::new(envelope.surface(self.spacing).iter().map(|s| envelope.point(s)).collect());
-        let depths = envelope.hits(&points);
+        let depths = envelope.depths(&points);
         let outward = parallel::map(depths.len(), 32, |i| {
             let point = points.positions[i];
-            let nearest = (depths[i].distance > HIDDEN).then(|| self.solid.closest_off_rims(point, None)).flatten();
+            let nearest = (depths[i] < HIDDEN).then(|| self.solid.closest_off_rims(point, None)).flatten();
             nearest.map_or(0.0, |nearest| nearest.distance(point))
         });
         outward.into_iter().fold(inward, f64::max)

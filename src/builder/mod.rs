@@ -20,18 +20,21 @@ mod descent;
 mod envelope;
 mod exchange;
 mod fit;
+mod hull;
 mod levels;
 #[cfg(feature = "mesh_files")]
 pub mod load;
 mod measure;
 mod mesh;
 mod parallel;
+mod points;
 mod refine;
 mod report;
 mod samples;
 mod solid;
 mod surface_samples;
 mod tree;
+mod vectors;
 
 pub use build::{BuildError, BuildOptions, BuildReport, Built, build, build_levels};
 pub use fit::{FitOptions, fit};

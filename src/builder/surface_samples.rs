@@ -2,16 +2,13 @@
 
 use glam::DVec3;
 
-use super::{
-    envelope::{Ball, Points},
-    parallel,
-    solid::Solid,
-};
+use super::{hull::Ball, parallel, points::Points, solid::Solid};
 
 /// Surface samples, evenly spread over the area, and vertices.
 pub(super) struct Samples {
     pub points: Points,
-    /// Outward normals; zero where the surface is no boundary of the solid.
+    /// Unit normals, whichever way the triangles turn them; after [`turned_outward`](Self::turned_outward) out of the solid, and zero where
+    /// the surface is no boundary of it.
     pub normals: Vec<DVec3>,
     /// Share of each sample in the area, which is 1 in all.
     pub weights: Vec<f64>,
@@ -65,8 +62,12 @@ impl Samples {
         }
         let total: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= total);
-        let normals = parallel::map(positions.len(), 64, |i| outward(solid, positions[i], normals[i]));
         Self { points: Points::new(positions), normals, weights, parts, area, spacing: share.sqrt() }
+    }
+
+    pub fn turned_outward(mut self, solid: &Solid) -> Self {
+        self.normals = parallel::map(self.len(), 64, |i| outward(solid, self.points.positions[i], self.normals[i]));
+        self
     }
 
     pub fn len(&self) -> usize {
