@@ -350,3 +350,6 @@ fn closest_on_triangle(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> DVec3 {
     let scale = 1.0 / (va + vb + vc);
     a + ab * (vb * scale) + ac * (vc * scale)
 }
+
+#[cfg(test)]
+mod tests;
