@@ -97,6 +97,8 @@ pub(super) struct Target<'a> {
     pub spacing: f64,
     /// How much a sample outside of the envelope counts beside one within.
     pub uncovered: f64,
+    /// How deep within the solid points of the envelope count in a descent, as at the bottom of a crease, as a part of the diagonal.
+    pub creases: f64,
     /// What else there is that does not move, if the shape is a part of one.
     pub rest: Option<Rest<'a>>,
 }
@@ -155,7 +157,9 @@ impl Target<'_> {
         near: &[DVec3],
         depth_limit: f64,
     ) -> Vec<Anchor> {
-        let fade = FADE * self.spacing + depth_limit.min(NEARLY_OUTSIDE);
+        // While places are sought, so do those that may come to light.
+        let margin = if near.is_empty() { depth_limit.min(NEARLY_OUTSIDE) } else { 0.0 };
+        let fade = FADE * self.spacing + margin;
         let points = Points::new(places.iter().map(|s| envelope.point(s)).collect());
         let mut depths = envelope.depths(&points);
         if let Some(rest) = &self.rest {
@@ -189,21 +193,6 @@ impl Target<'_> {
         anchors.into_iter().flatten().collect()
     }
 
-    /// The greatest distance between the surface and the envelope, either way.
-    pub fn worst(&self, complex: &Complex) -> f64 {
-        const HIDDEN: f64 = 1e-4;
-        let envelope = complex.envelope();
-        let inward = self.hits(&envelope).iter().map(|hit| hit.distance.abs()).fold(0.0, f64::max);
-        let points = Points::new(envelope.surface(self.spacing).iter().map(|s| envelope.point(s)).collect());
-        let depths = envelope.depths(&points);
-        let outward = parallel::map(depths.len(), 32, |i| {
-            let point = points.positions[i];
-            let nearest = (depths[i] < HIDDEN).then(|| self.solid.closest_off_rims(point, None)).flatten();
-            nearest.map_or(0.0, |nearest| nearest.distance(point))
-        });
-        outward.into_iter().fold(inward, f64::max)
-    }
-
     fn side(&self, distance: f64) -> f64 {
         if distance > 0.0 { self.uncovered } else { 1.0 }
     }
@@ -230,13 +219,13 @@ pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enou
     // The places on the envelope stay the same, relative to the spheres, so that costs compare.
     let envelope = complex.envelope();
     let surface = envelope.surface(target.spacing);
-    let anchored = target.anchors_at(&envelope, &surface, &[], NEARLY_OUTSIDE);
+    let anchored = target.anchors_at(&envelope, &surface, &[], NEARLY_OUTSIDE.max(target.creases));
     let places: Vec<SurfacePoint> = anchored.iter().map(|anchor| surface[anchor.place]).collect();
     let near: Vec<DVec3> = anchored.iter().map(|anchor| anchor.target).collect();
     let measure = |complex: &Complex| {
         let envelope = complex.envelope();
         let hits = target.hits(&envelope);
-        let anchors = target.anchors_at(&envelope, &places, &near, 0.0);
+        let anchors = target.anchors_at(&envelope, &places, &near, target.creases);
         let cost = target.total(&hits, &anchors, &envelope);
         (cost, envelope, hits, anchors)
     };

@@ -151,6 +151,7 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
         penalty,
         spacing: target.spacing * COARSER,
         uncovered: target.uncovered,
+        creases: 0.0,
         rest: Some(Rest {
             envelope: &state.envelope,
             primitives: rest,

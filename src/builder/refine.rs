@@ -9,6 +9,7 @@ use super::{
     exchange::exchange,
     hull::Hull,
     points::Points,
+    progress::Progress,
     solid::{Sets, Solid},
     surface_samples::Samples,
 };
@@ -322,6 +323,7 @@ pub(super) fn target<'a>(solid: &'a Solid, samples: &'a Samples, penalty: Penalt
         penalty,
         spacing,
         uncovered: UNCOVERED,
+        creases: 0.0,
         rest: None,
     }
 }
@@ -346,7 +348,7 @@ pub(super) fn refine(
     solid: &Solid,
     samples: &Samples,
     plan: &Plan,
-    progress: &dyn Fn(f32) -> ControlFlow<()>,
+    progress: &Progress,
 ) -> ControlFlow<()> {
     while complex.balls.len() > plan.spheres {
         let target = target_for(complex, solid, samples, plan.spacing);
