@@ -1,24 +1,17 @@
 //! The entry: the stages in order.
 
-use std::ops::ControlFlow;
-
-use glam::DVec3;
 use thiserror::Error;
 
 use super::{
-    TriangleMesh, clusters,
-    connect::{self, Limits},
-    descent::{self, Penalty, Target},
-    envelope::Complex,
+    TriangleMesh,
+    judge::Judge,
     parallel,
-    refine::{self, Plan},
+    progress::{Progress, Shares},
+    search::Search,
     solid::Solid,
-    surface_samples::{Samples, medial_ball},
+    surface_samples::Random,
 };
-use crate::{
-    geometry::Sphere,
-    medial_axis::{CleanupReport, MedialAxis, MedialAxisError},
-};
+use crate::medial_axis::{CleanupReport, MedialAxis, MedialAxisError};
 
 /// What to build.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,45 +97,28 @@ pub enum BuildError {
     Asset(#[from] MedialAxisError),
 }
 
-/// Samples of the area per sphere while spheres are sought, and vertices beside them.
-const COARSE: [usize; 2] = [60, 12];
+/// Triangles per sphere for which there is one search more: the more of them, the longer a build may take.
+const TRIANGLES_PER_SEARCH: usize = 250;
 
-/// The same for the last descent.
-const FINE: [usize; 2] = [150, 75];
+/// Most searches.
+const MOST_SEARCHES: usize = 4;
 
-/// Least and greatest number of coarse samples of the area.
-const SAMPLES: [usize; 2] = [3000, 20_000];
-
-/// Distance of points of the envelope, as a part of the diagonal: coarse and fine.
-const SPACING: [f64; 2] = [0.02, 0.012];
-
-/// Steps of the last descents, one by a usual penalty and one by a steeper one.
-const LAST_STEPS: [usize; 2] = [24, 12];
-
-/// By how much that is steep earlier.
-const STEEPER: f64 = 2.2;
-
-/// How many more spheres there are at first.
-const SURPLUS: f64 = 1.3;
-
-/// Edges beyond the number of spheres, and faces, per cycle of the graph of spheres that touch on the surface: limbs have few.
-const PER_CYCLE: f64 = 0.43;
+/// How often a shape is sought, each time from other samples: which of many good shapes is found is chance.
+fn searches(triangles: usize, spheres: usize) -> usize {
+    (1 + triangles / (TRIANGLES_PER_SEARCH * spheres)).min(MOST_SEARCHES)
+}
 
 /// A medial mesh of a solid.
 ///
-/// `progress` is told the part of the work that is done, from 0 to 1, and may break it off.
+/// `progress` is told the part of the work that is done, from 0 to 1, by whichever thread does it, and may break it off.
 ///
 /// # Errors
 /// If the mesh has no area or encloses nothing, if a vertex is not finite or missing, if there are more components than
 /// spheres, or if `progress` breaks.
-pub fn build(
-    mesh: &TriangleMesh,
-    options: &BuildOptions,
-    progress: &dyn Fn(f32) -> ControlFlow<()>,
-) -> Result<Built, BuildError> {
-    let mut builder = Builder::new(mesh, options, progress)?;
-    builder.refine()?;
-    builder.finish()
+pub fn build(mesh: &TriangleMesh, options: &BuildOptions, progress: &Progress) -> Result<Built, BuildError> {
+    let solid = Solid::new(mesh)?;
+    let judge = Judge::new(&solid, options.seed);
+    best(&judge, mesh, options, progress)?.built(&solid, progress)
 }
 
 /// A chain of medial meshes, each with at most half as many spheres as the one before, down to one sphere a component.
@@ -152,131 +128,38 @@ pub fn build(
 pub fn build_levels(
     mesh: &TriangleMesh,
     options: &BuildOptions,
-    progress: &dyn Fn(f32) -> ControlFlow<()>,
+    progress: &Progress,
 ) -> Result<Vec<Built>, BuildError> {
-    let mut builder = Builder::new(mesh, options, progress)?;
-    let mut levels = vec![];
-    loop {
-        builder.refine()?;
-        levels.push(builder.finish()?);
-        let least = builder.full_components();
-        if builder.plan.spheres <= least {
-            return Ok(levels);
-        }
-        builder.plan.coarsen(least);
+    let solid = Solid::new(mesh)?;
+    let judge = Judge::new(&solid, options.seed);
+    let mut search = best(&judge, mesh, options, progress)?;
+    let mut levels = vec![search.built(&solid, progress)?];
+    while search.coarsen() {
+        search.refine(&judge, progress)?;
+        levels.push(search.built(&solid, progress)?);
     }
+    Ok(levels)
 }
 
-struct Builder<'a> {
-    solid: Solid,
-    coarse: Samples,
-    fine: Samples,
-    complex: Complex,
-    /// Component of each sphere.
-    parts: Vec<u32>,
-    plan: Plan,
-    progress: &'a dyn Fn(f32) -> ControlFlow<()>,
-}
-
-impl<'a> Builder<'a> {
-    fn new(
-        mesh: &TriangleMesh,
-        options: &BuildOptions,
-        progress: &'a dyn Fn(f32) -> ControlFlow<()>,
-    ) -> Result<Self, BuildError> {
-        let report = |part: f32| if progress(part).is_break() { Err(BuildError::Cancelled) } else { Ok(()) };
-        report(0.0)?;
-        let solid = Solid::new(mesh)?;
-        let spheres = options.spheres.max(1);
-        let count = |per_sphere: [usize; 2], factor: usize| {
-            let area = (spheres * per_sphere[0]).clamp(SAMPLES[0] * factor, SAMPLES[1] * factor);
-            (area, area * per_sphere[1] / per_sphere[0])
-        };
-        let ((area, vertices), (fine_area, fine_vertices)) = (count(COARSE, 1), count(FINE, 2));
-        let coarse = Samples::new(&solid, area, vertices, options.seed);
-        let fine = Samples::new(&solid, fine_area, fine_vertices, options.seed);
-        let balls = parallel::map(coarse.len(), 32, |i| {
-            let normal = coarse.normals[i];
-            (i % 2 == 0 && normal != DVec3::ZERO).then(|| medial_ball(&solid, coarse.points.positions[i], normal))
-        });
-        report(0.1)?;
-        let at_first = (spheres as f64 * SURPLUS) as usize;
-        let clusters = clusters::cluster(&coarse, &balls, at_first, solid.part_count);
-        if clusters.balls.is_empty() {
-            return Err(BuildError::NoVolume);
-        }
-        let mut complex = Complex { balls: clusters.balls, ..Complex::default() };
-        let touching = connect::touching(&coarse, &clusters.labels);
-        let cycles = touching.len().saturating_sub(complex.balls.len()) as f64 / complex.balls.len() as f64;
-        let extra = (PER_CYCLE * cycles * spheres as f64) as usize;
-        let plan = Plan {
-            spheres,
-            edges: options.edges.unwrap_or(spheres + extra),
-            faces: options.faces.unwrap_or(extra),
-            rounds: Plan::rounds(mesh.triangles.len()),
-            steps: 8,
-            spacing: SPACING[0],
-        };
-        // Until the first descent an error of some thousandths is usual.
-        let target = refine::target(&solid, &coarse, Penalty::new(1e-5), plan.spacing);
-        let surplus = complex.balls.len().saturating_sub(spheres);
-        let limits = Limits { edges: plan.edges + surplus, faces: plan.faces };
-        connect::connect(&mut complex, &clusters.parts, &touching, &coarse, limits, &target);
-        let builder = Self { solid, coarse, fine, complex, parts: clusters.parts, plan, progress };
-        let components = builder.full_components();
-        if components > spheres {
-            return Err(BuildError::TooFewSpheres { components, spheres });
-        }
-        Ok(builder)
+/// The best of several searches, side by side. Which it is does not depend on the number of threads.
+fn best(judge: &Judge, mesh: &TriangleMesh, options: &BuildOptions, progress: &Progress) -> Result<Search, BuildError> {
+    let count = searches(mesh.triangles.len(), options.spheres.max(1));
+    let seeds: Vec<u64> =
+        std::iter::successors(Some(options.seed), |&seed| Some(Random(seed).bits())).take(count).collect();
+    let shares = Shares::new(count, progress);
+    let searched = parallel::map(count, 1, |i| {
+        let progress = |part: f32| shares.report(i, part);
+        let mut search = Search::new(judge.solid, options, mesh.triangles.len(), seeds[i], &progress)?;
+        search.refine(judge, &progress)?;
+        Ok(search)
+    });
+    if shares.broken() {
+        return Err(BuildError::Cancelled);
     }
-
-    /// Components that have a sphere.
-    fn full_components(&self) -> usize {
-        let mut parts = self.parts.clone();
-        parts.sort_unstable();
-        parts.dedup();
-        parts.len()
-    }
-
-    /// Fits the spheres.
-    fn refine(&mut self) -> Result<(), BuildError> {
-        let progress = |part: f32| (self.progress)(0.2 + 0.7 * part);
-        let done = refine::refine(&mut self.complex, &mut self.parts, &self.solid, &self.coarse, &self.plan, &progress);
-        if done.is_break() {
-            return Err(BuildError::Cancelled);
-        }
-        let fine = refine::target_for(&self.complex, &self.solid, &self.fine, SPACING[1]);
-        let even = Target { uncovered: 1.0, ..fine };
-        let steep = Target { penalty: even.penalty.steeper(STEEPER), rest: None, ..even };
-        // Either may leave the lesser greatest error.
-        let mut other = self.complex.clone();
-        descent::descend(&mut self.complex, &even, LAST_STEPS[0], 0.1 * descent::ROUGH);
-        descent::descend(&mut other, &steep, LAST_STEPS[1], descent::ROUGH);
-        if even.worst(&other) < even.worst(&self.complex) {
-            self.complex = other;
-        }
-        Ok(())
-    }
-
-    fn finish(&self) -> Result<Built, BuildError> {
-        let Self { solid, complex, fine, .. } = self;
-        let spheres = complex.balls.iter().map(|ball| {
-            let center = ball.center * solid.diagonal + solid.origin;
-            Sphere::new(center.as_vec3(), (ball.radius * solid.diagonal) as f32)
-        });
-        let (axis, cleanup) = MedialAxis::from_lists(spheres.collect(), &complex.edges, &complex.faces)?;
-        let hits = complex.envelope().hits(&fine.points);
-        let mean_square: f64 = hits.iter().zip(&fine.weights).map(|(h, w)| w * h.distance * h.distance).sum();
-        let report = BuildReport {
-            components: solid.part_count,
-            empty_components: solid.part_count - self.full_components(),
-            rms_error: mean_square.sqrt() as f32,
-            max_error: hits.iter().map(|h| h.distance.abs()).fold(0.0, f64::max) as f32,
-            cleanup,
-        };
-        if (self.progress)(1.0).is_break() {
-            return Err(BuildError::Cancelled);
-        }
-        Ok(Built { axis, report })
-    }
+    let better = |a: Result<Search, BuildError>, b: Result<Search, BuildError>| match (&a, &b) {
+        (Ok(first), Ok(second)) if second.error < first.error => b,
+        (Err(_), Ok(_)) => b,
+        _ => a,
+    };
+    searched.into_iter().reduce(better).unwrap_or(Err(BuildError::Empty))
 }

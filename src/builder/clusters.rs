@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use super::{envelope::Ball, parallel, surface_samples::Samples};
+use super::{hull::Ball, parallel, surface_samples::Samples};
 
 /// Spheres, and the sphere of each sample (`u32::MAX`: none, as the sample bounds nothing).
 pub(super) struct Clusters {

@@ -6,8 +6,10 @@ use glam::DVec3;
 
 use super::{
     descent::Target,
-    envelope::{Complex, Cone, Envelope, Hull, Points, edges_of},
+    envelope::{Complex, Envelope, edges_of},
+    hull::{Cone, Hull},
     parallel,
+    points::Points,
     solid::{Sets, Solid},
     surface_samples::Samples,
 };
@@ -123,7 +125,7 @@ pub(super) fn spend(
 ) {
     candidates.retain(|c| !has(complex, c));
     let envelope = complex.envelope();
-    let mut distances: Vec<f64> = envelope.hits(&samples.points).iter().map(|h| h.distance).collect();
+    let mut distances = envelope.distances(&samples.points);
     let slabs = candidates.iter().any(|c| matches!(c, Primitive::Slab(_)));
     let creases = if slabs { target.creases(&envelope) } else { vec![] };
     let (places, mut costs): (Vec<DVec3>, Vec<f64>) = creases.into_iter().unzip();
@@ -158,9 +160,8 @@ pub(super) fn spend(
         waiting.swap_remove(best);
         add(complex, &first);
         let hull = Hull::new(&complex.balls, &first);
-        for (distance, &point) in distances.iter_mut().zip(&samples.points.positions) {
-            *distance = distance.min(hull.distance(point));
-        }
+        let nearer: Vec<(usize, f64)> = nearer(&hull, samples, &distances).collect();
+        nearer.into_iter().for_each(|(i, distance)| distances[i] = distance);
         filled(&hull, &creases).for_each(|i| costs[i] = 0.0);
     }
 }
@@ -202,8 +203,11 @@ fn add(complex: &mut Complex, candidate: &Primitive) {
 const DEEP: f64 = 5e-4;
 
 /// The points that lie deep within a primitive.
-fn filled<'a>(hull: &'a Hull, points: &'a Points) -> impl Iterator<Item = usize> + 'a {
-    points.distances(hull, |_, least| least <= -DEEP).filter(|(_, distance)| *distance <= -DEEP).map(|(i, _)| i)
+fn filled(hull: &Hull, points: &Points) -> impl Iterator<Item = usize> {
+    points
+        .distances(hull, |_, least| f64::from(least) <= -DEEP)
+        .filter(|(_, distance)| *distance <= -DEEP)
+        .map(|(i, _)| i)
 }
 
 /// By how much the candidate brings the error of the samples down.
@@ -215,13 +219,17 @@ pub(super) fn relief(
     target: &Target,
 ) -> f64 {
     let hull = Hull::new(&complex.balls, candidate);
-    // What is farther than this from all points of a block is nearest to none.
-    let reach = |block: Range<usize>| distances[block].iter().copied().fold(0.0, f64::max);
-    let nearer = samples.points.distances(&hull, |block, least| least <= reach(block));
-    let relief = nearer
-        .filter(|&(i, distance)| distance < distances[i])
+    let relief = nearer(&hull, samples, distances)
         .map(|(i, distance)| samples.weights[i] * (target.cost_of(distances[i]) - target.cost_of(distance)));
     relief.sum()
+}
+
+/// The samples that are nearer to a primitive than some distances, and how near.
+fn nearer(hull: &Hull, samples: &Samples, distances: &[f64]) -> impl Iterator<Item = (usize, f64)> {
+    // What is farther than this from all points of a block is nearest to none.
+    let reach = |block: Range<usize>| distances[block].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let near = samples.points.distances(hull, move |block, least| f64::from(least) <= reach(block));
+    near.filter(|&(i, distance)| distance < distances[i])
 }
 
 /// What the surface of the candidate costs where it lies outside the solid.

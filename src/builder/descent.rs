@@ -7,8 +7,9 @@
 use glam::{DVec3, DVec4};
 
 use super::{
-    envelope::{Complex, Envelope, Hit, Points, SurfacePoint},
+    envelope::{Complex, Envelope, Hit, SurfacePoint},
     parallel,
+    points::Points,
     solid::Solid,
 };
 
@@ -96,6 +97,8 @@ pub(super) struct Target<'a> {
     pub spacing: f64,
     /// How much a sample outside of the envelope counts beside one within.
     pub uncovered: f64,
+    /// How deep within the solid points of the envelope count in a descent, as at the bottom of a crease, as a part of the diagonal.
+    pub creases: f64,
     /// What else there is that does not move, if the shape is a part of one.
     pub rest: Option<Rest<'a>>,
 }
@@ -154,14 +157,16 @@ impl Target<'_> {
         near: &[DVec3],
         depth_limit: f64,
     ) -> Vec<Anchor> {
-        let fade = FADE * self.spacing + depth_limit.min(NEARLY_OUTSIDE);
+        // While places are sought, so do those that may come to light.
+        let margin = if near.is_empty() { depth_limit.min(NEARLY_OUTSIDE) } else { 0.0 };
+        let fade = FADE * self.spacing + margin;
         let points = Points::new(places.iter().map(|s| envelope.point(s)).collect());
-        let own = envelope.hits(&points);
-        let others = self.rest.as_ref().map(|rest| rest.envelope.hits_among(&points, &rest.primitives));
-        let weight = |i: usize| {
-            let depth = others.as_ref().map_or(0.0, |others| -others[i].distance).max(-own[i].distance).max(0.0);
-            1.0 - depth / fade
-        };
+        let mut depths = envelope.depths(&points);
+        if let Some(rest) = &self.rest {
+            let others = rest.envelope.depths_among(&points, &rest.primitives);
+            depths.iter_mut().zip(others).for_each(|(depth, other)| *depth = depth.max(other));
+        }
+        let weight = |i: usize| 1.0 - depths[i] / fade;
         let visible: Vec<(usize, f64)> =
             (0..places.len()).map(|i| (i, weight(i))).filter(|(_, weight)| *weight > 0.0).collect();
         let anchors = parallel::map(visible.len(), 32, |at| {
@@ -186,21 +191,6 @@ impl Target<'_> {
             })
         });
         anchors.into_iter().flatten().collect()
-    }
-
-    /// The greatest distance between the surface and the envelope, either way.
-    pub fn worst(&self, complex: &Complex) -> f64 {
-        const HIDDEN: f64 = -1e-4;
-        let envelope = complex.envelope();
-        let inward = self.hits(&envelope).iter().map(|hit| hit.distance.abs()).fold(0.0, f64::max);
-        let points = Points::new(envelope.surface(self.spacing).iter().map(|s| envelope.point(s)).collect());
-        let depths = envelope.hits(&points);
-        let outward = parallel::map(depths.len(), 32, |i| {
-            let point = points.positions[i];
-            let nearest = (depths[i].distance > HIDDEN).then(|| self.solid.closest_off_rims(point, None)).flatten();
-            nearest.map_or(0.0, |nearest| nearest.distance(point))
-        });
-        outward.into_iter().fold(inward, f64::max)
     }
 
     fn side(&self, distance: f64) -> f64 {
@@ -229,13 +219,13 @@ pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enou
     // The places on the envelope stay the same, relative to the spheres, so that costs compare.
     let envelope = complex.envelope();
     let surface = envelope.surface(target.spacing);
-    let anchored = target.anchors_at(&envelope, &surface, &[], NEARLY_OUTSIDE);
+    let anchored = target.anchors_at(&envelope, &surface, &[], NEARLY_OUTSIDE.max(target.creases));
     let places: Vec<SurfacePoint> = anchored.iter().map(|anchor| surface[anchor.place]).collect();
     let near: Vec<DVec3> = anchored.iter().map(|anchor| anchor.target).collect();
     let measure = |complex: &Complex| {
         let envelope = complex.envelope();
         let hits = target.hits(&envelope);
-        let anchors = target.anchors_at(&envelope, &places, &near, 0.0);
+        let anchors = target.anchors_at(&envelope, &places, &near, target.creases);
         let cost = target.total(&hits, &anchors, &envelope);
         (cost, envelope, hits, anchors)
     };

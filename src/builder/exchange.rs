@@ -5,8 +5,10 @@ use std::collections::BTreeSet;
 use super::{
     connect,
     descent::{self, Rest, Target},
-    envelope::{Ball, Complex, Hull, Points, edges_of},
+    envelope::{Complex, edges_of},
+    hull::{Ball, Hull},
     parallel,
+    points::Points,
     refine::{Plan, State, mergers, renamed},
     surface_samples::{self, Samples},
 };
@@ -117,18 +119,22 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
 
     // The samples that it may concern.
     const MARGIN: f64 = 0.01;
-    let hulls: Vec<Hull> = moving.iter().map(|p| Hull::new(&edited.balls, p)).collect();
+    let mut least = vec![f32::INFINITY; target.points.blocks.len()];
+    for hull in moving.iter().map(|p| Hull::new(&edited.balls, p)) {
+        least.iter_mut().zip(target.points.gaps(&hull)).for_each(|(least, gap)| *least = least.min(gap));
+    }
     let mut chosen: Vec<usize> = vec![];
-    for (range, bound) in target.points.blocks() {
+    for (block, gap) in least.into_iter().enumerate() {
+        let range = target.points.range(block);
         let hits = &state.hits[range.clone()];
-        let reach = hits.iter().map(|h| h.distance).fold(0.0, f64::max) + bound.radius + MARGIN;
-        if hits.iter().any(|h| old[h.primitive as usize]) || hulls.iter().any(|h| h.distance(bound.center) < reach) {
+        let reach = hits.iter().map(|h| h.distance).fold(0.0, f64::max) + MARGIN;
+        if hits.iter().any(|h| old[h.primitive as usize]) || f64::from(gap) < reach {
             chosen.extend(range);
         }
     }
     let points = Points::new(chosen.iter().map(|&i| target.points.positions[i]).collect());
     let weights: Vec<f64> = chosen.iter().map(|&i| target.weights[i]).collect();
-    let to_rest = state.envelope.hits_among(&points, &rest);
+    let distances = state.envelope.distances_among(&points, &rest);
     let penalty = target.penalty;
     let before: f64 = chosen.iter().map(|&i| target.weights[i] * target.cost_of(state.hits[i].distance)).sum::<f64>()
         + state
@@ -145,10 +151,11 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
         penalty,
         spacing: target.spacing * COARSER,
         uncovered: target.uncovered,
+        creases: 0.0,
         rest: Some(Rest {
             envelope: &state.envelope,
             primitives: rest,
-            distances: to_rest.iter().map(|h| h.distance).collect(),
+            distances,
             frozen: ids.iter().map(|i| !free.contains(i)).collect(),
         }),
     };

@@ -37,7 +37,7 @@ pub struct FitOptions {
 pub fn fit(
     mesh: &TriangleMesh,
     options: &FitOptions,
-    progress: &dyn Fn(f32) -> ControlFlow<()>,
+    progress: &(dyn Fn(f32) -> ControlFlow<()> + Sync),
 ) -> Result<MedialLevels, BuildError> {
     let with = |spheres: usize| BuildOptions { spheres, seed: options.seed, ..BuildOptions::default() };
     let level = |built: Built| Level { error: measure(mesh, &built.axis), axis: built.axis };

@@ -2,12 +2,12 @@ use std::fmt;
 
 use glam::{DVec3, Vec3};
 
-use super::{TriangleMesh, parallel, samples::Patch};
+use super::{
+    TriangleMesh, envelope::Envelope, hull::Ball, parallel, points::Points, samples::Patch, tree::TriangleTree,
+};
 use crate::{
-    geometry::{Aabb, Bvh, Primitive, Sphere},
+    geometry::{Aabb, Sphere},
     medial_axis::MedialAxis,
-    pipeline::{Hull, with_spheres},
-    query::separation,
 };
 
 /// Distance of the points at which surfaces are sampled, per diagonal.
@@ -17,7 +17,7 @@ const SPACING: f64 = 1.0 / 300.0;
 const MOST_SAMPLES: f64 = 6.0e5;
 
 /// Points of the envelope's patches deeper inside than this, relative to the size of all, are hidden by other primitives.
-const HIDDEN: f32 = 1.0e-5;
+const HIDDEN: f64 = 1.0e-5;
 
 /// How far one surface is from another, in percent of the mesh's diagonal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -67,19 +67,27 @@ impl fmt::Display for TwoSidedError {
 /// If an index of the mesh is out of range.
 pub fn measure(mesh: &TriangleMesh, axis: &MedialAxis) -> TwoSidedError {
     let frame = Frame::new(mesh, axis);
-    let triangles: Vec<Patch> = frame.triangles(mesh).map(Patch::Triangle).collect();
-    let surface = Union::new(frame.triangles(mesh).map(|t| Hull::Slab(t.map(|p| Sphere::new(p, 0.0)))).collect());
-    let spheres = frame.spheres(axis);
-    let envelope = Union::of(&spheres, axis.primitives());
+    let envelope = frame.envelope(axis);
+    let surface = TriangleTree::new(&frame.triangles(mesh));
     let spacing = SPACING * frame.diagonal / frame.unit;
 
-    let mut to_envelope = sum(&triangles, spacing, |point| Some(envelope.distance(point).abs()));
-    let errors = signed(mesh, &frame, &envelope);
-    let used = mesh.triangles.iter().flatten().map(|&i| errors[i as usize].abs());
-    to_envelope.max = used.fold(to_envelope.max, f32::max);
-    let to_mesh = sum(&Patch::of(&spheres, axis.primitives()), spacing, |point| {
-        (!envelope.hides(point)).then(|| surface.distance(point).abs())
-    });
+    let triangles = surface.triangles().iter().map(|t| Patch::Triangle(t.map(|p| p.as_vec3())));
+    let (points, areas) = samples(&triangles.collect::<Vec<_>>(), spacing);
+    let distances = envelope.distances(&points);
+    let mut to_envelope = Sum::default();
+    distances.iter().zip(areas).for_each(|(distance, area)| to_envelope.add(distance.abs(), area));
+    let errors = frame.signed(mesh, &envelope);
+    mesh.triangles.iter().flatten().for_each(|&i| to_envelope.add(errors[i as usize].abs(), 0.0));
+
+    let spheres: Vec<Sphere> =
+        frame.balls(axis).iter().map(|b| Sphere::new(b.center.as_vec3(), b.radius as f32)).collect();
+    let (points, areas) = samples(&Patch::of(&spheres, axis.primitives()), spacing);
+    let depths = envelope.depths(&points);
+    let visible: Vec<usize> = (0..depths.len()).filter(|&i| depths[i] < HIDDEN).collect();
+    let distances = parallel::map(visible.len(), 64, |i| surface.distance(points.positions[visible[i]]));
+    let mut to_mesh = Sum::default();
+    visible.iter().zip(distances).for_each(|(&i, distance)| to_mesh.add(f64::from(distance), areas[i]));
+
     let deviation = |sum: Sum| Deviation { max: frame.percent(sum.max), mean: frame.percent(sum.mean()) };
     TwoSidedError {
         mesh_to_envelope: deviation(to_envelope),
@@ -95,17 +103,7 @@ pub fn measure(mesh: &TriangleMesh, axis: &MedialAxis) -> TwoSidedError {
 /// If an index of the mesh is out of range.
 pub fn vertex_errors(mesh: &TriangleMesh, axis: &MedialAxis) -> Vec<f32> {
     let frame = Frame::new(mesh, axis);
-    let envelope = Union::of(&frame.spheres(axis), axis.primitives());
-    let mut errors = signed(mesh, &frame, &envelope);
-    errors.iter_mut().for_each(|error| *error = frame.percent(*error));
-    errors
-}
-
-/// The signed distance of each vertex from the envelope, in the frame.
-fn signed(mesh: &TriangleMesh, frame: &Frame, envelope: &Union) -> Vec<f32> {
-    const VERTICES_PER_TASK: usize = 256;
-    let positions = &mesh.positions;
-    parallel::map(positions.len(), VERTICES_PER_TASK, |i| envelope.distance(frame.point(positions[i])))
+    frame.signed(mesh, &frame.envelope(axis)).into_iter().map(|error| frame.percent(error)).collect()
 }
 
 /// Coordinates in which both shapes are near the origin and about 1 in size, where f32 is exact to a few parts in ten million.
@@ -126,116 +124,68 @@ impl Frame {
         Self { origin, unit: size(around).max(size(other)).max(apart), diagonal: size(around) }
     }
 
-    fn point(&self, point: Vec3) -> Vec3 {
-        ((point.as_dvec3() - self.origin) / self.unit).as_vec3()
+    fn point(&self, point: Vec3) -> DVec3 {
+        (point.as_dvec3() - self.origin) / self.unit
     }
 
-    fn triangles<'a>(&'a self, mesh: &'a TriangleMesh) -> impl Iterator<Item = [Vec3; 3]> + 'a {
-        mesh.triangles.iter().map(|triangle| mesh.corners(*triangle).map(|corner| self.point(corner)))
+    fn triangles(&self, mesh: &TriangleMesh) -> Vec<[DVec3; 3]> {
+        mesh.triangles.iter().map(|triangle| mesh.corners(*triangle).map(|corner| self.point(corner))).collect()
     }
 
-    fn spheres(&self, axis: &MedialAxis) -> Vec<Sphere> {
-        let place = |s: &Sphere| Sphere::new(self.point(s.center), (f64::from(s.radius) / self.unit) as f32);
-        axis.spheres().iter().map(place).collect()
+    fn balls(&self, axis: &MedialAxis) -> Vec<Ball> {
+        let ball = |s: &Sphere| Ball { center: self.point(s.center), radius: f64::from(s.radius) / self.unit };
+        axis.spheres().iter().map(ball).collect()
+    }
+
+    fn envelope(&self, axis: &MedialAxis) -> Envelope {
+        Envelope::of(&self.balls(axis), axis.primitives().to_vec())
+    }
+
+    /// The signed distance of each vertex from an envelope.
+    fn signed(&self, mesh: &TriangleMesh, envelope: &Envelope) -> Vec<f64> {
+        envelope.distances(&Points::new(mesh.positions.iter().map(|&p| self.point(p)).collect()))
     }
 
     /// A length of the frame in percent of the diagonal.
-    fn percent(&self, length: f32) -> f32 {
-        (f64::from(length) * self.unit / self.diagonal * 100.0) as f32
-    }
-}
-
-/// A union of convex hulls of spheres: an envelope, or as hulls of points the triangles of a mesh.
-struct Union {
-    hulls: Vec<Hull>,
-    bvh: Bvh,
-}
-
-impl Union {
-    fn new(hulls: Vec<Hull>) -> Self {
-        let aabb = |hull: &Hull| with_spheres!(*hull, |spheres| Aabb::from_spheres(spheres));
-        let boxes: Vec<Aabb> = hulls.iter().map(aabb).collect();
-        Self { hulls, bvh: Bvh::new(&boxes) }
-    }
-
-    fn of(spheres: &[Sphere], primitives: &[Primitive]) -> Self {
-        let sphere = |i: u32| spheres[i as usize];
-        let hull = |primitive: &Primitive| match *primitive {
-            Primitive::Sphere(index) => Hull::Sphere(index.map(sphere)),
-            Primitive::Cone(index) => Hull::Cone(index.map(sphere)),
-            Primitive::Slab(index) => Hull::Slab(index.map(sphere)),
-        };
-        Self::new(primitives.iter().map(hull).collect())
-    }
-
-    fn distance_to(&self, hull: u32, point: Vec3) -> f32 {
-        let point = [Sphere::new(point, 0.0)];
-        with_spheres!(self.hulls[hull as usize], |spheres| separation(&point, &spheres, 0).distance)
-    }
-
-    /// Least signed distance to a hull.
-    fn distance(&self, point: Vec3) -> f32 {
-        // No point of a hull is deeper inside it than inside its box.
-        let bound = |aabb: &Aabb| match aabb.distance(point) {
-            0.0 => -(point - aabb.min).min(aabb.max - point).min_element(),
-            outside => outside,
-        };
-        self.bvh.least(bound, |hull| self.distance_to(hull, point)).map_or(f32::INFINITY, |(_, distance)| distance)
-    }
-
-    /// True if the point lies well inside a hull.
-    fn hides(&self, point: Vec3) -> bool {
-        let mut hidden = false;
-        let found = std::cell::Cell::new(false);
-        self.bvh.visit(
-            |aabb| !found.get() && aabb.distance(point) == 0.0,
-            |hull| {
-                hidden |= self.distance_to(hull, point) < -HIDDEN;
-                found.set(hidden);
-            },
-        );
-        hidden
+    fn percent(&self, length: f64) -> f32 {
+        (length * self.unit / self.diagonal * 100.0) as f32
     }
 }
 
 /// Distances over an area.
 #[derive(Clone, Copy, Default)]
 struct Sum {
-    max: f32,
+    max: f64,
     sum: f64,
     area: f64,
 }
 
 impl Sum {
-    fn mean(&self) -> f32 {
-        if self.area > 0.0 { (self.sum / self.area) as f32 } else { 0.0 }
+    fn add(&mut self, distance: f64, area: f32) {
+        self.max = self.max.max(distance);
+        if area > 0.0 {
+            self.sum += distance * f64::from(area);
+            self.area += f64::from(area);
+        }
+    }
+
+    fn mean(&self) -> f64 {
+        if self.area > 0.0 { self.sum / self.area } else { 0.0 }
     }
 }
 
-/// Samples all patches. `distance` is none where the surface is not one of the shape.
-fn sum(patches: &[Patch], spacing: f64, distance: impl Fn(Vec3) -> Option<f32> + Sync) -> Sum {
-    const PATCHES_PER_TASK: usize = 4;
+/// Points of all patches, and the area that each stands for.
+fn samples(patches: &[Patch], spacing: f64) -> (Points, Vec<f32>) {
+    const PATCHES_PER_TASK: usize = 64;
     let area: f64 = patches.iter().map(|patch| f64::from(patch.area())).filter(|area| area.is_finite()).sum();
     let spacing = spacing.max((area / MOST_SAMPLES).sqrt()) as f32;
-    let of_patch = |number: usize| {
-        let mut sum = Sum::default();
-        patches[number].sample(spacing, |point, area| {
-            if let Some(distance) = distance(point) {
-                sum.max = sum.max.max(distance);
-                if area > 0.0 {
-                    sum.sum += f64::from(distance) * f64::from(area);
-                    sum.area += f64::from(area);
-                }
-            }
-        });
-        sum
-    };
-    let sums = parallel::map(patches.len(), PATCHES_PER_TASK, of_patch);
-    sums.iter().fold(Sum::default(), |all, one| Sum {
-        max: all.max.max(one.max),
-        sum: all.sum + one.sum,
-        area: all.area + one.area,
-    })
+    let of_patches = parallel::map(patches.len(), PATCHES_PER_TASK, |number| {
+        let mut samples = vec![];
+        patches[number].sample(spacing, |point, area| samples.push((point.as_dvec3(), area)));
+        samples
+    });
+    let (points, areas) = of_patches.into_iter().flatten().unzip();
+    (Points::new(points), areas)
 }
 
 #[cfg(test)]

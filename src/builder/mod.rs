@@ -5,8 +5,9 @@
 //!                     |
 //!                     +-- fit --> MedialLevels: medial meshes with their errors, finest first
 //!                     |    |
-//!                     |    +-- build: --solid--> checked, scaled, in a tree --surface_samples--> points, normals, medial balls
-//!                     |          --clusters--> spheres --connect--> edges, faces --refine (exchange, descent)--> Built
+//!                     |    +-- build: --solid--> checked, scaled, in a tree --some searches, judge--> the best --> Built
+//!                     |          search: --surface_samples--> points, normals, medial balls --clusters--> spheres
+//!                     |                  --connect--> edges, faces --refine (exchange, descent)--> spheres that fit
 //!                     |
 //!                     +-- measure(mesh, axis) --> two-sided error of a medial mesh
 //! ```
@@ -20,18 +21,24 @@ mod descent;
 mod envelope;
 mod exchange;
 mod fit;
+mod hull;
+mod judge;
 mod levels;
 #[cfg(feature = "mesh_files")]
 pub mod load;
 mod measure;
 mod mesh;
 mod parallel;
+mod points;
+mod progress;
 mod refine;
 mod report;
 mod samples;
+mod search;
 mod solid;
 mod surface_samples;
 mod tree;
+mod vectors;
 
 pub use build::{BuildError, BuildOptions, BuildReport, Built, build, build_levels};
 pub use fit::{FitOptions, fit};

@@ -5,8 +5,11 @@ use std::{collections::BTreeSet, ops::ControlFlow};
 use super::{
     connect::{self, Limits},
     descent::{self, Anchor, Penalty, Target},
-    envelope::{Complex, Envelope, Hit, Hull},
+    envelope::{Complex, Envelope, Hit},
     exchange::exchange,
+    hull::Hull,
+    points::Points,
+    progress::Progress,
     solid::{Sets, Solid},
     surface_samples::Samples,
 };
@@ -25,12 +28,6 @@ impl State {
         let hits = envelope.hits(target.points);
         let anchors = target.anchors(&envelope);
         Self { envelope, hits, anchors }
-    }
-
-    /// The penalty that suits the errors of the samples.
-    pub fn penalty(&self, samples: &Samples) -> Penalty {
-        let squares = self.hits.iter().zip(&samples.weights).map(|(h, w)| w * h.distance * h.distance);
-        Penalty::new(squares.sum())
     }
 
     /// Samples of each primitive.
@@ -73,34 +70,37 @@ pub(super) fn renamed(primitive: &Primitive, from: u32, to: u32) -> Option<Primi
 
 /// What it costs to merge a sphere into a neighbour, least first: cost, sphere, neighbour.
 pub(super) fn mergers(complex: &Complex, state: &State, samples: &Samples, target: &Target) -> Vec<(f64, u32, u32)> {
+    let count = complex.balls.len();
     let buckets = state.samples_of_primitives();
-    let incident = incident(&state.envelope, complex.balls.len());
-    let merger = |from: u32, to: u32| {
-        let gone = &incident[from as usize];
+    let incident = incident(&state.envelope, count);
+    let mut neighbors = vec![vec![]; count];
+    complex.edges.iter().flat_map(|&[i, j]| [[i, j], [j, i]]).for_each(|[i, j]| neighbors[i as usize].push(j));
+    let costs = super::parallel::map(count, 2, |from| {
+        let gone = &incident[from];
         let mut near: BTreeSet<u32> = BTreeSet::new();
         for &p in gone {
             for &i in state.envelope.primitives[p as usize].indices() {
                 near.extend(incident[i as usize].iter().filter(|q| !gone.contains(q)));
             }
         }
-        let fresh: Vec<Hull> = gone
-            .iter()
-            .filter_map(|&p| renamed(&state.envelope.primitives[p as usize], from, to))
-            .map(|p| Hull::new(&complex.balls, &p))
-            .collect();
-        let mut cost = 0.0;
-        for &i in gone.iter().flat_map(|&p| &buckets[p as usize]) {
-            let point = samples.points.positions[i as usize];
-            let old = near.iter().map(|&p| state.envelope.hulls[p as usize].distance(point));
-            let distance = old.chain(fresh.iter().map(|h| h.distance(point))).fold(f64::INFINITY, f64::min);
-            cost += samples.weights[i as usize]
-                * (target.cost_of(distance) - target.cost_of(state.hits[i as usize].distance));
-        }
-        cost
-    };
-    let directed: Vec<[u32; 2]> = complex.edges.iter().flat_map(|&[i, j]| [[i, j], [j, i]]).collect();
-    let costs = super::parallel::map(directed.len(), 4, |e| merger(directed[e][0], directed[e][1]));
-    let mut mergers: Vec<(f64, u32, u32)> = costs.into_iter().zip(directed).map(|(c, [i, j])| (c, i, j)).collect();
+        let bereft: Vec<u32> = gone.iter().flat_map(|&p| &buckets[p as usize]).copied().collect();
+        let points = Points::new(bereft.iter().map(|&i| samples.points.positions[i as usize]).collect());
+        let near: Vec<u32> = near.into_iter().collect();
+        let kept = state.envelope.distances_among(&points, &near);
+        let cost = |to: u32| {
+            let fresh: BTreeSet<Primitive> =
+                gone.iter().filter_map(|&p| renamed(&state.envelope.primitives[p as usize], from as u32, to)).collect();
+            let fresh: Vec<Hull> = fresh.iter().map(|p| Hull::new(&complex.balls, p)).collect();
+            let cost = |(at, &i): (usize, &u32)| {
+                let fresh = fresh.iter().map(|hull| hull.distance(points.positions[at]));
+                let (old, new) = (state.hits[i as usize].distance, fresh.fold(kept[at], f64::min));
+                samples.weights[i as usize] * (target.cost_of(new) - target.cost_of(old))
+            };
+            bereft.iter().enumerate().map(cost).sum::<f64>()
+        };
+        neighbors[from].iter().map(|&to| (cost(to), from as u32, to)).collect::<Vec<_>>()
+    });
+    let mut mergers: Vec<(f64, u32, u32)> = costs.into_iter().flatten().collect();
     mergers.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
     mergers
 }
@@ -181,16 +181,15 @@ pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, tar
         let primitive = state.envelope.primitives[p];
         let edges = if let Primitive::Slab(f) = primitive { super::envelope::edges_of(f).to_vec() } else { vec![] };
         let edges: Vec<Hull> = edges.into_iter().map(|e| Hull::new(&complex.balls, &Primitive::Cone(e))).collect();
-        let more: f64 = buckets[p]
-            .iter()
-            .map(|&i| {
-                let point = samples.points.positions[i as usize];
-                let others = (0..hulls.len()).filter(|&q| q != p).map(|q| hulls[q].distance(point));
-                let distance = others.chain(edges.iter().map(|e| e.distance(point))).fold(f64::INFINITY, f64::min);
-                samples.weights[i as usize]
-                    * (target.cost_of(distance) - target.cost_of(state.hits[i as usize].distance))
-            })
-            .sum();
+        let points = Points::new(buckets[p].iter().map(|&i| samples.points.positions[i as usize]).collect());
+        let others: Vec<u32> = (0..hulls.len() as u32).filter(|&q| q != p as u32).collect();
+        let others = state.envelope.distances_among(&points, &others);
+        let more = |(at, &i): (usize, &u32)| {
+            let edges = edges.iter().map(|edge| edge.distance(points.positions[at]));
+            let (old, new) = (state.hits[i as usize].distance, edges.fold(others[at], f64::min));
+            samples.weights[i as usize] * (target.cost_of(new) - target.cost_of(old))
+        };
+        let more: f64 = buckets[p].iter().enumerate().map(more).sum();
         (more - harms[p], primitive)
     };
     let joining: Vec<usize> = (0..hulls.len()).filter(|&p| !matches!(hulls[p], Hull::Sphere(_))).collect();
@@ -324,15 +323,16 @@ pub(super) fn target<'a>(solid: &'a Solid, samples: &'a Samples, penalty: Penalt
         penalty,
         spacing,
         uncovered: UNCOVERED,
+        creases: 0.0,
         rest: None,
     }
 }
 
 /// The target with the penalty that suits the errors of a shape.
 pub(super) fn target_for<'a>(complex: &Complex, solid: &'a Solid, samples: &'a Samples, spacing: f64) -> Target<'a> {
-    let rough = target(solid, samples, Penalty::new(0.0), spacing);
-    let penalty = State::new(complex, &rough).penalty(samples);
-    Target { penalty, ..rough }
+    let hits = complex.envelope().hits(&samples.points);
+    let squares = hits.iter().zip(&samples.weights).map(|(h, w)| w * h.distance * h.distance);
+    target(solid, samples, Penalty::new(squares.sum()), spacing)
 }
 
 /// Of so many rounds the last is about edges and faces, the others about spheres.
@@ -348,7 +348,7 @@ pub(super) fn refine(
     solid: &Solid,
     samples: &Samples,
     plan: &Plan,
-    progress: &dyn Fn(f32) -> ControlFlow<()>,
+    progress: &Progress,
 ) -> ControlFlow<()> {
     while complex.balls.len() > plan.spheres {
         let target = target_for(complex, solid, samples, plan.spacing);

@@ -2,16 +2,13 @@
 
 use glam::DVec3;
 
-use super::{
-    envelope::{Ball, Points},
-    parallel,
-    solid::Solid,
-};
+use super::{hull::Ball, parallel, points::Points, solid::Solid};
 
 /// Surface samples, evenly spread over the area, and vertices.
 pub(super) struct Samples {
     pub points: Points,
-    /// Outward normals; zero where the surface is no boundary of the solid.
+    /// Unit normals, whichever way the triangles turn them; after [`turned_outward`](Self::turned_outward) out of the solid, and zero where
+    /// the surface is no boundary of it.
     pub normals: Vec<DVec3>,
     /// Share of each sample in the area, which is 1 in all.
     pub weights: Vec<f64>,
@@ -65,8 +62,12 @@ impl Samples {
         }
         let total: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= total);
-        let normals = parallel::map(positions.len(), 64, |i| outward(solid, positions[i], normals[i]));
         Self { points: Points::new(positions), normals, weights, parts, area, spacing: share.sqrt() }
+    }
+
+    pub fn turned_outward(mut self, solid: &Solid) -> Self {
+        self.normals = parallel::map(self.len(), 64, |i| outward(solid, self.points.positions[i], self.normals[i]));
+        self
     }
 
     pub fn len(&self) -> usize {
@@ -89,12 +90,16 @@ fn outward(solid: &Solid, point: DVec3, normal: DVec3) -> DVec3 {
 pub(super) struct Random(pub u64);
 
 impl Random {
-    pub fn unit(&mut self) -> f64 {
+    pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        z ^ (z >> 31)
+    }
+
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 }
 

@@ -1,90 +1,92 @@
 //! The triangles of the input in a hierarchy: closest points and winding numbers.
+//!
+//! The four children of a node, and the four triangles of a leaf, are looked at in one go: a [`Vec4`] holds one number of each.
 
-use glam::{DVec3, Vec3A};
+use std::f32::consts::{FRAC_PI_2, PI};
 
-const LEAF_SIZE: usize = 4;
+use glam::{BVec4A, DVec3, Vec4};
 
-/// A node holds the triangles `from..to`; its left child follows it.
+use super::vectors::{Vectors, WIDTH};
+
+/// Four children, each with triangles that follow one another.
 struct Node {
-    min: Vec3A,
-    max: Vec3A,
-    from: u32,
-    to: u32,
-    /// Right child, 0 for a leaf.
-    right: u32,
-    /// Seen from afar the triangles are a dipole: the sum of their area vectors, at their mean place.
-    dipole: Vec3A,
-    middle: Vec3A,
-    /// Beyond this distance from `middle` the dipole stands for the triangles.
-    far_squared: f32,
+    /// Nodes, or from [`LEAF`] on leaves; the same as the last where there are fewer.
+    children: [u32; WIDTH],
+    /// Boxes; where there is no child, one that is infinitely far.
+    min: Vectors,
+    max: Vectors,
+    /// Seen from afar the triangles of a child are a dipole: the sum of their area vectors, at their mean place.
+    dipole: Vectors,
+    middle: Vectors,
+    /// Beyond this distance from the middle the dipole stands for the triangles.
+    far_squared: Vec4,
+}
+
+/// Where leaves begin in the numbers of children.
+const LEAF: u32 = 1 << 31;
+
+/// Four triangles, the last one again where there are fewer.
+struct Leaf {
+    corners: [Vectors; 3],
+    /// Unit vectors in the plane, out of the edges 01, 12 and 20.
+    outward: [Vectors; 3],
+    inverse_lengths_squared: [Vec4; 3],
+    normal: Vectors,
 }
 
 /// Triangles, sorted so that neighbours in the list are neighbours in space.
 pub(super) struct TriangleTree {
     nodes: Vec<Node>,
+    /// Each holds the next four triangles.
+    leaves: Vec<Leaf>,
     triangles: Vec<[DVec3; 3]>,
-    /// The same, as the queries read them.
-    narrow: Vec<[Vec3A; 3]>,
     /// Place of each triangle in the list that the tree was made from.
     order: Vec<u32>,
 }
 
-/// How many radii of a node away its dipole is exact enough.
+/// How many radii of a child away its dipole is exact enough.
 const FAR: f64 = 2.0;
+
+/// Deep enough for any tree of `u32::MAX` triangles: three children of each level wait.
+const STACK: usize = 64;
 
 impl TriangleTree {
     pub fn new(source: &[[DVec3; 3]]) -> Self {
         let mut order: Vec<u32> = (0..source.len() as u32).collect();
         let centers: Vec<DVec3> = source.iter().map(|[a, b, c]| (a + b + c) / 3.0).collect();
-        let mut tree = Self { nodes: Vec::new(), triangles: Vec::new(), narrow: Vec::new(), order: Vec::new() };
+        let mut tree = Self { nodes: vec![], leaves: vec![], triangles: vec![], order: vec![] };
         if !source.is_empty() {
-            tree.split(source, &centers, &mut order, 0);
+            tree.add_node(source, &centers, &mut order, 0);
         }
         tree.triangles = order.iter().map(|&i| source[i as usize]).collect();
-        tree.narrow = tree.triangles.iter().map(|t| t.map(|p| p.as_vec3a())).collect();
+        tree.leaves = tree.triangles.chunks(WIDTH).map(Leaf::new).collect();
         tree.order = order;
         tree
     }
 
-    /// Adds the node of `items`, which start at `from` of the sorted list, and those below it.
-    fn split(&mut self, source: &[[DVec3; 3]], centers: &[DVec3], items: &mut [u32], from: usize) {
-        let corners = items.iter().flat_map(|&i| source[i as usize]);
-        let (min, max) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
-        let (mut dipole, mut middle, mut area) = (DVec3::ZERO, DVec3::ZERO, 0.0);
-        for &i in items.iter() {
-            let [a, b, c] = source[i as usize];
-            let vector = (b - a).cross(c - a) * 0.5;
-            dipole += vector;
-            area += vector.length();
-            middle += centers[i as usize] * vector.length();
+    /// Adds the node of `items`, which start at `from` of the sorted list, and those below it; returns its number.
+    fn add_node(&mut self, source: &[[DVec3; 3]], centers: &[DVec3], items: &mut [u32], from: usize) -> u32 {
+        let number = self.nodes.len();
+        let mut parts = vec![];
+        let (left, right) = halves(centers, items);
+        for half in [left, right] {
+            let (left, right) = halves(centers, half);
+            parts.extend([left, right].into_iter().filter(|part| !part.is_empty()));
         }
-        middle /= area;
-        let reach = (max - middle).max(middle - min).length();
-        let index = self.nodes.len();
-        self.nodes.push(Node {
-            min: min.as_vec3a(),
-            max: max.as_vec3a(),
-            from: from as u32,
-            to: (from + items.len()) as u32,
-            right: 0,
-            dipole: dipole.as_vec3a(),
-            middle: middle.as_vec3a(),
-            far_squared: (FAR * reach).powi(2) as f32,
-        });
-        if items.len() <= LEAF_SIZE {
-            return;
+        let bounds: Vec<Bounds> = parts.iter().map(|items| Bounds::new(source, centers, items)).collect();
+        self.nodes.push(Node::new(&bounds));
+        let mut from = from;
+        for (at, items) in parts.into_iter().enumerate() {
+            let next = from + items.len();
+            let child = if items.len() <= WIDTH {
+                LEAF + (from / WIDTH) as u32
+            } else {
+                self.add_node(source, centers, items, from)
+            };
+            self.nodes[number].children[at] = child;
+            from = next;
         }
-        let places = items.iter().map(|&i| centers[i as usize]);
-        let (lo, hi) = places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
-        let axis = (hi - lo).max_position();
-        let half = items.len() / 2;
-        items.select_nth_unstable_by(half, |&a, &b| {
-            centers[a as usize][axis].total_cmp(&centers[b as usize][axis]).then(a.cmp(&b))
-        });
-        let (left, right) = items.split_at_mut(half);
-        self.split(source, centers, left, from);
-        self.nodes[index].right = self.nodes.len() as u32;
-        self.split(source, centers, right, from + half);
+        number as u32
     }
 
     /// The triangles in the order of the tree.
@@ -104,73 +106,79 @@ impl TriangleTree {
 
     /// The same with the place of the triangle in the order of the tree.
     pub fn closest_with_triangle(&self, point: DVec3, limit: f64) -> Option<(DVec3, usize)> {
+        let (triangle, _) = self.nearest(point, limit)?;
+        Some((closest_on_triangle(point, &self.triangles[triangle]), triangle))
+    }
+
+    /// The distance of the nearest triangle, be it degenerate or not, up to the rounding of an f32.
+    pub fn distance(&self, point: DVec3) -> f32 {
+        self.nearest(point, f64::INFINITY).map_or(f32::INFINITY, |(_, squared)| squared.sqrt())
+    }
+
+    /// The nearest triangle that is nearer than `limit`, and its squared distance.
+    fn nearest(&self, point: DVec3, limit: f64) -> Option<(usize, f32)> {
         let mut best = (limit * limit) as f32;
         let mut found = None;
-        let point = point.as_vec3a();
-        let gap = |node: &Node| (node.min - point).max(point - node.max).max(Vec3A::ZERO).length_squared();
-        let mut stack = [(0u32, 0.0f32); 64];
-        let mut top = 1;
-        if self.nodes.is_empty() {
-            return None;
-        }
-        stack[0] = (0, gap(&self.nodes[0]));
+        let wide = Vectors::splat(point);
+        let mut stack = [(0, 0.0); STACK];
+        let mut top = usize::from(!self.nodes.is_empty());
         while top > 0 {
             top -= 1;
-            let (index, distance) = stack[top];
-            if distance >= best {
+            let (child, gap) = stack[top];
+            if gap >= best {
                 continue;
             }
-            let node = &self.nodes[index as usize];
-            if node.right == 0 {
-                for index in node.from as usize..node.to as usize {
-                    let triangle = &self.narrow[index];
-                    let q = closest_on_triangle(point, triangle);
-                    let squared = q.distance_squared(point);
-                    if squared < best {
-                        best = squared;
-                        found = Some((q.as_dvec3(), index));
-                    }
+            if child >= LEAF {
+                let leaf = (child - LEAF) as usize;
+                let squares = self.leaves[leaf].distances_squared(wide);
+                if squares.min_element() < best {
+                    best = squares.min_element();
+                    found = Some(leaf * WIDTH + squares.min_position());
                 }
                 continue;
             }
-            let (left, right) = (index + 1, node.right);
-            let (near_left, near_right) = (gap(&self.nodes[left as usize]), gap(&self.nodes[right as usize]));
-            let (first, second) = if near_left <= near_right {
-                ((left, near_left), (right, near_right))
-            } else {
-                ((right, near_right), (left, near_left))
-            };
-            stack[top] = second;
-            stack[top + 1] = first;
-            top += 2;
+            let node = &self.nodes[child as usize];
+            let gaps = node.gaps_squared(wide).to_array();
+            // The nearest child is looked at first.
+            let bottom = top;
+            for (child, gap) in node.children.into_iter().zip(gaps).filter(|(_, gap)| *gap < best) {
+                let mut at = top;
+                while at > bottom && stack[at - 1].1 < gap {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
+                }
+                stack[at] = (child, gap);
+                top += 1;
+            }
         }
-        found
+        found.map(|triangle| (triangle, best))
     }
 
     /// How often the triangles wind round `point`: 1 within a closed surface, 0 outside, in between near a hole.
     pub fn winding(&self, point: DVec3) -> f64 {
-        let mut sum = 0.0;
-        let point = point.as_vec3a();
-        let mut stack = [0u32; 64];
+        let mut sum = Vec4::ZERO;
+        let wide = Vectors::splat(point);
+        let mut stack = [0; STACK];
         let mut top = usize::from(!self.nodes.is_empty());
         while top > 0 {
             top -= 1;
-            let index = stack[top];
-            let node = &self.nodes[index as usize];
-            let away = node.middle - point;
-            let squared = away.length_squared();
-            if squared > node.far_squared {
-                sum += node.dipole.dot(away) / (squared * squared.sqrt());
-            } else if node.right == 0 {
-                let triangles = &self.narrow[node.from as usize..node.to as usize];
-                sum += triangles.iter().map(|t| solid_angle(point, t)).sum::<f32>();
-            } else {
-                stack[top] = node.right;
-                stack[top + 1] = index + 1;
-                top += 2;
+            let child = stack[top];
+            if child >= LEAF {
+                let leaf = (child - LEAF) as usize;
+                let count = (self.triangles.len() - leaf * WIDTH).min(WIDTH);
+                let lanes = Vec4::from_array(std::array::from_fn(|lane| if lane < count { 1.0 } else { 0.0 }));
+                sum += self.leaves[leaf].solid_angles(wide) * lanes;
+                continue;
+            }
+            let node = &self.nodes[child as usize];
+            let (angles, far) = node.dipoles(wide);
+            sum += angles;
+            for lane in (0..WIDTH).filter(|&lane| !far.test(lane)) {
+                stack[top] = node.children[lane];
+                top += 1;
             }
         }
-        f64::from(sum) / (4.0 * std::f64::consts::PI)
+        f64::from(sum.element_sum()) / (4.0 * std::f64::consts::PI)
     }
 
     /// True within the solid, whichever way its triangles turn.
@@ -179,16 +187,139 @@ impl TriangleTree {
     }
 }
 
-fn solid_angle(point: Vec3A, [a, b, c]: &[Vec3A; 3]) -> f32 {
-    let (a, b, c) = (*a - point, *b - point, *c - point);
-    let (la, lb, lc) = (a.length(), b.length(), c.length());
-    let numerator = a.dot(b.cross(c));
-    let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    2.0 * numerator.atan2(denominator)
+/// Two halves along the widest axis, the left one with full leaves only.
+fn halves<'a>(centers: &[DVec3], items: &'a mut [u32]) -> (&'a mut [u32], &'a mut [u32]) {
+    let half = (items.len() / 2).next_multiple_of(WIDTH).min(items.len());
+    if half < items.len() {
+        let places = items.iter().map(|&i| centers[i as usize]);
+        let (lo, hi) = places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
+        let axis = (hi - lo).max_position();
+        items.select_nth_unstable_by(half, |&a, &b| {
+            centers[a as usize][axis].total_cmp(&centers[b as usize][axis]).then(a.cmp(&b))
+        });
+    }
+    items.split_at_mut(half)
+}
+
+/// What a node knows of a child.
+struct Bounds {
+    min: DVec3,
+    max: DVec3,
+    dipole: DVec3,
+    middle: DVec3,
+    far_squared: f32,
+}
+
+impl Bounds {
+    /// No child: infinitely far, and without an angle.
+    const NONE: Self = Self {
+        min: DVec3::INFINITY,
+        max: DVec3::INFINITY,
+        dipole: DVec3::ZERO,
+        middle: DVec3::splat(1e3),
+        far_squared: 0.0,
+    };
+
+    fn new(source: &[[DVec3; 3]], centers: &[DVec3], items: &[u32]) -> Self {
+        let corners = items.iter().flat_map(|&i| source[i as usize]);
+        let (min, max) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
+        let (mut dipole, mut middle, mut area) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        for &i in items {
+            let [a, b, c] = source[i as usize];
+            let vector = (b - a).cross(c - a) * 0.5;
+            dipole += vector;
+            area += vector.length();
+            middle += centers[i as usize] * vector.length();
+        }
+        middle /= area;
+        let reach = (max - middle).max(middle - min).length();
+        Self { min, max, dipole, middle, far_squared: (FAR * reach).powi(2) as f32 }
+    }
+}
+
+impl Node {
+    /// A node whose children are named later.
+    fn new(bounds: &[Bounds]) -> Self {
+        let lanes = |of: fn(&Bounds) -> DVec3| {
+            Vectors::new(std::array::from_fn(|lane| of(bounds.get(lane).unwrap_or(&Bounds::NONE))))
+        };
+        let far_squared = std::array::from_fn(|lane| bounds.get(lane).unwrap_or(&Bounds::NONE).far_squared);
+        Self {
+            children: [0; WIDTH],
+            min: lanes(|b| b.min),
+            max: lanes(|b| b.max),
+            dipole: lanes(|b| b.dipole),
+            middle: lanes(|b| b.middle),
+            far_squared: Vec4::from_array(far_squared),
+        }
+    }
+
+    /// Squared distances of the boxes.
+    fn gaps_squared(&self, point: Vectors) -> Vec4 {
+        (self.min - point).max(point - self.max).max(Vectors::default()).length_squared()
+    }
+
+    /// The angles under which the children are seen of which the dipole tells, and which those are.
+    fn dipoles(&self, point: Vectors) -> (Vec4, BVec4A) {
+        let away = self.middle - point;
+        let squared = away.length_squared();
+        let far = squared.cmpgt(self.far_squared);
+        let angles = self.dipole.dot(away) / (squared * squared.sqrt());
+        (Vec4::select(far, angles, Vec4::ZERO), far)
+    }
+}
+
+impl Leaf {
+    fn new(triangles: &[[DVec3; 3]]) -> Self {
+        let triangles: [_; WIDTH] = std::array::from_fn(|lane| triangles[lane.min(triangles.len() - 1)]);
+        let edges = triangles.map(|[a, b, c]| [b - a, c - b, a - c]);
+        let normals = edges.map(|[ab, bc, _]| ab.cross(bc).normalize_or_zero());
+        let outward = |k: usize| std::array::from_fn(|i| edges[i][k].cross(normals[i]).normalize_or_zero());
+        let inverses = |k: usize| edges.map(|edge| edge[k].length_squared().max(1e-30).recip() as f32);
+        Self {
+            corners: std::array::from_fn(|k| Vectors::new(triangles.map(|t| t[k]))),
+            outward: std::array::from_fn(|k| Vectors::new(outward(k))),
+            inverse_lengths_squared: std::array::from_fn(|k| Vec4::from_array(inverses(k))),
+            normal: Vectors::new(normals),
+        }
+    }
+
+    fn distances_squared(&self, point: Vectors) -> Vec4 {
+        let mut to_rim = Vec4::INFINITY;
+        let mut beyond = Vec4::NEG_INFINITY;
+        for k in 0..3 {
+            let (a, b) = (self.corners[k], self.corners[(k + 1) % 3]);
+            let (away, along) = (point - a, b - a);
+            let t = (away.dot(along) * self.inverse_lengths_squared[k]).clamp(Vec4::ZERO, Vec4::ONE);
+            to_rim = to_rim.min((away - along.times(t)).length_squared());
+            beyond = beyond.max(away.dot(self.outward[k]));
+        }
+        let height = (point - self.corners[0]).dot(self.normal);
+        Vec4::select(beyond.cmplt(Vec4::ZERO), height * height, to_rim)
+    }
+
+    fn solid_angles(&self, point: Vectors) -> Vec4 {
+        let [a, b, c] = self.corners.map(|corner| corner - point);
+        let [la, lb, lc] = [a, b, c].map(Vectors::length);
+        let numerator = a.dot(b.cross(c));
+        let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+        2.0 * atan2(numerator, denominator)
+    }
+}
+
+/// By a polynomial, up to 1e-4.
+fn atan2(y: Vec4, x: Vec4) -> Vec4 {
+    let (ax, ay) = (x.abs(), y.abs());
+    let a = ax.min(ay) / ax.max(ay).max(Vec4::splat(f32::MIN_POSITIVE));
+    let s = a * a;
+    let r = ((-0.046_496_475 * s + 0.159_314_22) * s - 0.327_622_76) * s * a + a;
+    let r = Vec4::select(ay.cmpgt(ax), FRAC_PI_2 - r, r);
+    let r = Vec4::select(x.cmplt(Vec4::ZERO), PI - r, r);
+    r.copysign(y)
 }
 
 /// By the region of the point among those of the triangle's corners, edges and inside.
-fn closest_on_triangle(p: Vec3A, &[a, b, c]: &[Vec3A; 3]) -> Vec3A {
+fn closest_on_triangle(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {
@@ -219,3 +350,6 @@ fn closest_on_triangle(p: Vec3A, &[a, b, c]: &[Vec3A; 3]) -> Vec3A {
     let scale = 1.0 / (va + vb + vc);
     a + ab * (vb * scale) + ac * (vc * scale)
 }
+
+#[cfg(test)]
+mod tests;

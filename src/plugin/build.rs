@@ -153,7 +153,7 @@ fn medial_axis_of(
     mesh: &Mesh,
     options: &FitOptions,
     cache: Option<&Path>,
-    progress: &dyn Fn(f32) -> ControlFlow<()>,
+    progress: &(dyn Fn(f32) -> ControlFlow<()> + Sync),
 ) -> Result<MedialAxis, String> {
     let mesh = TriangleMesh::from_bevy(mesh).map_err(|error| error.to_string())?;
     let levels = fit_cached(cache, &mesh, options, progress).map_err(|error| error.to_string())?;

@@ -9,7 +9,7 @@ pub(super) fn fit_cached(
     directory: Option<&Path>,
     mesh: &TriangleMesh,
     options: &FitOptions,
-    progress: &dyn Fn(f32) -> ControlFlow<()>,
+    progress: &(dyn Fn(f32) -> ControlFlow<()> + Sync),
 ) -> Result<MedialLevels, BuildError> {
     let Some(directory) = directory else { return fit(mesh, options, progress) };
     let path = directory.join(format!("{}.medial", digest(mesh, options)));

@@ -3,7 +3,7 @@ use std::f32::consts::{PI, TAU};
 use super::*;
 use crate::medial_axis::{
     ma,
-    oracle::{Envelope, Random},
+    oracle::{Envelope as Oracle, Random},
     triangulate,
 };
 
@@ -84,7 +84,7 @@ fn to_mesh(mesh: &TriangleMesh, point: DVec3) -> f64 {
 /// Slow answers in f64, built on nothing of the code they test. Random points of the mesh by area; of the envelope, all crossings with
 /// random lines, which are spread evenly over the area as well. Returns max and mean in each direction, in percent.
 fn brute_force(mesh: &TriangleMesh, axis: &MedialAxis, random: &mut Random, count: usize) -> [[f64; 2]; 2] {
-    let envelope = Envelope::new(axis.spheres(), axis.primitives());
+    let envelope = Oracle::new(axis.spheres(), axis.primitives());
     let corners = |t: &[u32; 3]| mesh.corners(*t).map(|p| p.as_dvec3());
     let mut areas = vec![0.0];
     for triangle in &mesh.triangles {
@@ -227,16 +227,17 @@ fn agrees_with_brute_force_on_a_scan() {
 fn each_distance_is_exact() {
     let (mesh, axis) = model("spider", 12);
     let frame = Frame::new(&mesh, &axis);
-    let envelope = Union::of(&frame.spheres(&axis), axis.primitives());
-    let hulls = frame.triangles(&mesh).map(|t| Hull::Slab(t.map(|p| Sphere::new(p, 0.0))));
-    let surface = Union::new(hulls.collect());
-    let oracle = Envelope::new(axis.spheres(), axis.primitives());
+    let envelope = frame.envelope(&axis);
+    let surface = TriangleTree::new(&frame.triangles(&mesh));
+    let oracle = Oracle::new(axis.spheres(), axis.primitives());
     let mut random = Random::new(5);
     let mut inside = 0;
     for _ in 0..500 {
         let point = oracle.point_near_surface(&mut random).as_vec3();
         let expected = [oracle.distance(point.as_dvec3()), to_mesh(&mesh, point.as_dvec3())];
-        let found = [&envelope, &surface].map(|union| f64::from(union.distance(frame.point(point))) * frame.unit);
+        let placed = frame.point(point);
+        let to_envelope = envelope.distances(&Points::new(vec![placed]))[0];
+        let found = [to_envelope, f64::from(surface.distance(placed))].map(|distance| distance * frame.unit);
         for (found, expected) in found.iter().zip(expected) {
             assert!((found - expected).abs() < 2e-5 * frame.unit, "{found} instead of {expected} at {point}");
         }

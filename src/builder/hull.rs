@@ -1,0 +1,310 @@
+//! The hull of one, two or three spheres: distances to it, and points on its surface.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DVec3, Vec4};
+
+use super::vectors::{Vectors, WIDTH};
+use crate::geometry::Primitive;
+
+/// Points of a block.
+pub(super) const BLOCK: usize = 16;
+
+/// The points of a block.
+pub(super) type Block = [Vectors; BLOCK / WIDTH];
+
+/// A number for each point of a block.
+pub(super) type Distances = [Vec4; BLOCK / WIDTH];
+
+/// A medial sphere in f64.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ball {
+    pub center: DVec3,
+    pub radius: f64,
+}
+
+impl Ball {
+    pub fn distance(&self, point: DVec3) -> f64 {
+        self.center.distance(point) - self.radius
+    }
+}
+
+/// One primitive, prepared.
+pub(super) enum Hull {
+    Sphere(Ball),
+    Cone(Cone),
+    Slab(Box<Slab>),
+}
+
+/// The hull of two spheres.
+pub(super) struct Cone {
+    from: Ball,
+    along: DVec3,
+    widening: f64,
+    inverse_length_squared: f64,
+    /// By how much, per distance from the axis, the nearest sphere lies past the foot of the perpendicular, as a fraction of the axis.
+    slant: f64,
+}
+
+/// The hull of three spheres.
+pub(super) struct Slab {
+    from: Ball,
+    u: DVec3,
+    v: DVec3,
+    widening: [f64; 2],
+    normal: DVec3,
+    /// Rows that take an in-plane offset to its weights.
+    to_weights: [DVec3; 2],
+    /// In-plane shift of the nearest sphere per distance from the plane; `None` without a common tangent plane.
+    slant: Option<DVec3>,
+    cones: [Cone; 3],
+}
+
+impl Hull {
+    pub fn new(balls: &[Ball], primitive: &Primitive) -> Self {
+        let ball = |i: u32| balls[i as usize];
+        match *primitive {
+            Primitive::Sphere([i]) => Hull::Sphere(ball(i)),
+            Primitive::Cone([i, j]) => Hull::Cone(Cone::new(ball(i), ball(j))),
+            Primitive::Slab([i, j, k]) => Hull::Slab(Box::new(Slab::new(ball(i), ball(j), ball(k)))),
+        }
+    }
+
+    pub fn distance(&self, point: DVec3) -> f64 {
+        self.closest(point).0
+    }
+
+    /// Signed distances of a block of points, up to the rounding of an f32.
+    pub fn distances(&self, block: &Block) -> Distances {
+        match self {
+            Hull::Sphere(ball) => Cone::new(*ball, *ball).distances(block),
+            Hull::Cone(cone) => cone.distances(block),
+            Hull::Slab(slab) => slab.distances(block),
+        }
+    }
+
+    /// Signed distance, and the weights of the nearest sphere.
+    pub fn closest(&self, point: DVec3) -> (f64, [f64; 3]) {
+        match self {
+            Hull::Sphere(ball) => (ball.distance(point), [1.0, 0.0, 0.0]),
+            Hull::Cone(cone) => {
+                let (distance, t) = cone.closest(point);
+                (distance, [1.0 - t, t, 0.0])
+            }
+            Hull::Slab(slab) => slab.closest(point),
+        }
+    }
+
+    /// The sphere at some weights.
+    pub fn blend(&self, w: &[f64; 3]) -> Ball {
+        match self {
+            Hull::Sphere(ball) => *ball,
+            Hull::Cone(c) => Ball { center: c.from.center + c.along * w[1], radius: c.from.radius + c.widening * w[1] },
+            Hull::Slab(s) => Ball {
+                center: s.from.center + s.u * w[1] + s.v * w[2],
+                radius: s.from.radius + s.widening[0] * w[1] + s.widening[1] * w[2],
+            },
+        }
+    }
+}
+
+impl Hull {
+    /// Points about `spacing` apart on the sides, without the spheres: weights, outward normal, and the area that each stands for.
+    pub fn sample(&self, spacing: f64, mut push: impl FnMut([f64; 3], DVec3, f64)) {
+        match self {
+            Hull::Sphere(_) => {}
+            Hull::Cone(cone) => cone.sample(spacing, |t, n, area| push([1.0 - t, t, 0.0], n, area)),
+            Hull::Slab(slab) => {
+                slab.sample(spacing, &mut push);
+                for (edge, cone) in slab.cones.iter().enumerate() {
+                    cone.sample(spacing, |t, n, area| push(edge_weights(edge, t), n, area));
+                }
+            }
+        }
+    }
+}
+
+/// Fractional part of multiples of the golden ratio: evenly spread, whatever their number.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+pub(super) fn sample_sphere(radius: f64, spacing: f64, mut push: impl FnMut(DVec3, f64)) {
+    const LEAST: f64 = 16.0;
+    let area = 4.0 * PI * radius * radius;
+    let count = (area / (spacing * spacing)).max(LEAST) as usize;
+    for i in 0..count {
+        let z = 1.0 - (2 * i + 1) as f64 / count as f64;
+        let (sin, cos) = (TAU * GOLDEN * i as f64).sin_cos();
+        let flat = (1.0 - z * z).sqrt();
+        push(DVec3::new(flat * cos, flat * sin, z), area / count as f64);
+    }
+}
+
+/// Weights in a slab at `t` along its edge ab, bc or ac.
+fn edge_weights(edge: usize, t: f64) -> [f64; 3] {
+    match edge {
+        0 => [1.0 - t, t, 0.0],
+        1 => [0.0, 1.0 - t, t],
+        _ => [1.0 - t, 0.0, t],
+    }
+}
+
+impl Cone {
+    fn sample(&self, spacing: f64, mut push: impl FnMut(f64, DVec3, f64)) {
+        if self.slant.is_infinite() {
+            return;
+        }
+        let length = self.along.length();
+        let axis = self.along / length;
+        let (e1, e2) = axis.any_orthonormal_pair();
+        let sine = self.widening / length;
+        let cosine = (1.0 - sine * sine).sqrt();
+        let rings = (length * cosine / spacing).ceil().max(2.0);
+        for ring in 0..rings as usize {
+            let t = (ring as f64 + 0.5) / rings;
+            let around = TAU * (self.from.radius + t * self.widening) * cosine;
+            let count = (around / spacing).ceil().max(5.0);
+            for i in 0..count as usize {
+                let (sin, cos) = (TAU * (i as f64 / count + GOLDEN * ring as f64)).sin_cos();
+                let normal = (e1 * cos + e2 * sin) * cosine - axis * sine;
+                push(t, normal, around * length * cosine / (rings * count));
+            }
+        }
+    }
+
+    pub fn new(from: Ball, to: Ball) -> Self {
+        let along = to.center - from.center;
+        let widening = to.radius - from.radius;
+        let length_squared = along.length_squared();
+        let rest = length_squared - widening * widening;
+        let (inverse_length_squared, slant) = if rest > 1e-12 * length_squared && length_squared > 1e-24 {
+            (1.0 / length_squared, widening / (length_squared * rest).sqrt())
+        } else {
+            // One sphere holds the other: all points are nearest to it.
+            (0.0, if widening > 0.0 { f64::INFINITY } else { f64::NEG_INFINITY })
+        };
+        Self { from, along, widening, inverse_length_squared, slant }
+    }
+
+    fn distances(&self, block: &Block) -> Distances {
+        let (from, along) = (Vectors::splat(self.from.center), Vectors::splat(self.along));
+        let (radius, widening) = (Vec4::splat(self.from.radius as f32), self.widening as f32);
+        let slant = self.slant.clamp(-1e6, 1e6) as f32;
+        // Of a degenerate cone the slant alone decides.
+        let (inverse, lift) =
+            if self.slant.is_finite() { (self.inverse_length_squared as f32, 0.0) } else { (0.0, 1.0) };
+        let mut distances = Distances::default();
+        for (distance, points) in distances.iter_mut().zip(block) {
+            let offset = *points - from;
+            let foot = offset.dot(along) * inverse;
+            let height = (offset - along.times(foot)).length() + lift;
+            let t = (foot + height * slant).clamp(Vec4::ZERO, Vec4::ONE);
+            *distance = (offset - along.times(t)).length() - (radius + t * widening);
+        }
+        distances
+    }
+
+    #[inline]
+    fn closest(&self, point: DVec3) -> (f64, f64) {
+        let offset = point - self.from.center;
+        let t = if self.slant.is_finite() {
+            let foot = offset.dot(self.along) * self.inverse_length_squared;
+            let height = (offset - self.along * foot).length();
+            (foot + self.slant * height).clamp(0.0, 1.0)
+        } else if self.slant > 0.0 {
+            1.0
+        } else {
+            0.0
+        };
+        ((offset - self.along * t).length() - (self.from.radius + self.widening * t), t)
+    }
+}
+
+impl Slab {
+    fn new(a: Ball, b: Ball, c: Ball) -> Self {
+        let (u, v) = (b.center - a.center, c.center - a.center);
+        let widening = [b.radius - a.radius, c.radius - a.radius];
+        let cross = u.cross(v);
+        let area_squared = cross.length_squared();
+        let (uu, vv, uv) = (u.length_squared(), v.length_squared(), u.dot(v));
+        let proper = area_squared > 1e-12 * uu * vv;
+        let to_weights = if proper {
+            [(u * vv - v * uv) / area_squared, (v * uu - u * uv) / area_squared]
+        } else {
+            [DVec3::ZERO; 2]
+        };
+        let gradient = to_weights[0] * widening[0] + to_weights[1] * widening[1];
+        let rest = 1.0 - gradient.length_squared();
+        Self {
+            from: a,
+            u,
+            v,
+            widening,
+            normal: cross.normalize_or_zero(),
+            to_weights,
+            slant: (proper && rest > 1e-12).then(|| gradient / rest.sqrt()),
+            cones: [Cone::new(a, b), Cone::new(b, c), Cone::new(a, c)],
+        }
+    }
+
+    fn sample(&self, spacing: f64, mut push: impl FnMut([f64; 3], DVec3, f64)) {
+        let Some(slant) = self.slant else { return };
+        // The slant is g / sqrt(1 - g^2) of the gradient g.
+        let cosine = 1.0 / (1.0 + slant.length_squared()).sqrt();
+        let area = 0.5 * self.u.cross(self.v).length() * cosine;
+        let count = (area / (spacing * spacing)).ceil().max(2.0);
+        for i in 0..count as usize {
+            // The sequence of Roberts, folded into the triangle.
+            let (s, t) = ((0.5 + 0.754_877_666 * i as f64).fract(), (0.5 + 0.569_840_291 * i as f64).fract());
+            let (s, t) = if s + t > 1.0 { (1.0 - s, 1.0 - t) } else { (s, t) };
+            for side in [self.normal, -self.normal] {
+                push([1.0 - s - t, s, t], (side - slant) * cosine, area / count);
+            }
+        }
+    }
+
+    fn distances(&self, block: &Block) -> Distances {
+        let [mut least, bc, ac] = self.cones.each_ref().map(|cone| cone.distances(block));
+        least.iter_mut().zip(bc.iter().zip(&ac)).for_each(|(least, (bc, ac))| *least = least.min(*bc).min(*ac));
+        let Some(slant) = self.slant else { return least };
+        let (from, normal) = (Vectors::splat(self.from.center), Vectors::splat(self.normal));
+        let rows = self.to_weights.map(Vectors::splat);
+        // Per distance from the plane: the shift of the weights, and the distance from the shifted sphere's centre.
+        let shift = self.to_weights.map(|row| row.dot(slant) as f32);
+        let stretch = (1.0 + slant.length_squared()).sqrt() as f32;
+        let (radius, widening) = (Vec4::splat(self.from.radius as f32), self.widening.map(|w| w as f32));
+        for (least, points) in least.iter_mut().zip(block) {
+            let offset = *points - from;
+            let height = offset.dot(normal).abs();
+            let (s, t) = (offset.dot(rows[0]) + height * shift[0], offset.dot(rows[1]) + height * shift[1]);
+            let distance = height * stretch - (radius + s * widening[0] + t * widening[1]);
+            let within = s.min(t).min(1.0 - s - t).cmpge(Vec4::ZERO);
+            *least = Vec4::select(within, least.min(distance), *least);
+        }
+        least
+    }
+
+    fn closest(&self, point: DVec3) -> (f64, [f64; 3]) {
+        let offset = point - self.from.center;
+        let mut open = [true; 3];
+        if let Some(slant) = self.slant {
+            let height = offset.dot(self.normal);
+            let shifted = offset + slant * height.abs();
+            let (s, t) = (shifted.dot(self.to_weights[0]), shifted.dot(self.to_weights[1]));
+            // The edges that are seen from there: ab, bc, ac.
+            open = [t < 0.0, s + t > 1.0, s < 0.0];
+            if open == [false; 3] {
+                let radius = self.from.radius + s * self.widening[0] + t * self.widening[1];
+                let center = self.u * s + self.v * t;
+                return ((offset - center).length() - radius, [1.0 - s - t, s, t]);
+            }
+        }
+        let mut best = (f64::INFINITY, [0.0; 3]);
+        for (edge, cone) in self.cones.iter().enumerate().filter(|(edge, _)| open[*edge]) {
+            let (distance, t) = cone.closest(point);
+            if distance < best.0 {
+                best = (distance, edge_weights(edge, t));
+            }
+        }
+        best
+    }
+}

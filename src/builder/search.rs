@@ -1,0 +1,174 @@
+//! One search for a medial mesh: the stages from samples to spheres that fit.
+
+use glam::DVec3;
+
+use super::{
+    BuildError, BuildOptions, BuildReport, Built, clusters,
+    connect::{self, Limits},
+    descent::{self, Penalty, Target},
+    envelope::Complex,
+    judge::Judge,
+    parallel,
+    progress::Progress,
+    refine::{self, Plan},
+    solid::Solid,
+    surface_samples::{Samples, medial_ball},
+};
+use crate::{geometry::Sphere, medial_axis::MedialAxis};
+
+/// Samples of the area per sphere while spheres are sought, and vertices beside them.
+const COARSE: [usize; 2] = [60, 12];
+
+/// The same for the last descent.
+const FINE: [usize; 2] = [150, 75];
+
+/// Least and greatest number of coarse samples of the area.
+const SAMPLES: [usize; 2] = [3000, 20_000];
+
+/// Distance of points of the envelope, as a part of the diagonal: coarse and fine.
+const SPACING: [f64; 2] = [0.02, 0.012];
+
+/// Steps of the last descents, one that sees creases and one by a steeper penalty.
+const LAST_STEPS: [usize; 2] = [24, 12];
+
+/// From how much lesser errors on that penalty is steep.
+const STEEPER: f64 = 2.2;
+
+/// How deep within the solid the bottoms of those creases may lie, as a part of the diagonal.
+const CREASES: f64 = 0.02;
+
+/// How many more spheres there are at first.
+const SURPLUS: f64 = 1.3;
+
+/// Edges beyond the number of spheres, and faces, per cycle of the graph of spheres that touch on the surface: limbs have few.
+const PER_CYCLE: f64 = 0.43;
+
+pub(super) struct Search {
+    coarse: Samples,
+    fine: Samples,
+    complex: Complex,
+    /// Component of each sphere.
+    parts: Vec<u32>,
+    plan: Plan,
+    /// What the judge says of the shape.
+    pub error: f64,
+}
+
+impl Search {
+    /// Spheres to start with.
+    pub fn new(
+        solid: &Solid,
+        options: &BuildOptions,
+        triangles: usize,
+        seed: u64,
+        progress: &Progress,
+    ) -> Result<Self, BuildError> {
+        let report = |part: f32| if progress(part).is_break() { Err(BuildError::Cancelled) } else { Ok(()) };
+        report(0.0)?;
+        let spheres = options.spheres.max(1);
+        let count = |per_sphere: [usize; 2], factor: usize| {
+            let area = (spheres * per_sphere[0]).clamp(SAMPLES[0] * factor, SAMPLES[1] * factor);
+            (area, area * per_sphere[1] / per_sphere[0])
+        };
+        let ((area, vertices), (fine_area, fine_vertices)) = (count(COARSE, 1), count(FINE, 2));
+        let coarse = Samples::new(solid, area, vertices, seed).turned_outward(solid);
+        let fine = Samples::new(solid, fine_area, fine_vertices, seed);
+        let balls = parallel::map(coarse.len(), 32, |i| {
+            let normal = coarse.normals[i];
+            (i % 2 == 0 && normal != DVec3::ZERO).then(|| medial_ball(solid, coarse.points.positions[i], normal))
+        });
+        report(0.1)?;
+        let at_first = (spheres as f64 * SURPLUS) as usize;
+        let clusters = clusters::cluster(&coarse, &balls, at_first, solid.part_count);
+        if clusters.balls.is_empty() {
+            return Err(BuildError::NoVolume);
+        }
+        let mut complex = Complex { balls: clusters.balls, ..Complex::default() };
+        let touching = connect::touching(&coarse, &clusters.labels);
+        let cycles = touching.len().saturating_sub(complex.balls.len()) as f64 / complex.balls.len() as f64;
+        let extra = (PER_CYCLE * cycles * spheres as f64) as usize;
+        let plan = Plan {
+            spheres,
+            edges: options.edges.unwrap_or(spheres + extra),
+            faces: options.faces.unwrap_or(extra),
+            rounds: Plan::rounds(triangles),
+            steps: 8,
+            spacing: SPACING[0],
+        };
+        // Until the first descent an error of some thousandths is usual.
+        let target = refine::target(solid, &coarse, Penalty::new(1e-5), plan.spacing);
+        let surplus = complex.balls.len().saturating_sub(spheres);
+        let limits = Limits { edges: plan.edges + surplus, faces: plan.faces };
+        connect::connect(&mut complex, &clusters.parts, &touching, &coarse, limits, &target);
+        let search = Self { coarse, fine, complex, parts: clusters.parts, plan, error: f64::INFINITY };
+        let components = search.full_components();
+        if components > spheres {
+            return Err(BuildError::TooFewSpheres { components, spheres });
+        }
+        Ok(search)
+    }
+
+    /// Components that have a sphere.
+    fn full_components(&self) -> usize {
+        let mut parts = self.parts.clone();
+        parts.sort_unstable();
+        parts.dedup();
+        parts.len()
+    }
+
+    /// Plans for half as many spheres; false if there is one a component.
+    pub fn coarsen(&mut self) -> bool {
+        let least = self.full_components();
+        let more = self.plan.spheres > least;
+        if more {
+            self.plan.coarsen(least);
+        }
+        more
+    }
+
+    /// Fits the spheres.
+    pub fn refine(&mut self, judge: &Judge, progress: &Progress) -> Result<(), BuildError> {
+        let Self { coarse, fine, complex, parts, plan, .. } = self;
+        let solid = judge.solid;
+        let progress = |part: f32| progress(0.2 + 0.7 * part);
+        if refine::refine(complex, parts, solid, coarse, plan, &progress).is_break() {
+            return Err(BuildError::Cancelled);
+        }
+        let fine = refine::target_for(complex, solid, fine, SPACING[1]);
+        let even = Target { uncovered: 1.0, creases: CREASES, ..fine };
+        let steep = Target { penalty: even.penalty.steeper(STEEPER), creases: 0.0, rest: None, ..even };
+        // Either may turn out better.
+        let mut other = complex.clone();
+        descent::descend(complex, &even, LAST_STEPS[0], 0.1 * descent::ROUGH);
+        descent::descend(&mut other, &steep, LAST_STEPS[1], descent::ROUGH);
+        let (error, of_other) = (judge.error(complex), judge.error(&other));
+        self.error = error.min(of_other);
+        if of_other < error {
+            *complex = other;
+        }
+        Ok(())
+    }
+
+    /// The shape as it is.
+    pub fn built(&self, solid: &Solid, progress: &Progress) -> Result<Built, BuildError> {
+        let Self { complex, fine, .. } = self;
+        let spheres = complex.balls.iter().map(|ball| {
+            let center = ball.center * solid.diagonal + solid.origin;
+            Sphere::new(center.as_vec3(), (ball.radius * solid.diagonal) as f32)
+        });
+        let (axis, cleanup) = MedialAxis::from_lists(spheres.collect(), &complex.edges, &complex.faces)?;
+        let hits = complex.envelope().hits(&fine.points);
+        let mean_square: f64 = hits.iter().zip(&fine.weights).map(|(h, w)| w * h.distance * h.distance).sum();
+        let report = BuildReport {
+            components: solid.part_count,
+            empty_components: solid.part_count - self.full_components(),
+            rms_error: mean_square.sqrt() as f32,
+            max_error: hits.iter().map(|h| h.distance.abs()).fold(0.0, f64::max) as f32,
+            cleanup,
+        };
+        if progress(1.0).is_break() {
+            return Err(BuildError::Cancelled);
+        }
+        Ok(Built { axis, report })
+    }
+}
