@@ -101,7 +101,7 @@ pub enum BuildError {
 const TRIANGLES_PER_SEARCH: usize = 250;
 
 /// Most searches.
-const MOST_SEARCHES: usize = 4;
+const MOST_SEARCHES: usize = 3;
 
 /// How often a shape is sought, each time from other samples: which of many good shapes is found is chance.
 fn searches(triangles: usize, spheres: usize) -> usize {
