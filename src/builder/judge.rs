@@ -11,9 +11,6 @@ const SPACING: f64 = 0.005;
 /// Points of the envelope deeper inside than this are hidden by other primitives.
 const HIDDEN: f64 = 1e-5;
 
-/// By how much a mean error counts more. It is about an eighth of the greatest, and not by chance.
-const MEAN: f64 = 12.0;
-
 pub(super) struct Judge<'a> {
     pub solid: &'a Solid,
     samples: Samples,
@@ -24,7 +21,8 @@ impl<'a> Judge<'a> {
         Self { solid, samples: Samples::new(solid, SAMPLES[0], SAMPLES[1], !seed) }
     }
 
-    /// How bad a shape is: the greatest distance between the surface and the envelope, either way, and the greater of both means.
+    /// How bad a shape is: the greatest distance between the surface and the envelope, either way, times the greater of both means. A tenth less of
+    /// either counts alike.
     pub fn error(&self, complex: &Complex) -> f64 {
         let envelope = complex.envelope();
         let distances = envelope.distances(&self.samples.points);
@@ -39,7 +37,7 @@ impl<'a> Judge<'a> {
         });
         let outward = visible.iter().zip(nearest).filter_map(|(&i, distance)| Some((distance?, surface[i].area)));
         let outward = Sum::of(outward);
-        inward.max.max(outward.max) + MEAN * inward.mean().max(outward.mean())
+        inward.max.max(outward.max) * inward.mean().max(outward.mean())
     }
 }
 

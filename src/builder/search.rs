@@ -28,7 +28,7 @@ const SAMPLES: [usize; 2] = [3000, 20_000];
 /// Distance of points of the envelope, as a part of the diagonal: coarse and fine.
 const SPACING: [f64; 2] = [0.02, 0.012];
 
-/// Steps of the last descents, one that sees creases and one by a steeper penalty.
+/// Steps of the last descents, one by an even penalty, and one by a steeper one that sees creases.
 const LAST_STEPS: [usize; 2] = [24, 12];
 
 /// From how much lesser errors on that penalty is steep.
@@ -135,8 +135,8 @@ impl Search {
             return Err(BuildError::Cancelled);
         }
         let fine = refine::target_for(complex, solid, fine, SPACING[1]);
-        let even = Target { uncovered: 1.0, creases: CREASES, ..fine };
-        let steep = Target { penalty: even.penalty.steeper(STEEPER), creases: 0.0, rest: None, ..even };
+        let even = Target { uncovered: 1.0, creases: 0.0, ..fine };
+        let steep = Target { penalty: even.penalty.steeper(STEEPER), creases: CREASES, rest: None, ..even };
         // Either may turn out better.
         let mut other = complex.clone();
         descent::descend(complex, &even, LAST_STEPS[0], 0.1 * descent::ROUGH);
