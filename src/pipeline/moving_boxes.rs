@@ -154,3 +154,41 @@ impl MovingBox {
         enter.max_element() <= leave.min_element()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::medial_axis::oracle::Random;
+
+    #[test]
+    fn boxes_that_meet_are_not_missed() {
+        let mut random = Random::new(3);
+        let (mut met, mut apart, mut apart_though_swept) = (0, 0, 0);
+        for _ in 0..3000 {
+            let mut moving = || {
+                let half = random.vector().abs() * 0.5 + 0.05;
+                let start = random.vector() * 2.0;
+                let end = start + random.vector() * 3.0;
+                MovingBox::new([start, end].map(|center| Aabb { min: center - half, max: center + half }))
+            };
+            let (first, second) = (moving(), moving());
+            let offset = Vec3A::from(random.vector());
+            let reach = 0.1;
+            let touches = |time: f32| {
+                let [first, second] = [first, second].map(|moving| moving.between([time; 2]));
+                first.is_near(&second, offset, reach)
+            };
+            let sampled = (0..=100).any(|i| touches(i as f32 / 100.0));
+            let meets = first.meets(&second, offset, reach);
+            assert!(meets || !sampled, "they meet");
+            met += usize::from(sampled);
+            apart += usize::from(!meets);
+            let whole = |moving: &MovingBox| {
+                let (min, max) = (moving.min[0].min(moving.min[1]), moving.max[0].max(moving.max[1]));
+                MovingBox { min: [min; 2], max: [max; 2] }
+            };
+            apart_though_swept += usize::from(!meets && whole(&first).meets(&whole(&second), offset, reach));
+        }
+        assert!(met > 150 && apart > 500 && apart_though_swept > 300, "{met} {apart} {apart_though_swept}");
+    }
+}

@@ -23,10 +23,10 @@ fn spawn_plate(app: &mut App, medial: bool, kind: RigidBody, at: Vec3) -> Entity
 #[test]
 fn a_thin_plate_takes_along_what_it_hits_at_any_speed() {
     for medial in [false, true] {
-        for speed in [3.0, 30.0, 300.0] {
+        // The farther a step is, the fewer bodies in a row are all kept before the plate.
+        for (speed, most) in [(3.0, 3), (30.0, 2), (300.0, 1)] {
             for by_position in [false, true] {
-                // At 300 m/s a step is as long as ten bodies in a row.
-                for row in if speed > 100.0 { 1..2 } else { 1..4 } {
+                for row in 1..=most {
                     let mut app = app();
                     let kind =
                         if by_position { RigidBody::KinematicPositionBased } else { RigidBody::KinematicVelocityBased };

@@ -10,7 +10,7 @@ fn soup(count: usize, random: &mut Random) -> Vec<[DVec3; 3]> {
     let triangle = |i: usize| {
         let size = [0.3, 0.01, 1e-4][i % 3];
         let (a, along) = (vector(random), vector(random) * size);
-        let width = if i % 5 == 0 { 1e-5 } else { 1.0 };
+        let width = if i.is_multiple_of(5) { 1e-5 } else { 1.0 };
         [a, a + along, a + along * 0.3 + vector(random) * size * width]
     };
     (0..count).map(triangle).collect()
