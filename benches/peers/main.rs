@@ -31,6 +31,7 @@ use std::{
 
 use bevy_medial::{
     builder,
+    prelude::MedialBudget,
     scenes::{Model, Scene, headless_app, load_models},
 };
 use clap::Parser;
@@ -45,7 +46,7 @@ use measure::{Plan, Row, ShapeFigures};
 use overlap::Surfaces;
 use report::Culling;
 use shapes::{Kind, ModelShape, Shapes};
-use world::{SEED, World};
+use world::{SEED, SceneModel, World};
 
 #[derive(Parser)]
 #[command(about = "The demo scenes in several engines")]
@@ -199,11 +200,12 @@ fn run_scene(
     Ok(())
 }
 
-/// Of the medial meshes themselves.
+/// Of the medial meshes themselves, at the levels of detail that bodies have.
 fn medial_figures(world: &World) -> ShapeFigures {
     let count = world.models.len().max(1);
-    let errors = world.models.iter().map(|model| builder::measure(&model.mesh, &model.axis).mesh_to_envelope);
-    let parts: usize = world.models.iter().map(|model| model.axis.primitives().len()).sum();
+    let level = |model: &SceneModel| model.axis.level(MedialBudget::default().level(&model.axis, 1.0)).clone();
+    let errors = world.models.iter().map(|model| builder::measure(&model.mesh, &level(model)).mesh_to_envelope);
+    let parts: usize = world.models.iter().map(|model| level(model).primitives().len()).sum();
     ShapeFigures { parts: parts as f64 / count as f64, error: shapes::worst(errors) }
 }
 
