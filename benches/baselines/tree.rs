@@ -105,7 +105,7 @@ impl<V: Volume> Tree<V> {
         tree
     }
 
-    /// Splits at the median along the axis in which the middles spread most, as the library's hierarchies do.
+    /// Splits at the median along the axis in which the middles spread most.
     fn build(&mut self, hulls: &[Hull], items: &mut [u32]) {
         let of_node: Vec<Hull> = items.iter().map(|&item| hulls[item as usize]).collect();
         let local = V::fit(&of_node);

@@ -1,6 +1,6 @@
 //! Which of several shapes is the best: their two-sided errors at samples that none of them was fitted to.
 
-use super::{envelope::Complex, parallel, points::Points, solid::Solid, surface_samples::Samples};
+use super::{envelope::Complex, measure::Sum, parallel, points::Points, solid::Solid, surface_samples::Samples};
 
 /// Samples of the area, and vertices beside them.
 const SAMPLES: [usize; 2] = [30_000, 20_000];
@@ -26,7 +26,7 @@ impl<'a> Judge<'a> {
     pub fn error(&self, complex: &Complex) -> f64 {
         let envelope = complex.envelope();
         let distances = envelope.distances(&self.samples.points);
-        let inward = Sum::of(distances.iter().map(|d| d.abs()).zip(self.samples.weights.iter().copied()));
+        let inward = sum(distances.iter().map(|d| d.abs()).zip(self.samples.weights.iter().copied()));
         let surface = envelope.surface(SPACING);
         let points = Points::new(surface.iter().map(|s| envelope.point(s)).collect());
         let depths = envelope.depths(&points);
@@ -36,29 +36,13 @@ impl<'a> Judge<'a> {
             self.solid.closest_off_rims(point, None).map(|nearest| nearest.distance(point))
         });
         let outward = visible.iter().zip(nearest).filter_map(|(&i, distance)| Some((distance?, surface[i].area)));
-        let outward = Sum::of(outward);
+        let outward = sum(outward);
         inward.max.max(outward.max) * inward.mean().max(outward.mean())
     }
 }
 
-/// Distances and the areas that they stand for.
-#[derive(Default)]
-struct Sum {
-    max: f64,
-    sum: f64,
-    area: f64,
-}
-
-impl Sum {
-    fn of(distances: impl Iterator<Item = (f64, f64)>) -> Self {
-        distances.fold(Self::default(), |sum, (distance, area)| Self {
-            max: sum.max.max(distance),
-            sum: sum.sum + distance * area,
-            area: sum.area + area,
-        })
-    }
-
-    fn mean(&self) -> f64 {
-        if self.area > 0.0 { self.sum / self.area } else { 0.0 }
-    }
+fn sum(distances: impl Iterator<Item = (f64, f64)>) -> Sum {
+    let mut sum = Sum::default();
+    distances.for_each(|(distance, area)| sum.add(distance, area));
+    sum
 }

@@ -75,7 +75,7 @@ pub fn measure(mesh: &TriangleMesh, axis: &MedialAxis) -> TwoSidedError {
     let (points, areas) = samples(&triangles.collect::<Vec<_>>(), spacing);
     let distances = envelope.distances(&points);
     let mut to_envelope = Sum::default();
-    distances.iter().zip(areas).for_each(|(distance, area)| to_envelope.add(distance.abs(), area));
+    distances.iter().zip(areas).for_each(|(distance, area)| to_envelope.add(distance.abs(), f64::from(area)));
     let errors = frame.signed(mesh, &envelope);
     mesh.triangles.iter().flatten().for_each(|&i| to_envelope.add(errors[i as usize].abs(), 0.0));
 
@@ -86,7 +86,7 @@ pub fn measure(mesh: &TriangleMesh, axis: &MedialAxis) -> TwoSidedError {
     let visible: Vec<usize> = (0..depths.len()).filter(|&i| depths[i] < HIDDEN).collect();
     let distances = parallel::map(visible.len(), 64, |i| surface.distance(points.positions[visible[i]]));
     let mut to_mesh = Sum::default();
-    visible.iter().zip(distances).for_each(|(&i, distance)| to_mesh.add(f64::from(distance), areas[i]));
+    visible.iter().zip(distances).for_each(|(&i, distance)| to_mesh.add(f64::from(distance), f64::from(areas[i])));
 
     let deviation = |sum: Sum| Deviation { max: frame.percent(sum.max), mean: frame.percent(sum.mean()) };
     TwoSidedError {
@@ -154,22 +154,25 @@ impl Frame {
 
 /// Distances over an area.
 #[derive(Clone, Copy, Default)]
-struct Sum {
-    max: f64,
+pub(super) struct Sum {
+    /// The greatest.
+    pub max: f64,
     sum: f64,
     area: f64,
 }
 
 impl Sum {
-    fn add(&mut self, distance: f64, area: f32) {
+    /// Adds a distance and the area that it stands for.
+    pub fn add(&mut self, distance: f64, area: f64) {
         self.max = self.max.max(distance);
         if area > 0.0 {
-            self.sum += distance * f64::from(area);
-            self.area += f64::from(area);
+            self.sum += distance * area;
+            self.area += area;
         }
     }
 
-    fn mean(&self) -> f64 {
+    /// The mean over the area.
+    pub fn mean(&self) -> f64 {
         if self.area > 0.0 { self.sum / self.area } else { 0.0 }
     }
 }

@@ -85,7 +85,7 @@ impl Bvh {
     /// Calls `visit` with every item whose box overlaps with another.
     pub fn overlapping(&self, other: &Aabb, visit: impl FnMut(u32)) {
         let other = Box3A::from(*other);
-        self.visit_nodes(0, |node| Box3A::from(node.aabb()).overlaps(&other), visit);
+        self.visit_from(0, |index| Box3A::from(self.nodes[index].aabb()).overlaps(&other), visit);
     }
 
     /// The leaves, one beside the next in space. Those are neither items nor in their order.
@@ -101,21 +101,7 @@ impl Bvh {
     /// Calls `visit` with every item whose box overlaps with that of a leaf, if its own leaf comes later: of all leaves it gives each pair once.
     pub fn overlapping_later(&self, leaf: Leaf, visit: impl FnMut(u32)) {
         let bounds = Box3A::from(self.nodes[leaf.0].aabb());
-        self.visit_nodes(leaf.0 + 1, |node| Box3A::from(node.aabb()).overlaps(&bounds), visit);
-    }
-
-    /// From the node `index` on.
-    fn visit_nodes(&self, mut index: usize, mut test: impl FnMut(&Node) -> bool, mut visit: impl FnMut(u32)) {
-        while let Some(node) = self.nodes.get(index) {
-            if test(node) {
-                if let Some(item) = node.item() {
-                    visit(item);
-                }
-                index += 1;
-            } else {
-                index = self.end(index);
-            }
-        }
+        self.visit_from(leaf.0 + 1, |index| Box3A::from(self.nodes[index].aabb()).overlaps(&bounds), visit);
     }
 
     /// The item of least cost with its cost; none if there are no items.
@@ -172,8 +158,12 @@ impl Bvh {
     }
 
     /// Calls `visit` with every item that passes `test`, and whose ancestors do: which is asked with the indices of nodes, those of [`values`](Self::values).
-    pub fn visit_tested(&self, test: impl Fn(usize) -> bool, mut visit: impl FnMut(u32)) {
-        let mut index = 0;
+    pub fn visit_tested(&self, test: impl Fn(usize) -> bool, visit: impl FnMut(u32)) {
+        self.visit_from(0, test, visit);
+    }
+
+    /// The same from the node `index` on.
+    fn visit_from(&self, mut index: usize, test: impl Fn(usize) -> bool, mut visit: impl FnMut(u32)) {
         while let Some(node) = self.nodes.get(index) {
             if test(index) {
                 if let Some(item) = node.item() {
