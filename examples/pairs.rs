@@ -1,7 +1,7 @@
 //! Times of impact of moving primitive pairs, from a file: one answer per line, then nanoseconds per pair for each kind.
 //!
 //! ```text
-//! cargo run --release --example pairs -- FILE [--repeat N] [--method advancement|alternating]
+//! cargo run --release --example pairs -- FILE [--repeat N] [--method advancement|alternating] [--backend cpu|gpu]
 //! ```
 //!
 //! A line of the file is `category kindA kindB | A | B | ...`; what follows the third `|` is ignored, `#` starts a comment.
@@ -13,7 +13,10 @@ mod pairs;
 
 use std::{collections::BTreeMap, hint::black_box, io::Write, path::PathBuf, process::ExitCode, time::Instant};
 
-use bevy_medial::query::{Cuboid, Moving, TimeOfImpact, TimeOfImpactStatus, alternating, time_of_impact};
+use bevy_medial::{
+    gpu::{GpuDevice, GpuError, GpuImpacts, MovingPair},
+    query::{Cuboid, Moving, TimeOfImpact, TimeOfImpactStatus, alternating, time_of_impact},
+};
 use clap::{Parser, ValueEnum};
 use pairs::{Pair, Primitive, Second};
 
@@ -28,6 +31,9 @@ struct Args {
     /// The kernel.
     #[arg(long, value_enum, default_value_t = Method::Advancement)]
     method: Method,
+    /// Where it runs; on the GPU with uploads and readback, all pairs of a kind at a time, and by advancement only.
+    #[arg(long, value_enum, default_value_t = Backend::Cpu)]
+    backend: Backend,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -36,6 +42,12 @@ enum Method {
     Advancement,
     /// The published alternation of nearest spheres and their contact: a baseline.
     Alternating,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Backend {
+    Cpu,
+    Gpu,
 }
 
 fn main() -> ExitCode {
@@ -60,20 +72,19 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         count += 1;
     }
 
+    let solver = Solver::new(args)?;
     let mut answers = vec![String::new(); count];
     let mut timings = Vec::new();
     for (kind, pairs) in &kinds {
+        let mut results = Vec::new();
         let mut best = f64::INFINITY;
         for _ in 0..args.repeat.max(1) {
             let start = Instant::now();
-            for (_, pair) in pairs {
-                black_box(solve(black_box(pair), args.method));
-            }
+            results = black_box(solver.solve(black_box(pairs))?);
             best = best.min(start.elapsed().as_secs_f64());
         }
         timings.push((kind, best * 1e9 / pairs.len() as f64));
-        for (line, pair) in pairs {
-            let result = solve(pair, args.method);
+        for ((line, _), result) in pairs.iter().zip(&results) {
             answers[*line] = match result.status {
                 TimeOfImpactStatus::Separated => "none".into(),
                 TimeOfImpactStatus::Overlapping => "overlap".into(),
@@ -89,6 +100,50 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         writeln!(out, "# {kind} {nanoseconds:.1} ns/pair")?;
     }
     Ok(())
+}
+
+/// What computes the pairs of a kind.
+enum Solver {
+    Cpu(Method),
+    Gpu(GpuImpacts),
+}
+
+impl Solver {
+    fn new(args: &Args) -> Result<Self, Box<dyn std::error::Error>> {
+        match (args.backend, args.method) {
+            (Backend::Cpu, method) => Ok(Self::Cpu(method)),
+            (Backend::Gpu, Method::Advancement) => {
+                let gpu = GpuDevice::request()?;
+                eprintln!("GPU: {}", gpu.name());
+                Ok(Self::Gpu(GpuImpacts::new(&gpu)?))
+            }
+            (Backend::Gpu, Method::Alternating) => Err("the GPU knows no other method than advancement".into()),
+        }
+    }
+
+    fn solve(&self, pairs: &[(usize, Pair)]) -> Result<Vec<TimeOfImpact>, GpuError> {
+        match self {
+            Self::Cpu(method) => Ok(pairs.iter().map(|(_, pair)| solve(pair, *method)).collect()),
+            Self::Gpu(impacts) => impacts.run(&pairs.iter().map(|(_, pair)| for_gpu(pair)).collect::<Vec<_>>()),
+        }
+    }
+}
+
+fn for_gpu(pair: &Pair) -> MovingPair {
+    match &pair.first {
+        Primitive::Sphere(first) => with_second(first, &pair.second),
+        Primitive::Cone(first) => with_second(first, &pair.second),
+        Primitive::Slab(first) => with_second(first, &pair.second),
+    }
+}
+
+fn with_second<const N: usize>(first: &Moving<N>, second: &Second) -> MovingPair {
+    match second {
+        Second::Box { half } => MovingPair::with_cuboid(first, &Cuboid { half: *half }),
+        Second::Primitive(Primitive::Sphere(second)) => MovingPair::new(first, second),
+        Second::Primitive(Primitive::Cone(second)) => MovingPair::new(first, second),
+        Second::Primitive(Primitive::Slab(second)) => MovingPair::new(first, second),
+    }
 }
 
 fn solve(pair: &Pair, method: Method) -> TimeOfImpact {

@@ -13,6 +13,9 @@ pub const TOUCH_ROUNDING: f32 = 7.0e-7;
 /// Shortest trial step of the time of impact, in extents travelled by the fastest vertex: grazing hits are early by less.
 pub const TIME_TOLERANCE: f32 = 2.0e-5;
 
+/// Squared sine of the angle between two edges below which a closed form inside is not trusted alone: the boundary is searched too.
+pub const ILL_CONDITIONED: f32 = 1.0e-3;
+
 /// Rounds of conservative advancement before the search takes trial steps. All but grazing and sliding pairs are done by then.
 pub const MAX_ADVANCES: u32 = 12;
 

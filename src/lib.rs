@@ -47,6 +47,7 @@
 //! | [`query`] | kernels on two primitives: separation, time of impact, ray |
 //! | [`medial_axis`] | the asset: `.ma` files, clean-up, mass, packed form, surface |
 //! | [`pipeline`] | one step on plain data |
+//! | `gpu` | culling on the GPU, with the shaders in `shaders/` |
 //! | [`builder`] | triangle meshes: files, flaws, the error of a medial mesh |
 //! | [`plugin`] | components, messages, settings, diagnostics, gizmos |
 //! | [`rapier`] | custom shape, dispatcher, contact table, scene queries |
@@ -64,6 +65,7 @@
 //! |---|---|---|
 //! | `rapier` | yes | response through `bevy_rapier3d`; without it bodies move as their transforms say, and messages tell what they hit |
 //! | `debug` | no | gizmos for spheres, sweeps, boxes and contacts |
+//! | `gpu` | no | culling on the GPU |
 //! | `serialize` | no | serde for components, settings and geometry |
 //! | `bevy_mesh` | no | triangle meshes from Bevy's, and medial meshes built of them while the app runs |
 //! | `mesh_files` | no | triangle meshes from OBJ, glTF, STL and PLY files |
@@ -74,6 +76,8 @@
 pub mod builder;
 pub mod constants;
 pub mod geometry;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod medial_axis;
 pub mod pipeline;
 pub mod plugin;

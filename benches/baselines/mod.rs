@@ -32,7 +32,7 @@ use bevy::tasks::{ParallelSlice, ParallelSliceMut, TaskPool};
 use bevy_medial::{
     constants::SLIDE_WAY,
     geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
-    pipeline::{Body, Candidates, Shape, Side, StaticBody, Statics, StepInput, StepOutput, step_from_candidates},
+    pipeline::{Body, Candidates, Meeting, Shape, Side, StaticBody, Statics, StepInput, StepOutput, step_from_candidates},
 };
 
 use tree::{Motion, Tree, Volume};
@@ -119,7 +119,7 @@ impl<V: Volume> Baseline for Trees<V> {
         let broad = begin.elapsed();
 
         let begin = Instant::now();
-        let of_pair = |sides: &[Side; 2]| Candidates { sides: *sides, primitives: self.primitives(sides, input) };
+        let of_pair = |sides: &[Side; 2]| Candidates { sides: *sides, primitives: Some(self.primitives(sides, input)) };
         let candidates = if pairs.len() <= LEAST_PER_TASK {
             pairs.iter().map(of_pair).collect()
         } else {
@@ -129,7 +129,7 @@ impl<V: Volume> Baseline for Trees<V> {
         };
         let mid = begin.elapsed();
 
-        let mut output = step_from_candidates(input, statics, candidates, pool);
+        let mut output = step_from_candidates(input, statics, candidates, |_, _| Meeting::Stopping, pool);
         (output.times.broad, output.times.mid) = (broad, mid);
         Ok(output)
     }

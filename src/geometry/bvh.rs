@@ -1,4 +1,5 @@
 use arrayvec::ArrayVec;
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use super::{Aabb, aabb::Box3A};
@@ -13,7 +14,8 @@ pub struct Bvh {
 }
 
 /// Two to a cache line.
-#[derive(Clone, Copy, Debug)]
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Node {
     min: Vec3,
     /// The node that follows the subtree, or `LEAF` plus the item.
@@ -64,6 +66,13 @@ impl Bvh {
         let aabb = self.build(boxes, left).merge(self.build(boxes, right));
         self.nodes[node] = Node::new(aabb, self.nodes.len() as u32);
         aabb
+    }
+
+    /// The nodes as bytes, for upload: 32 each, `min, link, max, 0`. A link is the node that follows the subtree; of a leaf it is the item, with
+    /// the highest bit set.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.nodes)
     }
 
     /// The box around all items.

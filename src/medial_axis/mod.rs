@@ -196,6 +196,18 @@ impl MedialAxis {
         &self.0.primitives
     }
 
+    /// A number that no other axis has as long as this one is kept.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn address(&self) -> usize {
+        Arc::as_ptr(&self.0).addr()
+    }
+
+    /// True if there are other clones of this one.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn is_shared(&self) -> bool {
+        Arc::strong_count(&self.0) > 1
+    }
+
     /// Hierarchy over the boxes of the primitives.
     pub fn bvh(&self) -> &Bvh {
         &self.0.bvh

@@ -46,13 +46,12 @@ struct SweptSphere {
 impl SweptSphere {
     /// The sphere around all that the body can reach by turning about its centre of mass, which moves on a line.
     /// For a body that hardly turns, the tighter bounding sphere with its centre's chord, and the sagitta as margin.
-    fn new(body: &Body, prediction: f32) -> Self {
+    fn new(body: &Body, margin: f32) -> Self {
         let bound = body.solid.bounding_sphere();
         let arm = bound.center.distance(body.sweep.local_center);
         let start = body.sweep.start.transform_point(bound.center);
         let end = body.sweep.pose_at(1.0).transform_point(bound.center);
-        let slide = if body.stops { SLIDE_WAY * prediction } else { 0.0 };
-        let radius = bound.radius + body.sweep.sagitta(arm, 1) + 0.5 * prediction + slide;
+        let radius = bound.radius + body.sweep.sagitta(arm, 1) + margin;
         Self { sphere: Sphere::new(start, radius), motion: end - start }
     }
 
@@ -91,26 +90,30 @@ pub(super) fn from_candidates(
     input: &StepInput,
     statics: &Statics,
     candidates: Vec<Candidates>,
-) -> Vec<(BodyPair, Vec<PrimitivePair>)> {
-    let mut pairs: Vec<(BodyPair, Vec<PrimitivePair>)> = candidates
+    filter: impl Fn(Side, Side) -> Meeting,
+) -> Vec<(BodyPair, Option<Vec<PrimitivePair>>)> {
+    let mut pairs: Vec<(BodyPair, Option<Vec<PrimitivePair>>)> = candidates
         .into_iter()
         .filter_map(|Candidates { sides, mut primitives }| {
-            let mut pair = match sides {
+            let pair = match sides {
                 [Side::Body(i), Side::Body(j)] => between(input, i, j),
                 [Side::Body(body), Side::Static(item)] | [Side::Static(item), Side::Body(body)] => {
                     with_static(input, statics, &input.bodies[body as usize], body, item)
                 }
                 [Side::Static(_), Side::Static(_)] => None,
             }?;
-            consents(input, statics, &mut pair, Meeting::Stopping);
-            if pair.first != sides[0] {
-                primitives.iter_mut().for_each(|pair| pair.reverse());
+            if let Some(primitives) = &mut primitives {
+                if pair.first != sides[0] {
+                    primitives.iter_mut().for_each(|pair| pair.reverse());
+                }
+                primitives.sort_unstable();
+                primitives.dedup();
             }
-            primitives.sort_unstable();
             Some((pair, primitives))
         })
         .collect();
     pairs.sort_unstable_by_key(|(pair, _)| *pair);
+    pairs.retain_mut(|(pair, _)| consents(input, statics, pair, filter(pair.first, pair.second)));
     pairs
 }
 
@@ -127,37 +130,57 @@ fn consents(input: &StepInput, statics: &Statics, pair: &mut BodyPair, meeting: 
 
 /// The pairs that may come within the prediction distance of each other.
 fn near_pairs(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<BodyPair> {
-    let mut spheres = parallel::map(pool, &input.bodies, 256, |_, body| SweptSphere::new(body, input.prediction));
-    let mut pairs = near(input, statics, &spheres, pool);
-    // What a body carries along leaves its own way, and so does what that carries in turn.
-    let mut carries: Vec<f32> = input.bodies.iter().map(carrying_reach).collect();
-    while let Some(carried) = carried(input, &pairs, &mut carries) {
-        carried.into_iter().for_each(|(body, reach)| spheres[body as usize].sphere.radius += reach);
-        pairs = near(input, statics, &spheres, pool);
-    }
-    pairs
-}
-
-/// How far a body can carry along what it hits, in metres: 0 for those that stop themselves.
-fn carrying_reach(body: &Body) -> f32 {
-    let radius = body.solid.bounding_sphere().farthest(body.sweep.local_center);
-    if body.stops || body.passes { 0.0 } else { body.sweep.reach(radius) }
-}
-
-/// The bodies that, by these pairs, may be carried farther than is known, and by how much more.
-fn carried(input: &StepInput, pairs: &[BodyPair], carries: &mut [f32]) -> Option<Vec<(u32, f32)>> {
-    let mut farther = Vec::new();
-    for pair in pairs.iter().filter(|_| input.stop_at_impact) {
-        let (Some(a), Some(b)) = (pair.first.body(), pair.second.body()) else { continue };
-        for (body, other) in [(a, b), (b, a)] {
-            let (reach, known) = (carries[other as usize], carries[body as usize]);
-            if reach > known && input.bodies[body as usize].stops {
-                carries[body as usize] = reach;
-                farther.push((body, reach - known));
-            }
+    let mut widening = Widening::new(input);
+    loop {
+        let spheres = parallel::map(pool, &input.bodies, 256, |index, body| {
+            SweptSphere::new(body, widening.margin(input, index))
+        });
+        let pairs = near(input, statics, &spheres, pool);
+        if !widening.widen(input, pairs.iter().map(|pair| [pair.first, pair.second])) {
+            return pairs;
         }
     }
-    (!farther.is_empty()).then_some(farther)
+}
+
+/// How far bodies may leave their own way: what a body carries along does, and so does what that carries in turn.
+pub(crate) struct Widening {
+    /// How far each body can carry along what it hits, or is carried itself, in metres.
+    carries: Vec<f32>,
+    /// How far each is carried.
+    carried: Vec<f32>,
+}
+
+impl Widening {
+    pub fn new(input: &StepInput) -> Self {
+        let carries = |body: &Body| {
+            let radius = body.solid.bounding_sphere().farthest(body.sweep.local_center);
+            if body.stops || body.passes { 0.0 } else { body.sweep.reach(radius) }
+        };
+        Self { carries: input.bodies.iter().map(carries).collect(), carried: vec![0.0; input.bodies.len()] }
+    }
+
+    /// How far outside of what its bounding sphere sweeps a body may meet something, in metres; of two bodies, half of the prediction distance each.
+    pub fn margin(&self, input: &StepInput, body: usize) -> f32 {
+        let slide = if input.bodies[body].stops { SLIDE_WAY * input.prediction } else { 0.0 };
+        0.5 * input.prediction + slide + self.carried[body]
+    }
+
+    /// Takes in the pairs that have been found; true if bodies go farther than was known, and so may be in more pairs.
+    pub fn widen(&mut self, input: &StepInput, pairs: impl Iterator<Item = [Side; 2]>) -> bool {
+        let mut wider = false;
+        for sides in pairs.filter(|_| input.stop_at_impact) {
+            let [Some(a), Some(b)] = sides.map(|side| side.body().map(|body| body as usize)) else { continue };
+            for (body, other) in [(a, b), (b, a)] {
+                let farther = self.carries[other] - self.carries[body];
+                if farther > 0.0 && input.bodies[body].stops {
+                    self.carries[body] += farther;
+                    self.carried[body] += farther;
+                    wider = true;
+                }
+            }
+        }
+        wider
+    }
 }
 
 /// The pairs whose swept spheres, or sphere and box, come within the prediction distance.

@@ -82,7 +82,8 @@ pub(super) fn from_candidates(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    primitives: Vec<Vec<PrimitivePair>>,
+    primitives: Vec<Option<Vec<PrimitivePair>>>,
+    boxes: &BodyBoxes,
 ) -> Vec<Vec<Candidates>> {
     let of_motion = |motion: &PairMotion, primitives: &[PrimitivePair]| match &motion.facing {
         Facing::Shape(_) => Candidates::all(primitives.iter().copied(), None),
@@ -90,9 +91,14 @@ pub(super) fn from_candidates(
             Candidates::all(primitives.iter().filter(|[_, j]| *j == part.id).map(|&[i, _]| [i, 0]), None)
         }
     };
-    let of_pair = |(pair, primitives): (&BodyPair, Vec<PrimitivePair>)| {
+    let of_pair = |(pair, primitives): (&BodyPair, Option<Vec<PrimitivePair>>)| {
         let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
-        motions.iter().map(|motion| of_motion(motion, &primitives)).collect()
+        let boxes = [pair.first, pair.second].map(|side| boxes.between(side, [0.0, 1.0]));
+        let of_motion = |motion| match &primitives {
+            Some(primitives) => of_motion(motion, primitives),
+            None => candidates(motion, input.culling, input.prediction, boxes),
+        };
+        motions.iter().map(of_motion).collect()
     };
     pairs.iter().zip(primitives).map(of_pair).collect()
 }

@@ -33,7 +33,10 @@ use std::{
     collections::HashSet,
     fmt,
     ops::Range,
-    sync::Arc,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
     time::{Duration, Instant},
 };
 
@@ -45,6 +48,8 @@ use crate::{
     query::Cuboid,
 };
 
+#[cfg(feature = "gpu")]
+pub(crate) use broad_phase::Widening;
 use broad_phase::BodyPair;
 use moving_boxes::BodyBoxes;
 
@@ -238,6 +243,8 @@ impl StaticBody {
 /// The static bodies and the hierarchy over their boxes, rebuilt only when one of them changes.
 #[derive(Clone, Debug, Default)]
 pub struct Statics {
+    /// No other statics have it, but clones and those that are empty by default.
+    id: u64,
     bodies: Vec<StaticBody>,
     boxes: Vec<Obb>,
     bvh: Bvh,
@@ -251,12 +258,25 @@ impl Statics {
         let boxes: Vec<Obb> = bodies.iter().map(StaticBody::obb).collect();
         let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
         let primitives = broad_phase::count(bodies.iter().map(|body| &body.solid));
-        Self { bvh: Bvh::new(&aabbs), boxes, bodies, primitives }
+        static NEXT: AtomicU64 = AtomicU64::new(1);
+        Self { id: NEXT.fetch_add(1, Ordering::Relaxed), bvh: Bvh::new(&aabbs), boxes, bodies, primitives }
     }
 
     /// The bodies.
     pub fn bodies(&self) -> &[StaticBody] {
         &self.bodies
+    }
+
+    /// Tells these statics from others.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// The hierarchy over their boxes.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn bvh(&self) -> &Bvh {
+        &self.bvh
     }
 }
 
@@ -451,11 +471,12 @@ pub fn step_filtered(
 pub struct Candidates {
     /// The bodies, in any order. One of them at least is medial.
     pub sides: [Side; 2],
-    /// Primitives of the first side and the second, in any order, none twice; of a side that is not medial the parts.
-    pub primitives: Vec<[u32; 2]>,
+    /// Primitives of the first side and the second, in any order; of a side that is not medial the parts. None if they are not known: the mid
+    /// phase finds them.
+    pub primitives: Option<Vec<[u32; 2]>>,
 }
 
-/// Runs what follows culling: to measure culling of another kind beside the hybrid one, with all else the same.
+/// Runs what follows culling, where that was done elsewhere. The filter is asked once about each pair that may collide, in their order.
 ///
 /// Of the candidates, pairs of bodies that may not collide are left out. Whatever is found by searching again within the step, where
 /// bodies spin fast or have stopped, is culled as in any other step.
@@ -466,13 +487,21 @@ pub fn step_from_candidates(
     input: &StepInput,
     statics: &Statics,
     candidates: Vec<Candidates>,
+    filter: impl Fn(Side, Side) -> Meeting,
     pool: &TaskPool,
 ) -> StepOutput {
+    let mut output = StepOutput::default();
+    let mut lap = laps();
+
     let (pairs, primitives): (Vec<_>, Vec<_>) =
-        broad_phase::from_candidates(input, statics, candidates).into_iter().unzip();
-    let candidates = mid_phase::from_candidates(input, statics, &pairs, primitives);
+        broad_phase::from_candidates(input, statics, candidates, filter).into_iter().unzip();
+    output.times.broad = lap();
+
     let boxes = BodyBoxes::new(input, statics, &pairs, pool);
-    finish(input, statics, &pairs, (&candidates, &boxes), StepOutput::default(), pool)
+    let candidates = mid_phase::from_candidates(input, statics, &pairs, primitives, &boxes);
+    output.times.mid = lap();
+
+    finish(input, statics, &pairs, (&candidates, &boxes), output, pool)
 }
 
 /// A clock that tells the time since it was last asked.

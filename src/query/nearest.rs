@@ -5,10 +5,7 @@
 
 use glam::Vec3;
 
-use crate::geometry::Sphere;
-
-/// Below this squared sine of the angle between two edges a solution inside is not trusted alone: the boundary is searched too.
-const ILL_CONDITIONED: f32 = 1.0e-3;
+use crate::{constants::ILL_CONDITIONED, geometry::Sphere};
 
 /// Distance of a point to a sphere's surface.
 fn gap(point: Vec3, sphere: &Sphere) -> f32 {

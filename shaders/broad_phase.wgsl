@@ -1,0 +1,170 @@
+// Pass 4, broad phase: which bodies may touch within the step. As src/pipeline/broad_phase.rs.
+//
+// The sphere around a moving body sweeps a medial cone. Two bodies are a pair if their cones meet (paper, section 4), a body and a static if
+// the cone meets the static's box (section 4.1).
+
+struct Swept {
+    sphere: vec4f,
+    motion: vec3f,
+}
+
+struct Node {
+    low: vec3f,
+    body: u32,
+    high: vec3f,
+}
+
+// Of the hierarchy over the statics' boxes, in depth-first order.
+struct StaticNode {
+    low: vec3f,
+    // The node that follows the subtree; of a leaf its static, with `LEAF`.
+    link: u32,
+    high: vec3f,
+}
+
+const LEAF: u32 = 0x80000000u;
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> bodies: array<Body>;
+@group(0) @binding(2) var<storage, read> swept: array<Swept>;
+@group(0) @binding(3) var<storage, read> nodes: array<Node>;
+@group(0) @binding(4) var<storage, read> statics: array<Static>;
+@group(0) @binding(5) var<storage, read> static_nodes: array<StaticNode>;
+@group(0) @binding(6) var<storage, read_write> counters: Counters;
+@group(0) @binding(7) var<storage, read_write> pairs: array<Pair>;
+// Chords of pairs: the pair, then which of how many.
+@group(0) @binding(8) var<storage, read_write> pair_chords: array<vec3u>;
+
+fn overlap(low1: vec3f, high1: vec3f, low2: vec3f, high2: vec3f) -> bool {
+    return all(low1 <= high2) && all(low2 <= high1);
+}
+
+fn groups_meet(memberships1: u32, with1: u32, memberships2: u32, with2: u32) -> bool {
+    return (memberships1 & with2) != 0u && (memberships2 & with1) != 0u;
+}
+
+fn are_strangers(owner1: vec2u, owner2: vec2u) -> bool {
+    return all(owner1 == NO_OWNER) || any(owner1 != owner2);
+}
+
+// The cone that a body's sphere sweeps, with a place near it as the origin.
+fn cone(index: u32, origin: vec3f) -> Hull {
+    let sphere = swept[index].sphere;
+    let start = sphere.xyz - origin;
+    return Hull(array(vec4f(start, sphere.w), vec4f(start + swept[index].motion, sphere.w), vec4f(0.0)), 2u);
+}
+
+fn add(first: u32, second: u32, chords: u32) {
+    let pair = atomicAdd(&counters.pairs, 1u);
+    if pair >= params.max_pairs {
+        return;
+    }
+    pairs[pair] = Pair(first, second);
+    let start = atomicAdd(&counters.chords, chords);
+    for (var i = 0u; i < chords && start + i < params.max_chords; i++) {
+        pair_chords[start + i] = vec3u(pair, i, chords);
+    }
+}
+
+fn meet_body(a: u32, b: u32) {
+    let lesser = min(a, b);
+    let greater = max(a, b);
+    let body1 = bodies[lesser];
+    let body2 = bodies[greater];
+    let one_medial = body1.shape != OTHER_SHAPE || body2.shape != OTHER_SHAPE;
+    let one_active = body1.is_active != 0u || body2.is_active != 0u;
+    let strangers = are_strangers(body1.owner, body2.owner);
+    if !(one_medial && one_active && strangers && body1.world == body2.world) {
+        return;
+    }
+    if !groups_meet(body1.memberships, body1.collides_with, body2.memberships, body2.collides_with) {
+        return;
+    }
+    let origin = swept[lesser].sphere.xyz;
+    var cone1 = cone(lesser, origin);
+    var cone2 = cone(greater, origin);
+    if separation(&cone1, &cone2, 0u).distance > 0.0 {
+        return;
+    }
+    if body1.shape == OTHER_SHAPE {
+        add(greater, lesser | UNKNOWN, 0u);
+    } else if body2.shape == OTHER_SHAPE {
+        add(lesser, greater | UNKNOWN, 0u);
+    } else {
+        let tolerance = CHORD_TOLERANCE * min(body1.bound.w, body2.bound.w);
+        add(lesser, greater, max(chords(body1, tolerance), chords(body2, tolerance)));
+    }
+}
+
+fn meet_static(index: u32, item: u32) {
+    let body = bodies[index];
+    let wall = statics[item];
+    let one_medial = body.shape != OTHER_SHAPE || wall.shape < BOX_SHAPE;
+    let strangers = are_strangers(body.owner, wall.owner);
+    if !(one_medial && body.is_active != 0u && strangers && body.world == wall.world) {
+        return;
+    }
+    if !groups_meet(body.memberships, body.collides_with, wall.memberships, wall.collides_with) {
+        return;
+    }
+    var swept_cone = cone(index, wall.center);
+    for (var i = 0u; i < 2u; i++) {
+        let sphere = swept_cone.spheres[i];
+        swept_cone.spheres[i] = vec4f(rotate(reversed(wall.rotation), sphere.xyz), sphere.w);
+    }
+    var obb = Hull(array(vec4f(wall.half, 0.0), vec4f(0.0), vec4f(0.0)), BOX);
+    if separation(&swept_cone, &obb, 0u).distance > 0.5 * params.prediction + wall.rounding {
+        return;
+    }
+    if body.shape == OTHER_SHAPE || wall.shape == OTHER_SHAPE {
+        add(index, item | STATIC | UNKNOWN, 0u);
+    } else {
+        add(index, item | STATIC, chords(body, CHORD_TOLERANCE * min(body.bound.w, wall.radius)));
+    }
+}
+
+@compute @workgroup_size(64)
+fn broad_phase(@builtin(global_invocation_id) id: vec3u) {
+    if id.x >= params.leaves {
+        return;
+    }
+    let own = params.leaves + id.x;
+    let index = nodes[own].body;
+    if index >= params.bodies {
+        return;
+    }
+    let low = nodes[own].low;
+    let high = nodes[own].high;
+
+    // Those whose leaves come later.
+    let depth = firstLeadingBit(params.leaves);
+    var node = 1u;
+    while node != 0u {
+        let below = depth - firstLeadingBit(node);
+        let last = ((node + 1u) << below) - 1u;
+        if last > own && overlap(low, high, nodes[node].low, nodes[node].high) {
+            if below > 0u {
+                node *= 2u;
+                continue;
+            }
+            meet_body(index, nodes[node].body);
+        }
+        // What follows the subtree.
+        node >>= firstTrailingBit(~node);
+        if node != 0u {
+            node += 1u;
+        }
+    }
+
+    // The sphere has half of the prediction distance already.
+    let reach = vec3f(0.5 * params.prediction);
+    for (var i = 0u; i < params.static_nodes;) {
+        let link = static_nodes[i].link;
+        let is_leaf = (link & LEAF) != 0u;
+        let meets = overlap(low - reach, high + reach, static_nodes[i].low, static_nodes[i].high);
+        if meets && is_leaf {
+            meet_static(index, link & ~LEAF);
+        }
+        i = select(link, i + 1u, meets || is_leaf);
+    }
+}

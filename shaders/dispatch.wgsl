@@ -1,0 +1,22 @@
+// Between the passes: how many workgroups the next ones need. No dimension has more than 65535.
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> counters: Counters;
+// Three numbers for each of: placing chords, mid phase, narrow phase.
+@group(0) @binding(2) var<storage, read_write> groups: array<u32, 9>;
+
+fn need(pass_index: u32, count: u32) {
+    let x = min(count, 65535u);
+    groups[3u * pass_index] = x;
+    groups[3u * pass_index + 1u] = (count + 65534u) / 65535u;
+    groups[3u * pass_index + 2u] = 1u;
+}
+
+@compute @workgroup_size(1)
+fn dispatch() {
+    let chords = min(atomicLoad(&counters.chords), params.max_chords);
+    let candidates = min(atomicLoad(&counters.candidates), params.max_candidates);
+    need(0u, (chords + 63u) / 64u);
+    need(1u, chords);
+    need(2u, (candidates + 63u) / 64u);
+}

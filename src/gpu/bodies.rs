@@ -1,0 +1,90 @@
+//! Bodies and statics as the GPU has them.
+
+use glam::Vec3;
+
+use super::{
+    layout::{self, BOX_SHAPE, NO_OWNER, OTHER_SHAPE},
+    shapes::Shapes,
+};
+use crate::{
+    geometry::Aabb,
+    pipeline::{Body, ConvexParts, Core, Solid, StaticBody},
+};
+
+/// A body. `margin`: how far outside of its bounding sphere it may meet something, in metres.
+pub(super) fn body(body: &Body, margin: f32, shapes: &mut Shapes) -> layout::Body {
+    let sweep = &body.sweep;
+    let (shape, scale, arm) = match &body.solid {
+        Solid::Medial(shape) => (shapes.index_of(&shape.axis), shape.scale, shape.arm(sweep.local_center)),
+        Solid::Parts(parts) => (OTHER_SHAPE, 1.0, parts.bounding_sphere().farthest(sweep.local_center)),
+    };
+    let bound = body.solid.bounding_sphere();
+    layout::Body {
+        position: sweep.start.translation,
+        shape,
+        rotation: sweep.start.rotation,
+        translation: sweep.translation,
+        scale,
+        turn: sweep.rotation,
+        arm,
+        local_center: sweep.local_center,
+        margin,
+        bound: bound.center.extend(bound.radius),
+        memberships: body.groups.memberships,
+        collides_with: body.groups.filter,
+        owner: owner(body.owner),
+        world: body.world,
+        is_active: body.active.into(),
+        unused: [0; 2],
+    }
+}
+
+pub(super) fn still(body: &StaticBody, shapes: &mut Shapes) -> layout::Static {
+    let obb = body.obb();
+    let (shape, scale, half, rounding) = match &body.solid {
+        Solid::Medial(shape) => (shapes.index_of(&shape.axis), shape.scale, obb.half_extents, 0.0),
+        Solid::Parts(parts) => match single_box(&**parts) {
+            Some((half, rounding)) => (BOX_SHAPE, 1.0, half, rounding),
+            None => (OTHER_SHAPE, 1.0, obb.half_extents, 0.0),
+        },
+    };
+    layout::Static {
+        center: obb.pose.translation,
+        shape,
+        rotation: obb.pose.rotation,
+        half,
+        rounding,
+        position: body.pose.translation,
+        scale,
+        radius: body.solid.bounding_sphere().radius,
+        memberships: body.groups.memberships,
+        collides_with: body.groups.filter,
+        owner: owner(body.owner),
+        world: body.world,
+        unused: [0; 2],
+    }
+}
+
+/// 64 bits as twice 32.
+fn owner(owner: Option<u64>) -> [u32; 2] {
+    let owner = owner.unwrap_or(NO_OWNER);
+    [owner as u32, (owner >> 32) as u32]
+}
+
+/// Half size and rounding of a collider that is one box around the middle of its own.
+fn single_box(parts: &dyn ConvexParts) -> Option<(Vec3, f32)> {
+    if parts.len() != 1 {
+        return None;
+    }
+    let Aabb { min, max } = parts.aabb();
+    let all = Aabb { min: min * 2.0, max: max * 2.0 };
+    match &parts.within(&all)[..] {
+        [part] if part.pose.rotation.is_near_identity() && part.pose.translation == parts.aabb().center() => {
+            match part.core {
+                Core::Cuboid(half) => Some((half, part.rounding)),
+                _ => None,
+            }
+        }
+        _ => None,
+    }
+}

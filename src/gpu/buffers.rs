@@ -1,0 +1,91 @@
+use wgpu::BufferUsages as Usage;
+
+use super::{GpuDevice, GpuError};
+
+/// A buffer of the back end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Slot {
+    Params,
+    Bodies,
+    Statics,
+    StaticNodes,
+    Shapes,
+    Spheres,
+    Primitives,
+    ShapeNodes,
+    Swept,
+    Keys,
+    Exchanges,
+    Tree,
+    Counters,
+    Pairs,
+    PairChords,
+    Chords,
+    Candidates,
+    Survivors,
+    Groups,
+    Times,
+    Staging,
+}
+
+const SLOTS: usize = Slot::Staging as usize + 1;
+
+impl Slot {
+    fn usage(self) -> Usage {
+        match self {
+            Slot::Params | Slot::Exchanges => Usage::UNIFORM | Usage::COPY_DST,
+            Slot::Counters => Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC,
+            Slot::Pairs | Slot::Survivors => Usage::STORAGE | Usage::COPY_SRC,
+            Slot::Groups => Usage::STORAGE | Usage::INDIRECT,
+            Slot::Times => Usage::QUERY_RESOLVE | Usage::COPY_SRC,
+            Slot::Staging => Usage::MAP_READ | Usage::COPY_DST,
+            _ => Usage::STORAGE | Usage::COPY_DST,
+        }
+    }
+}
+
+/// All buffers. Each grows as it has to, by powers of two.
+pub(super) struct Buffers {
+    buffers: [Option<wgpu::Buffer>; SLOTS],
+    /// Grows with each buffer that is made anew: what binds the old one has to be made anew as well.
+    pub generation: u64,
+}
+
+/// Least size in bytes: that of the largest element, which shaders may ask to be there.
+const LEAST: u64 = 256;
+
+impl Buffers {
+    pub fn new() -> Self {
+        Self { buffers: [const { None }; SLOTS], generation: 0 }
+    }
+
+    /// Makes room for so many bytes. What was in the buffer is lost if it grows.
+    pub fn reserve(&mut self, gpu: &GpuDevice, slot: Slot, bytes: u64) -> Result<(), GpuError> {
+        let known = &mut self.buffers[slot as usize];
+        if known.as_ref().is_some_and(|buffer| buffer.size() >= bytes) {
+            return Ok(());
+        }
+        let limits = gpu.limits();
+        let bytes = bytes.max(LEAST);
+        let most = match slot {
+            Slot::Staging | Slot::Times => limits.max_buffer_size,
+            _ => limits.max_buffer_size.min(limits.max_storage_buffer_binding_size),
+        };
+        gpu.require("bytes in a buffer", most, bytes)?;
+        *known = Some(gpu.buffer(&format!("{slot:?}"), bytes.next_power_of_two().min(most), slot.usage()));
+        self.generation += 1;
+        Ok(())
+    }
+
+    /// Writes from the start of a buffer.
+    pub fn write(&mut self, gpu: &GpuDevice, slot: Slot, bytes: &[u8]) -> Result<(), GpuError> {
+        self.reserve(gpu, slot, bytes.len() as u64)?;
+        gpu.queue.write_buffer(self.get(slot), 0, bytes);
+        Ok(())
+    }
+
+    /// A buffer that has room.
+    pub fn get(&self, slot: Slot) -> &wgpu::Buffer {
+        self.buffers[slot as usize].as_ref().expect("room was made for it")
+    }
+}

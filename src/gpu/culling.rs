@@ -1,0 +1,527 @@
+//! Hybrid culling, and the test of what it leaves, as compute passes.
+//!
+//! ```text
+//!   poses, shapes, statics
+//!     1 place    swept bounding spheres, and keys along a space-filling curve
+//!     2 sort     bodies by their keys
+//!     3 tree     boxes around what they sweep
+//!     4 broad    swept sphere against swept sphere, and against a BVH of static boxes   -> body pairs
+//!     5 chords   motion of each pair as lines, for spinning bodies several               -> chords of pairs
+//!     6 mid      primitive boxes against the primitive BVH, swept along the chord         -> candidate primitive pairs
+//!     7 narrow   time at which they first come within the prediction distance             -> primitive pairs that meet
+//!   pairs that meet, read back and sorted
+//! ```
+//!
+//! The passes are those of the CPU, stage by stage, with its kernels in f32. Each is widened by what rounding may take, so they find all that the
+//! CPU would find, and little else. What is left, a few primitive pairs for each body pair, goes on to the CPU's narrow phase: impacts, stops
+//! and contacts are the same as if it had culled itself.
+//!
+//! Pairs with other colliders than medial meshes and fixed boxes are found here; their primitives are left to the CPU.
+
+use std::time::Duration;
+
+use bytemuck::{Pod, bytes_of, cast_slice, pod_collect_to_vec};
+use glam::Vec3;
+
+use super::{
+    GpuDevice, GpuError, bodies,
+    buffers::{Buffers, Slot},
+    layout::{Counters, Exchange, Pair, Params, STATIC, Survivor, UNKNOWN},
+    pass::{KERNELS, Pass, shader},
+    shapes::Shapes,
+};
+use crate::{
+    geometry::{Aabb, Sphere},
+    pipeline::{Candidates, Side, Statics, StepInput, Widening},
+};
+
+/// Sizes in bytes of what only the shaders write.
+const SWEPT: u64 = 32;
+const KEY: u64 = 8;
+const NODE: u64 = 32;
+const PAIR_CHORD: u64 = 16;
+const CHORD: u64 = 176;
+const CANDIDATE: u64 = 12;
+/// Keys that a workgroup sorts by itself, and leaves whose tree it makes.
+const SORT_BLOCK: u32 = 512;
+const TREE_BLOCK: u32 = 256;
+/// Bytes between two uniforms of one buffer.
+const UNIFORM: u64 = 256;
+/// Passes at most, for their times.
+const MAX_TIMED: u32 = 16;
+
+const MOTION: &str = include_str!("../../shaders/motion.wgsl");
+const SORT: &str = include_str!("../../shaders/sort.wgsl");
+const TREE: &str = include_str!("../../shaders/tree.wgsl");
+const CHORD_FILE: &str = include_str!("../../shaders/chord.wgsl");
+
+/// How many of each there is room for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GpuCapacity {
+    /// Body pairs.
+    pub pairs: u32,
+    /// Chords of their motions.
+    pub chords: u32,
+    /// Primitive pairs that the mid phase leaves.
+    pub candidates: u32,
+    /// Those that the narrow phase leaves.
+    pub survivors: u32,
+}
+
+impl Default for GpuCapacity {
+    /// Some MiB.
+    fn default() -> Self {
+        Self { pairs: 1 << 12, chords: 1 << 13, candidates: 1 << 17, survivors: 1 << 15 }
+    }
+}
+
+/// Culls steps on a GPU.
+pub struct GpuCulling {
+    gpu: GpuDevice,
+    passes: Passes,
+    shapes: Shapes,
+    buffers: Buffers,
+    /// What the passes bind, for buffers of a generation and a number of leaves.
+    bound: Option<(u64, u32, Bound)>,
+    capacity: GpuCapacity,
+    /// Pairs and survivors that are read back at once.
+    expected: [u32; 2],
+    statics: Option<(u64, u32)>,
+    queries: Option<wgpu::QuerySet>,
+    times: Vec<(&'static str, Duration)>,
+    counts: Counters,
+}
+
+struct Passes {
+    place: Pass,
+    sort_blocks: Pass,
+    sort_far: Pass,
+    sort_near: Pass,
+    tree_bottom: Pass,
+    tree_top: Pass,
+    broad_phase: Pass,
+    dispatch: Pass,
+    place_chords: Pass,
+    mid_phase: Pass,
+    narrow_phase: Pass,
+}
+
+impl Passes {
+    fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
+        let pass = |label, files: &[&str]| Pass::new(gpu, label, shader(files));
+        let with_kernels = |label, files: &[&str]| pass(label, &[KERNELS, &[MOTION], files].concat());
+        Ok(Self {
+            place: pass("place", &[MOTION, include_str!("../../shaders/place.wgsl")])?,
+            sort_blocks: pass("sort_blocks", &[SORT])?,
+            sort_far: pass("sort_far", &[SORT])?,
+            sort_near: pass("sort_near", &[SORT])?,
+            tree_bottom: pass("tree_bottom", &[MOTION, TREE])?,
+            tree_top: pass("tree_top", &[MOTION, TREE])?,
+            broad_phase: with_kernels("broad_phase", &[include_str!("../../shaders/broad_phase.wgsl")])?,
+            dispatch: pass("dispatch", &[MOTION, include_str!("../../shaders/dispatch.wgsl")])?,
+            place_chords: pass("place_chords", &[MOTION, CHORD_FILE, include_str!("../../shaders/chords.wgsl")])?,
+            mid_phase: pass("mid_phase", &[MOTION, CHORD_FILE, include_str!("../../shaders/mid_phase.wgsl")])?,
+            narrow_phase: with_kernels(
+                "narrow_phase",
+                &[CHORD_FILE, include_str!("../../shaders/narrow_phase.wgsl")],
+            )?,
+        })
+    }
+}
+
+/// The bind groups of the passes.
+struct Bound {
+    place: wgpu::BindGroup,
+    sort_blocks: wgpu::BindGroup,
+    /// The steps between blocks, in order; true for those that end within them.
+    exchanges: Vec<(bool, wgpu::BindGroup)>,
+    tree_bottom: wgpu::BindGroup,
+    tree_top: wgpu::BindGroup,
+    broad_phase: wgpu::BindGroup,
+    dispatch: wgpu::BindGroup,
+    place_chords: wgpu::BindGroup,
+    mid_phase: wgpu::BindGroup,
+    narrow_phase: wgpu::BindGroup,
+}
+
+impl Bound {
+    fn new(gpu: &GpuDevice, passes: &Passes, buffers: &Buffers, leaves: u32, exchanges: &[Exchange]) -> Self {
+        use Slot::*;
+        let whole = |slot: Slot| buffers.get(slot).as_entire_buffer_binding();
+        let part = |slot: Slot, offset: u64, size: u64| wgpu::BufferBinding {
+            buffer: buffers.get(slot),
+            offset,
+            size: std::num::NonZeroU64::new(size),
+        };
+        // The sort asks how many there are.
+        let keys = || (0, part(Keys, 0, u64::from(leaves) * KEY));
+        let bind = |pass: &Pass, slots: &[Slot]| {
+            let buffers: Vec<_> = (0..).zip(slots).map(|(i, slot)| (i, whole(*slot))).collect();
+            pass.bind(gpu, &buffers)
+        };
+        let exchange = |(i, exchange): (u64, &Exchange)| {
+            let is_near = exchange.distance < SORT_BLOCK;
+            let pass = if is_near { &passes.sort_near } else { &passes.sort_far };
+            (is_near, pass.bind(gpu, &[keys(), (1, part(Exchanges, i * UNIFORM, size_of::<Exchange>() as u64))]))
+        };
+        Self {
+            place: bind(&passes.place, &[Params, Bodies, Swept, Keys]),
+            sort_blocks: passes.sort_blocks.bind(gpu, &[keys()]),
+            exchanges: (0..).zip(exchanges).map(exchange).collect(),
+            tree_bottom: bind(&passes.tree_bottom, &[Params, Swept, Keys, Tree]),
+            tree_top: passes.tree_top.bind(gpu, &[(0, whole(Params)), (3, whole(Tree))]),
+            broad_phase: bind(
+                &passes.broad_phase,
+                &[Params, Bodies, Swept, Tree, Statics, StaticNodes, Counters, Pairs, PairChords],
+            ),
+            dispatch: bind(&passes.dispatch, &[Params, Counters, Groups]),
+            place_chords: bind(
+                &passes.place_chords,
+                &[Params, Bodies, Statics, Counters, Pairs, PairChords, Chords],
+            ),
+            mid_phase: bind(
+                &passes.mid_phase,
+                &[Params, Shapes, Spheres, Primitives, ShapeNodes, Chords, Counters, Candidates],
+            ),
+            narrow_phase: bind(
+                &passes.narrow_phase,
+                &[Params, Shapes, Spheres, Primitives, Chords, Candidates, Counters, Survivors],
+            ),
+        }
+    }
+}
+
+/// The steps that sort blocks into one sequence.
+fn exchanges(leaves: u32) -> Vec<Exchange> {
+    let mut steps = Vec::new();
+    let mut size = 2 * SORT_BLOCK;
+    while size <= leaves {
+        let mut distance = size / 2;
+        while distance >= SORT_BLOCK {
+            steps.push(Exchange { size, distance });
+            distance /= 2;
+        }
+        steps.push(Exchange { size, distance });
+        size *= 2;
+    }
+    steps
+}
+
+/// How a workgroup is found for each thing.
+enum Work {
+    Direct(u32),
+    /// The number of the pass in the buffer of workgroups.
+    Indirect(u64),
+}
+
+impl GpuCulling {
+    /// The passes on a device.
+    ///
+    /// # Errors
+    /// If the device refuses them.
+    pub fn new(gpu: &GpuDevice, capacity: GpuCapacity) -> Result<Self, GpuError> {
+        Ok(Self {
+            passes: Passes::new(gpu)?,
+            shapes: Shapes::default(),
+            buffers: Buffers::new(),
+            bound: None,
+            capacity,
+            expected: [256, 1024],
+            statics: None,
+            queries: gpu.timestamps(2 * MAX_TIMED),
+            times: Vec::new(),
+            counts: Counters::default(),
+            gpu: gpu.clone(),
+        })
+    }
+
+    /// The device.
+    pub fn device(&self) -> &GpuDevice {
+        &self.gpu
+    }
+
+    /// Time of each pass of the last step on the GPU, if it can tell.
+    pub fn times(&self) -> &[(&'static str, Duration)] {
+        &self.times
+    }
+
+    /// How many body pairs, chords, candidates and primitive pairs that meet the last step had.
+    pub fn counts(&self) -> [u32; 4] {
+        let Counters { pairs, chords, candidates, survivors } = self.counts;
+        [pairs, chords, candidates, survivors]
+    }
+
+    /// How many of each there is room for by now.
+    pub fn capacity(&self) -> GpuCapacity {
+        self.capacity
+    }
+
+    /// The pairs that may meet within the step; waits for the GPU. Where a buffer is too small, it grows, and the step is culled once more.
+    ///
+    /// # Errors
+    /// If the scene is more than the device can take, or the device is lost. Nothing is found then.
+    pub fn cull(&mut self, input: &StepInput, statics: &Statics) -> Result<Vec<Candidates>, GpuError> {
+        let mut widening = Widening::new(input);
+        loop {
+            let leaves = self.upload(input, statics, &widening)?;
+            let found = self.run(leaves)?;
+            let Some((pairs, survivors)) = found else { continue };
+            let sides = pairs.iter().map(Pair::sides);
+            if !widening.widen(input, sides) {
+                return Ok(candidates(&pairs, &survivors));
+            }
+        }
+    }
+
+    /// Writes what the step depends on, and makes room. Returns the number of leaves of the tree of bodies.
+    fn upload(&mut self, input: &StepInput, statics: &Statics, widening: &Widening) -> Result<u32, GpuError> {
+        let (gpu, buffers) = (&self.gpu, &mut self.buffers);
+        if self.shapes.tidy() {
+            self.statics = None;
+        }
+        let leaves = (input.bodies.len() as u32).next_power_of_two();
+        let bodies: Vec<_> = (0..)
+            .zip(&input.bodies)
+            .map(|(index, body)| bodies::body(body, widening.margin(input, index), &mut self.shapes))
+            .collect();
+        buffers.write(gpu, Slot::Bodies, cast_slice(&bodies))?;
+        let known = (statics.id(), statics.bodies().len() as u32);
+        if self.statics != Some(known) {
+            let still: Vec<_> = statics.bodies().iter().map(|body| bodies::still(body, &mut self.shapes)).collect();
+            buffers.write(gpu, Slot::Statics, cast_slice(&still))?;
+            buffers.write(gpu, Slot::StaticNodes, statics.bvh().bytes())?;
+            self.statics = Some(known);
+        }
+        self.shapes.upload(gpu, buffers)?;
+
+        let space = Aabb::from_spheres(bodies.iter().map(|body| Sphere::new(body.position, 0.0)));
+        let size = (space.max - space.min).max(Vec3::splat(f32::MIN_POSITIVE));
+        let GpuCapacity { pairs, chords, candidates, survivors } = self.capacity;
+        let params = Params {
+            bodies: bodies.len() as u32,
+            leaves,
+            static_nodes: (statics.bvh().bytes().len() / NODE as usize) as u32,
+            prediction: input.prediction,
+            low: space.min,
+            max_pairs: pairs,
+            cells: Vec3::splat(1023.0) / size,
+            max_chords: chords,
+            max_candidates: candidates,
+            max_survivors: survivors,
+            unused: [0; 2],
+        };
+        buffers.write(gpu, Slot::Params, bytes_of(&params))?;
+        for (slot, count, size) in [
+            (Slot::Swept, leaves, SWEPT),
+            (Slot::Keys, leaves, KEY),
+            (Slot::Tree, 2 * leaves, NODE),
+            (Slot::Exchanges, exchanges(leaves).len() as u32, UNIFORM),
+            (Slot::Counters, 1, size_of::<Counters>() as u64),
+            (Slot::Pairs, pairs, size_of::<Pair>() as u64),
+            (Slot::PairChords, chords, PAIR_CHORD),
+            (Slot::Chords, chords, CHORD),
+            (Slot::Candidates, candidates, CANDIDATE),
+            (Slot::Survivors, survivors, size_of::<Survivor>() as u64),
+            (Slot::Groups, 9, 4),
+            (Slot::Times, 2 * MAX_TIMED, 8),
+        ] {
+            buffers.reserve(gpu, slot, u64::from(count) * size)?;
+        }
+        // What no step has needed yet.
+        for slot in [Slot::Shapes, Slot::Spheres, Slot::Primitives, Slot::ShapeNodes] {
+            buffers.reserve(gpu, slot, 0)?;
+        }
+        Ok(leaves)
+    }
+
+    /// Runs the passes and reads what they find; nothing if a buffer was too small and has grown.
+    fn run(&mut self, leaves: u32) -> Result<Option<(Vec<Pair>, Vec<Survivor>)>, GpuError> {
+        let limits = self.gpu.limits();
+        let groups = u64::from(leaves.div_ceil(64));
+        self.gpu.require("workgroups", limits.max_compute_workgroups_per_dimension.into(), groups)?;
+        let [pairs, survivors] = [
+            self.expected[0].min(self.capacity.pairs),
+            self.expected[1].min(self.capacity.survivors),
+        ];
+        let (data, counts) = self.submit(leaves, [pairs, survivors])?;
+        if let Some(larger) = self.capacity.for_counts(&counts) {
+            bevy::log::info!(
+                "GPU buffers grow from {:?} to {larger:?}; `GpuCapacity` sets where they begin",
+                self.capacity
+            );
+            self.capacity = larger;
+            return Ok(None);
+        }
+        self.counts = counts;
+        // A quarter more than what there is now.
+        self.expected = [counts.pairs, counts.survivors].map(|count| (count + count / 4).next_multiple_of(256));
+        if counts.pairs > pairs || counts.survivors > survivors {
+            return Ok(None);
+        }
+        let survivors_at = size_of::<Counters>() + pairs as usize * size_of::<Pair>();
+        Ok(Some((
+            list(&data[size_of::<Counters>()..], counts.pairs),
+            list(&data[survivors_at..], counts.survivors),
+        )))
+    }
+
+    /// Runs the passes; what they find, as far as it is expected, and how many there are of each.
+    fn submit(&mut self, leaves: u32, [pairs, survivors]: [u32; 2]) -> Result<(Vec<u8>, Counters), GpuError> {
+        let pairs_size = u64::from(pairs) * size_of::<Pair>() as u64;
+        let survivors_size = u64::from(survivors) * size_of::<Survivor>() as u64;
+        let counters_size = size_of::<Counters>() as u64;
+        let times_at = counters_size + pairs_size + survivors_size;
+        let times_size = if self.queries.is_some() { u64::from(2 * MAX_TIMED) * 8 } else { 0 };
+        self.buffers.reserve(&self.gpu, Slot::Staging, times_at + times_size)?;
+        self.bind(leaves);
+        let (gpu, buffers, passes) = (&self.gpu, &self.buffers, &self.passes);
+        let Some((_, _, bound)) = &self.bound else { unreachable!("it was bound right now") };
+
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut labels = Vec::new();
+        let queries = &self.queries;
+        let mut run = |encoder: &mut wgpu::CommandEncoder,
+                       label: &'static str,
+                       steps: &[(&Pass, &wgpu::BindGroup, Work)]| {
+            let at = 2 * labels.len() as u32;
+            let timestamp_writes = queries.as_ref().map(|query_set| wgpu::ComputePassTimestampWrites {
+                query_set,
+                beginning_of_pass_write_index: Some(at),
+                end_of_pass_write_index: Some(at + 1),
+            });
+            labels.push(label);
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
+            for (step, group, work) in steps {
+                step.set(&mut pass, group);
+                match work {
+                    Work::Direct(groups) => pass.dispatch_workgroups(*groups, 1, 1),
+                    Work::Indirect(number) => {
+                        pass.dispatch_workgroups_indirect(buffers.get(Slot::Groups), 12 * number);
+                    }
+                }
+            }
+        };
+        encoder.clear_buffer(buffers.get(Slot::Counters), 0, None);
+        let wide = leaves.div_ceil(64);
+        run(&mut encoder, "place", &[(&passes.place, &bound.place, Work::Direct(wide))]);
+        let blocks = leaves.div_ceil(SORT_BLOCK);
+        let mut sort = vec![(&passes.sort_blocks, &bound.sort_blocks, Work::Direct(blocks))];
+        for (is_near, group) in &bound.exchanges {
+            sort.push((if *is_near { &passes.sort_near } else { &passes.sort_far }, group, Work::Direct(blocks)));
+        }
+        run(&mut encoder, "sort", &sort);
+        let mut tree = vec![(
+            &passes.tree_bottom,
+            &bound.tree_bottom,
+            Work::Direct(leaves.div_ceil(TREE_BLOCK)),
+        )];
+        if leaves > TREE_BLOCK {
+            tree.push((&passes.tree_top, &bound.tree_top, Work::Direct(1)));
+        }
+        run(&mut encoder, "tree", &tree);
+        let dispatch = || (&passes.dispatch, &bound.dispatch, Work::Direct(1));
+        run(
+            &mut encoder,
+            "broad",
+            &[(&passes.broad_phase, &bound.broad_phase, Work::Direct(wide)), dispatch()],
+        );
+        run(&mut encoder, "chords", &[(&passes.place_chords, &bound.place_chords, Work::Indirect(0))]);
+        run(
+            &mut encoder,
+            "mid",
+            &[(&passes.mid_phase, &bound.mid_phase, Work::Indirect(1)), dispatch()],
+        );
+        run(&mut encoder, "narrow", &[(&passes.narrow_phase, &bound.narrow_phase, Work::Indirect(2))]);
+
+        let staging = buffers.get(Slot::Staging);
+        let mut copy = |slot, at, size| {
+            if size > 0 {
+                encoder.copy_buffer_to_buffer(buffers.get(slot), 0, staging, at, size);
+            }
+        };
+        copy(Slot::Counters, 0, counters_size);
+        copy(Slot::Pairs, counters_size, pairs_size);
+        copy(Slot::Survivors, counters_size + pairs_size, survivors_size);
+        if let Some(queries) = queries {
+            let times = buffers.get(Slot::Times);
+            encoder.resolve_query_set(queries, 0..2 * labels.len() as u32, times, 0);
+            encoder.copy_buffer_to_buffer(times, 0, staging, times_at, times_size);
+        }
+        let submission = gpu.queue.submit([encoder.finish()]);
+        let mut data = gpu.read(staging, times_at + times_size, submission)?;
+        let times: Vec<u64> = pod_collect_to_vec(&data[times_at as usize..]);
+        let period = f64::from(gpu.queue.get_timestamp_period());
+        self.times = labels
+            .iter()
+            .zip(times.chunks_exact(2))
+            .map(|(label, time)| {
+                let ticks = time[1].saturating_sub(time[0]);
+                (*label, Duration::from_nanos((ticks as f64 * period) as u64))
+            })
+            .collect();
+        data.truncate(times_at as usize);
+        let counts = list::<Counters>(&data, 1)[0];
+        Ok((data, counts))
+    }
+
+    /// Makes the bind groups, if buffers have been made anew.
+    fn bind(&mut self, leaves: u32) {
+        let generation = self.buffers.generation;
+        if self.bound.as_ref().is_some_and(|(known, count, _)| (*known, *count) == (generation, leaves)) {
+            return;
+        }
+        let steps = exchanges(leaves);
+        for (i, step) in (0..).zip(&steps) {
+            self.gpu.queue.write_buffer(self.buffers.get(Slot::Exchanges), i * UNIFORM, bytes_of(step));
+        }
+        let bound = Bound::new(&self.gpu, &self.passes, &self.buffers, leaves, &steps);
+        self.bound = Some((generation, leaves, bound));
+    }
+}
+
+impl GpuCapacity {
+    /// What there has to be room for, if that is more.
+    fn for_counts(&self, counts: &Counters) -> Option<Self> {
+        let larger = |room: u32, count: u32| {
+            if count > room { count.checked_next_power_of_two().unwrap_or(u32::MAX) } else { room }
+        };
+        let needed = Self {
+            pairs: larger(self.pairs, counts.pairs),
+            chords: larger(self.chords, counts.chords),
+            candidates: larger(self.candidates, counts.candidates),
+            survivors: larger(self.survivors, counts.survivors),
+        };
+        (needed != *self).then_some(needed)
+    }
+}
+
+impl Pair {
+    fn sides(&self) -> [Side; 2] {
+        let index = self.second & !(STATIC | UNKNOWN);
+        let second = if self.second & STATIC == 0 { Side::Body(index) } else { Side::Static(index) };
+        [Side::Body(self.first), second]
+    }
+}
+
+/// The first elements of a list.
+fn list<T: Pod>(bytes: &[u8], count: u32) -> Vec<T> {
+    pod_collect_to_vec(&bytes[..count as usize * size_of::<T>()])
+}
+
+/// Gathers the primitives of each pair. The order is that of the GPU; whoever goes on sorts them.
+fn candidates(pairs: &[Pair], survivors: &[Survivor]) -> Vec<Candidates> {
+    let mut found: Vec<Candidates> = pairs
+        .iter()
+        .map(|pair| {
+            let primitives = if pair.second & UNKNOWN == 0 { Some(Vec::new()) } else { None };
+            Candidates { sides: pair.sides(), primitives }
+        })
+        .collect();
+    for survivor in survivors {
+        if let Some(primitives) = &mut found[survivor.pair as usize].primitives {
+            primitives.push([survivor.first, survivor.second]);
+        }
+    }
+    found
+}

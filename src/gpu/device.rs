@@ -1,0 +1,167 @@
+use bevy::tasks::block_on;
+use thiserror::Error;
+
+/// A device, and the queue that passes are submitted to. Clones are the same device.
+#[derive(Clone, Debug)]
+pub struct GpuDevice {
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    info: wgpu::AdapterInfo,
+}
+
+/// Why the GPU cannot do it.
+#[derive(Debug, Error)]
+pub enum GpuError {
+    /// There is no adapter.
+    #[error("no GPU adapter: {0}; a driver is missing, for software rendering on Debian `mesa-vulkan-drivers`")]
+    NoAdapter(#[from] wgpu::RequestAdapterError),
+    /// The adapter gives no device.
+    #[error("the adapter `{adapter}` gives no device: {reason}")]
+    NoDevice {
+        /// Its name.
+        adapter: String,
+        /// What it says.
+        reason: wgpu::RequestDeviceError,
+    },
+    /// The device cannot do what is needed.
+    #[error("the GPU `{adapter}` allows {found} {limit}, {wanted} are needed")]
+    Limit {
+        /// Its name.
+        adapter: String,
+        /// Of what.
+        limit: &'static str,
+        /// How much it allows.
+        found: u64,
+        /// How much is needed.
+        wanted: u64,
+    },
+    /// A shader or a pass is refused.
+    #[error("the GPU `{adapter}` refuses the pass `{pass}`: {reason}")]
+    Refused {
+        /// Its name.
+        adapter: String,
+        /// The pass.
+        pass: &'static str,
+        /// What it says.
+        reason: String,
+    },
+    /// The device is lost: it was reset, removed or destroyed.
+    #[error("the GPU `{adapter}` is lost")]
+    Lost {
+        /// Its name.
+        adapter: String,
+    },
+}
+
+impl GpuDevice {
+    /// A device of the app's own, for programs that render nothing: that of the fastest adapter.
+    ///
+    /// # Errors
+    /// If there is no adapter, or it gives no device.
+    pub fn request() -> Result<Self, GpuError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..Default::default()
+        };
+        let adapter = block_on(instance.request_adapter(&options))?;
+        let info = adapter.get_info();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("bevy_medial"),
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits: adapter.limits(),
+            ..Default::default()
+        };
+        match block_on(adapter.request_device(&descriptor)) {
+            Ok((device, queue)) => Self::new(device, queue, info),
+            Err(reason) => Err(GpuError::NoDevice { adapter: info.name, reason }),
+        }
+    }
+
+    /// A device that is there already, such as that of the renderer.
+    ///
+    /// # Errors
+    /// If it cannot do what is needed.
+    pub fn new(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Result<Self, GpuError> {
+        let limits = device.limits();
+        let gpu = Self { device, queue, info };
+        gpu.require("storage buffers in a pass", limits.max_storage_buffers_per_shader_stage.into(), 8)?;
+        gpu.require("invocations in a workgroup", limits.max_compute_invocations_per_workgroup.into(), 256)?;
+        Ok(gpu)
+    }
+
+    pub(super) fn require(&self, limit: &'static str, found: u64, wanted: u64) -> Result<(), GpuError> {
+        if found >= wanted {
+            return Ok(());
+        }
+        Err(GpuError::Limit { adapter: self.name().into(), limit, found, wanted })
+    }
+
+    /// The adapter's name.
+    pub fn name(&self) -> &str {
+        &self.info.name
+    }
+
+    /// True if it is a program on the CPU.
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
+    pub(super) fn limits(&self) -> wgpu::Limits {
+        self.device.limits()
+    }
+
+    /// Queries of so many times, if the device can tell them.
+    pub(super) fn timestamps(&self, count: u32) -> Option<wgpu::QuerySet> {
+        let supported = self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        supported.then(|| {
+            let ty = wgpu::QueryType::Timestamp;
+            self.device.create_query_set(&wgpu::QuerySetDescriptor { label: Some("passes"), ty, count })
+        })
+    }
+
+    /// Runs what makes something of a pass; an error of the device becomes one here.
+    pub(super) fn checked<T>(&self, pass: &'static str, make: impl FnOnce(&wgpu::Device) -> T) -> Result<T, GpuError> {
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let made = make(&self.device);
+        match block_on(scope.pop()) {
+            None => Ok(made),
+            Some(error) => {
+                Err(GpuError::Refused { adapter: self.name().into(), pass, reason: error.to_string() })
+            }
+        }
+    }
+
+    /// A buffer of so many bytes, at least 16.
+    pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: bytes.max(16).next_multiple_of(16),
+            usage,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Waits for a submission and reads a buffer that it wrote, from the start.
+    pub(super) fn read(
+        &self,
+        buffer: &wgpu::Buffer,
+        bytes: u64,
+        submission: wgpu::SubmissionIndex,
+    ) -> Result<Vec<u8>, GpuError> {
+        let lost = || GpuError::Lost { adapter: self.name().into() };
+        let slice = buffer.slice(..bytes);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        slice.map_async(wgpu::MapMode::Read, move |result| {
+            // Nobody listens any more: nothing is lost.
+            let _ = sender.send(result);
+        });
+        self.device
+            .poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
+            .map_err(|_| lost())?;
+        receiver.recv().ok().and_then(Result::ok).ok_or_else(lost)?;
+        let data = slice.get_mapped_range().to_vec();
+        buffer.unmap();
+        Ok(data)
+    }
+}

@@ -1,0 +1,139 @@
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+use super::{
+    GpuDevice, GpuError,
+    pass::{KERNELS, Pass, shader},
+};
+use crate::query::{Cuboid, Moving, Separation, TimeOfImpact, TimeOfImpactStatus};
+
+/// A moving primitive, and another one or a box at rest at the origin, as `Pair` in `impacts.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct MovingPair {
+    first: Side,
+    second: Side,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Side {
+    /// Spheres at the start as `x y z radius`; of a box half of its size.
+    spheres: [[f32; 4]; 3],
+    /// Number of spheres, 0 for a box.
+    count: u32,
+    _unused: [u32; 3],
+    /// Displacements of the spheres.
+    motion: [[f32; 4]; 3],
+}
+
+impl<const N: usize> From<&Moving<N>> for Side {
+    fn from(moving: &Moving<N>) -> Self {
+        let mut side = Self { count: N as u32, ..Self::zeroed() };
+        for (i, (sphere, motion)) in moving.start.iter().zip(&moving.motion).enumerate() {
+            side.spheres[i] = sphere.center.extend(sphere.radius).into();
+            side.motion[i] = motion.extend(0.0).into();
+        }
+        side
+    }
+}
+
+impl MovingPair {
+    /// Two primitives.
+    pub fn new<const N: usize, const M: usize>(first: &Moving<N>, second: &Moving<M>) -> Self {
+        Self { first: first.into(), second: second.into() }
+    }
+
+    /// A primitive and a box, in the box's frame.
+    pub fn with_cuboid<const N: usize>(first: &Moving<N>, cuboid: &Cuboid) -> Self {
+        let mut second = Side::zeroed();
+        second.spheres[0] = cuboid.half.extend(0.0).into();
+        Self { first: first.into(), second }
+    }
+}
+
+/// As `Result` in `impacts.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Answer {
+    normal: Vec3,
+    distance: f32,
+    point1: Vec3,
+    fraction: f32,
+    status: u32,
+    rounds: u32,
+    feature: u32,
+    _unused: u32,
+}
+
+/// Times of impact of lists of pairs: the kernel of the narrow phase by itself, for tests and benchmarks.
+pub struct GpuImpacts {
+    gpu: GpuDevice,
+    pass: Pass,
+}
+
+impl GpuImpacts {
+    /// The kernel on a device.
+    ///
+    /// # Errors
+    /// If the device refuses the shader.
+    pub fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
+        let text = shader(&[KERNELS, &[include_str!("../../shaders/impacts.wgsl")]].concat());
+        Ok(Self { gpu: gpu.clone(), pass: Pass::new(gpu, "impacts", text)? })
+    }
+
+    /// What [`time_of_impact`](crate::query::time_of_impact) finds for each pair over the whole step, up to the rounding of f32. Points are
+    /// relative to where the first sphere of the first side is then, or to the box.
+    ///
+    /// # Errors
+    /// If the pairs are more than the device can take at a time, or it is lost.
+    pub fn run(&self, pairs: &[MovingPair]) -> Result<Vec<TimeOfImpact>, GpuError> {
+        let (gpu, limits) = (&self.gpu, self.gpu.device.limits());
+        let bytes = size_of_val(pairs) as u64;
+        gpu.require("bytes in a storage buffer", limits.max_storage_buffer_binding_size.into(), bytes)?;
+        let groups = pairs.len().div_ceil(64) as u32;
+        gpu.require("workgroups", limits.max_compute_workgroups_per_dimension.into(), groups.into())?;
+        if pairs.is_empty() {
+            return Ok(Vec::new());
+        }
+        let size = (pairs.len() * size_of::<Answer>()) as u64;
+        use wgpu::BufferUsages as Usage;
+        let input = gpu.buffer("pairs", bytes, Usage::STORAGE | Usage::COPY_DST);
+        let output = gpu.buffer("results", size, Usage::STORAGE | Usage::COPY_SRC);
+        let staging = gpu.buffer("staging", size, Usage::MAP_READ | Usage::COPY_DST);
+        gpu.queue.write_buffer(&input, 0, bytemuck::cast_slice(pairs));
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        {
+            let group = self.pass.bind(gpu, &[(0, input.as_entire_buffer_binding()), (1, output.as_entire_buffer_binding())]);
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            self.pass.set(&mut pass, &group);
+            pass.dispatch_workgroups(groups, 1, 1);
+        }
+        encoder.copy_buffer_to_buffer(&output, 0, &staging, 0, size);
+        let submission = gpu.queue.submit([encoder.finish()]);
+        let data = gpu.read(&staging, size, submission)?;
+        Ok(bytemuck::pod_collect_to_vec::<u8, Answer>(&data).iter().map(Answer::decoded).collect())
+    }
+}
+
+impl Answer {
+    fn decoded(&self) -> TimeOfImpact {
+        TimeOfImpact {
+            status: match self.status {
+                0 => TimeOfImpactStatus::Separated,
+                1 => TimeOfImpactStatus::Hit,
+                2 => TimeOfImpactStatus::Overlapping,
+                _ => TimeOfImpactStatus::IterationLimit,
+            },
+            fraction: self.fraction,
+            contact: Separation {
+                distance: self.distance,
+                normal: self.normal,
+                point1: self.point1,
+                point2: self.point1 + self.normal * self.distance,
+                feature: self.feature as usize,
+            },
+            rounds: self.rounds,
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! Medial meshes as the GPU has them: uploaded once, shared by all bodies.
+
+use std::collections::HashMap;
+
+use bytemuck::cast_slice;
+
+use super::{
+    buffers::{Buffers, Slot},
+    device::{GpuDevice, GpuError},
+    layout,
+};
+use crate::medial_axis::{MedialAxis, packed::PackedMedialMesh};
+
+/// The shapes that have been uploaded.
+#[derive(Default)]
+pub(super) struct Shapes {
+    /// By the place of their data, which stays theirs as long as they are kept here.
+    known: HashMap<usize, (MedialAxis, u32)>,
+    table: Vec<layout::Shape>,
+    spheres: Vec<[f32; 4]>,
+    primitives: Vec<[i32; 3]>,
+    nodes: Vec<u8>,
+    changed: bool,
+}
+
+/// Bytes of a node of a hierarchy.
+const NODE: usize = 32;
+
+impl Shapes {
+    /// Index of a shape.
+    pub fn index_of(&mut self, axis: &MedialAxis) -> u32 {
+        if let Some((_, index)) = self.known.get(&axis.address()) {
+            return *index;
+        }
+        self.add(axis)
+    }
+
+    fn add(&mut self, axis: &MedialAxis) -> u32 {
+        let PackedMedialMesh { spheres, primitives } = PackedMedialMesh::pack_dynamic(axis);
+        let index = self.table.len() as u32;
+        let nodes = axis.bvh().bytes();
+        self.table.push(layout::Shape {
+            spheres: self.spheres.len() as u32,
+            // The first is the bound.
+            primitives: self.primitives.len() as u32 + 1,
+            primitive_count: primitives.len() as u32 - 1,
+            nodes: (self.nodes.len() / NODE) as u32,
+            node_count: (nodes.len() / NODE) as u32,
+        });
+        self.spheres.extend(spheres);
+        self.primitives.extend(primitives);
+        self.nodes.extend_from_slice(nodes);
+        self.known.insert(axis.address(), (axis.clone(), index));
+        self.changed = true;
+        index
+    }
+
+    /// Drops shapes that nobody else has any more, once they are the greater part. True if others have new indices then.
+    pub fn tidy(&mut self) -> bool {
+        let used = self.known.values().filter(|(axis, _)| axis.is_shared()).count();
+        if 2 * used >= self.known.len() {
+            return false;
+        }
+        let mut kept: Vec<(MedialAxis, u32)> = self.known.drain().map(|(_, entry)| entry).collect();
+        kept.retain(|(axis, _)| axis.is_shared());
+        kept.sort_by_key(|(_, index)| *index);
+        *self = Self::default();
+        for (axis, _) in kept {
+            self.add(&axis);
+        }
+        true
+    }
+
+    /// Uploads what is new.
+    pub fn upload(&mut self, gpu: &GpuDevice, buffers: &mut Buffers) -> Result<(), GpuError> {
+        if std::mem::take(&mut self.changed) {
+            buffers.write(gpu, Slot::Shapes, cast_slice(&self.table))?;
+            buffers.write(gpu, Slot::Spheres, cast_slice(&self.spheres))?;
+            buffers.write(gpu, Slot::Primitives, cast_slice(&self.primitives))?;
+            buffers.write(gpu, Slot::ShapeNodes, &self.nodes)?;
+        }
+        Ok(())
+    }
+}
