@@ -26,6 +26,13 @@ pub const MAX_ROUNDS: u32 = 1024;
 /// has set spinning stop too early in every step.
 pub const MAX_CHORDS: u32 = 1024;
 
+/// The same as [`CHORD_TOLERANCE`] where pairs are only culled. Smaller, and there are more chords of spinning bodies to look at; larger, and more
+/// primitives are left that do not meet.
+pub const CULLING_CHORD_TOLERANCE: f32 = 1.0e-2;
+
+/// The same as [`MAX_CHORDS`] where pairs are only culled: what they stray farther widens what is looked at.
+pub const MAX_CULLING_CHORDS: u32 = 128;
+
 /// Greatest number of chords along which many primitives are looked at at once. Along more, the look takes longer than what it saves.
 pub const MAX_PARTING_CHORDS: usize = 16;
 

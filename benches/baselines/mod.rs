@@ -32,7 +32,9 @@ use bevy::tasks::{ParallelSlice, ParallelSliceMut, TaskPool};
 use bevy_medial::{
     constants::SLIDE_WAY,
     geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
-    pipeline::{Body, Candidates, Meeting, Shape, Side, StaticBody, Statics, StepInput, StepOutput, step_from_candidates},
+    pipeline::{
+        Body, Candidates, Meeting, Shape, Side, StaticBody, Statics, StepInput, StepOutput, step_from_candidates,
+    },
 };
 
 use tree::{Motion, Tree, Volume};

@@ -44,7 +44,7 @@ impl Slot {
     }
 }
 
-/// All buffers. Each grows as it has to, by powers of two.
+/// All buffers. Each grows as it has to, to powers of two.
 pub(super) struct Buffers {
     buffers: [Option<wgpu::Buffer>; SLOTS],
     /// Grows with each buffer that is made anew: what binds the old one has to be made anew as well.

@@ -121,10 +121,7 @@ impl Passes {
             dispatch: pass("dispatch", &[MOTION, include_str!("../../shaders/dispatch.wgsl")])?,
             place_chords: pass("place_chords", &[MOTION, CHORD_FILE, include_str!("../../shaders/chords.wgsl")])?,
             mid_phase: pass("mid_phase", &[MOTION, CHORD_FILE, include_str!("../../shaders/mid_phase.wgsl")])?,
-            narrow_phase: with_kernels(
-                "narrow_phase",
-                &[CHORD_FILE, include_str!("../../shaders/narrow_phase.wgsl")],
-            )?,
+            narrow_phase: with_kernels("narrow_phase", &[CHORD_FILE, include_str!("../../shaders/narrow_phase.wgsl")])?,
         })
     }
 }
@@ -175,10 +172,7 @@ impl Bound {
                 &[Params, Bodies, Swept, Tree, Statics, StaticNodes, Counters, Pairs, PairChords],
             ),
             dispatch: bind(&passes.dispatch, &[Params, Counters, Groups]),
-            place_chords: bind(
-                &passes.place_chords,
-                &[Params, Bodies, Statics, Counters, Pairs, PairChords, Chords],
-            ),
+            place_chords: bind(&passes.place_chords, &[Params, Bodies, Statics, Counters, Pairs, PairChords, Chords]),
             mid_phase: bind(
                 &passes.mid_phase,
                 &[Params, Shapes, Spheres, Primitives, ShapeNodes, Chords, Counters, Candidates],
@@ -339,10 +333,8 @@ impl GpuCulling {
         let limits = self.gpu.limits();
         let groups = u64::from(leaves.div_ceil(64));
         self.gpu.require("workgroups", limits.max_compute_workgroups_per_dimension.into(), groups)?;
-        let [pairs, survivors] = [
-            self.expected[0].min(self.capacity.pairs),
-            self.expected[1].min(self.capacity.survivors),
-        ];
+        let [pairs, survivors] =
+            [self.expected[0].min(self.capacity.pairs), self.expected[1].min(self.capacity.survivors)];
         let (data, counts) = self.submit(leaves, [pairs, survivors])?;
         if let Some(larger) = self.capacity.for_counts(&counts) {
             bevy::log::info!(
@@ -359,10 +351,7 @@ impl GpuCulling {
             return Ok(None);
         }
         let survivors_at = size_of::<Counters>() + pairs as usize * size_of::<Pair>();
-        Ok(Some((
-            list(&data[size_of::<Counters>()..], counts.pairs),
-            list(&data[survivors_at..], counts.survivors),
-        )))
+        Ok(Some((list(&data[size_of::<Counters>()..], counts.pairs), list(&data[survivors_at..], counts.survivors))))
     }
 
     /// Runs the passes; what they find, as far as it is expected, and how many there are of each.
@@ -380,28 +369,27 @@ impl GpuCulling {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let mut labels = Vec::new();
         let queries = &self.queries;
-        let mut run = |encoder: &mut wgpu::CommandEncoder,
-                       label: &'static str,
-                       steps: &[(&Pass, &wgpu::BindGroup, Work)]| {
-            let at = 2 * labels.len() as u32;
-            let timestamp_writes = queries.as_ref().map(|query_set| wgpu::ComputePassTimestampWrites {
-                query_set,
-                beginning_of_pass_write_index: Some(at),
-                end_of_pass_write_index: Some(at + 1),
-            });
-            labels.push(label);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
-            for (step, group, work) in steps {
-                step.set(&mut pass, group);
-                match work {
-                    Work::Direct(groups) => pass.dispatch_workgroups(*groups, 1, 1),
-                    Work::Indirect(number) => {
-                        pass.dispatch_workgroups_indirect(buffers.get(Slot::Groups), 12 * number);
+        let mut run =
+            |encoder: &mut wgpu::CommandEncoder, label: &'static str, steps: &[(&Pass, &wgpu::BindGroup, Work)]| {
+                let at = 2 * labels.len() as u32;
+                let timestamp_writes = queries.as_ref().map(|query_set| wgpu::ComputePassTimestampWrites {
+                    query_set,
+                    beginning_of_pass_write_index: Some(at),
+                    end_of_pass_write_index: Some(at + 1),
+                });
+                labels.push(label);
+                let descriptor = wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes };
+                let mut pass = encoder.begin_compute_pass(&descriptor);
+                for (step, group, work) in steps {
+                    step.set(&mut pass, group);
+                    match work {
+                        Work::Direct(groups) => pass.dispatch_workgroups(*groups, 1, 1),
+                        Work::Indirect(number) => {
+                            pass.dispatch_workgroups_indirect(buffers.get(Slot::Groups), 12 * number);
+                        }
                     }
                 }
-            }
-        };
+            };
         encoder.clear_buffer(buffers.get(Slot::Counters), 0, None);
         let wide = leaves.div_ceil(64);
         run(&mut encoder, "place", &[(&passes.place, &bound.place, Work::Direct(wide))]);
@@ -411,27 +399,15 @@ impl GpuCulling {
             sort.push((if *is_near { &passes.sort_near } else { &passes.sort_far }, group, Work::Direct(blocks)));
         }
         run(&mut encoder, "sort", &sort);
-        let mut tree = vec![(
-            &passes.tree_bottom,
-            &bound.tree_bottom,
-            Work::Direct(leaves.div_ceil(TREE_BLOCK)),
-        )];
+        let mut tree = vec![(&passes.tree_bottom, &bound.tree_bottom, Work::Direct(leaves.div_ceil(TREE_BLOCK)))];
         if leaves > TREE_BLOCK {
             tree.push((&passes.tree_top, &bound.tree_top, Work::Direct(1)));
         }
         run(&mut encoder, "tree", &tree);
         let dispatch = || (&passes.dispatch, &bound.dispatch, Work::Direct(1));
-        run(
-            &mut encoder,
-            "broad",
-            &[(&passes.broad_phase, &bound.broad_phase, Work::Direct(wide)), dispatch()],
-        );
+        run(&mut encoder, "broad", &[(&passes.broad_phase, &bound.broad_phase, Work::Direct(wide)), dispatch()]);
         run(&mut encoder, "chords", &[(&passes.place_chords, &bound.place_chords, Work::Indirect(0))]);
-        run(
-            &mut encoder,
-            "mid",
-            &[(&passes.mid_phase, &bound.mid_phase, Work::Indirect(1)), dispatch()],
-        );
+        run(&mut encoder, "mid", &[(&passes.mid_phase, &bound.mid_phase, Work::Indirect(1)), dispatch()]);
         run(&mut encoder, "narrow", &[(&passes.narrow_phase, &bound.narrow_phase, Work::Indirect(2))]);
 
         let staging = buffers.get(Slot::Staging);
@@ -483,9 +459,7 @@ impl GpuCulling {
 impl GpuCapacity {
     /// What there has to be room for, if that is more.
     fn for_counts(&self, counts: &Counters) -> Option<Self> {
-        let larger = |room: u32, count: u32| {
-            if count > room { count.checked_next_power_of_two().unwrap_or(u32::MAX) } else { room }
-        };
+        let larger = |room: u32, count: u32| if count > room { count.saturating_add(count / 4) } else { room };
         let needed = Self {
             pairs: larger(self.pairs, counts.pairs),
             chords: larger(self.chords, counts.chords),

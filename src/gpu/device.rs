@@ -126,9 +126,7 @@ impl GpuDevice {
         let made = make(&self.device);
         match block_on(scope.pop()) {
             None => Ok(made),
-            Some(error) => {
-                Err(GpuError::Refused { adapter: self.name().into(), pass, reason: error.to_string() })
-            }
+            Some(error) => Err(GpuError::Refused { adapter: self.name().into(), pass, reason: error.to_string() }),
         }
     }
 

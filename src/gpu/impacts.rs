@@ -104,7 +104,8 @@ impl GpuImpacts {
         gpu.queue.write_buffer(&input, 0, bytemuck::cast_slice(pairs));
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         {
-            let group = self.pass.bind(gpu, &[(0, input.as_entire_buffer_binding()), (1, output.as_entire_buffer_binding())]);
+            let group =
+                self.pass.bind(gpu, &[(0, input.as_entire_buffer_binding()), (1, output.as_entire_buffer_binding())]);
             let mut pass = encoder.begin_compute_pass(&Default::default());
             self.pass.set(&mut pass, &group);
             pass.dispatch_workgroups(groups, 1, 1);

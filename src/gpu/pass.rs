@@ -18,7 +18,7 @@ pub(super) fn shader(files: &[&str]) -> String {
         ("CONTACT_ROUNDING", constants::CONTACT_ROUNDING),
         ("TOUCH_ROUNDING", constants::TOUCH_ROUNDING),
         ("TIME_TOLERANCE", constants::TIME_TOLERANCE),
-        ("CHORD_TOLERANCE", constants::CHORD_TOLERANCE),
+        ("CHORD_TOLERANCE", constants::CULLING_CHORD_TOLERANCE),
         ("ILL_CONDITIONED", constants::ILL_CONDITIONED),
         ("EPSILON", f32::EPSILON),
         ("MAX", f32::MAX),
@@ -30,7 +30,7 @@ pub(super) fn shader(files: &[&str]) -> String {
     for (name, value) in [
         ("MAX_ADVANCES", constants::MAX_ADVANCES),
         ("MAX_ROUNDS", constants::MAX_ROUNDS),
-        ("MAX_CHORDS", constants::MAX_CHORDS),
+        ("MAX_CHORDS", constants::MAX_CULLING_CHORDS),
     ] {
         text += &format!("const {name}: u32 = {value}u;\n");
     }

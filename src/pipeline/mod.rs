@@ -48,9 +48,9 @@ use crate::{
     query::Cuboid,
 };
 
+use broad_phase::BodyPair;
 #[cfg(feature = "gpu")]
 pub(crate) use broad_phase::Widening;
-use broad_phase::BodyPair;
 use moving_boxes::BodyBoxes;
 
 pub use contact::{Contact, Manifold, Second};

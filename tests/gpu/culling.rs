@@ -1,0 +1,63 @@
+//! Steps that the GPU has culled end as those that the CPU has culled, to the bit.
+
+use bevy::tasks::{ComputeTaskPool, TaskPool};
+use bevy_medial::{
+    gpu::{GpuCapacity, GpuCulling},
+    pipeline::{Meeting, Statics, StepInput, StepOutput, step, step_from_candidates},
+};
+use glam::Vec3;
+
+use crate::{
+    common::Random,
+    device,
+    random_steps::{random_step, tally},
+};
+
+fn pool() -> &'static TaskPool {
+    ComputeTaskPool::get_or_init(Default::default)
+}
+
+fn run_on_gpu(culling: &mut GpuCulling, input: &StepInput, statics: &Statics) -> StepOutput {
+    let candidates = culling.cull(input, statics).unwrap();
+    step_from_candidates(input, statics, candidates, |_, _| Meeting::Stopping, pool())
+}
+
+/// Compares both on random steps; impacts, contacts, stops and pairs that were reached.
+fn compare(
+    culling: &mut GpuCulling,
+    steps: usize,
+    mut random_step: impl FnMut() -> (StepInput, Statics),
+) -> [usize; 4] {
+    let mut total = [0; 4];
+    for number in 0..steps {
+        let (input, statics) = random_step();
+        let cpu = step(&input, &statics, pool());
+        let gpu = run_on_gpu(culling, &input, &statics);
+        assert_eq!(cpu.pairs, gpu.pairs, "step {number}");
+        assert_eq!(cpu.manifolds, gpu.manifolds, "step {number}");
+        assert_eq!(cpu.stops, gpu.stops, "step {number}");
+        total.iter_mut().zip(tally(&cpu)).for_each(|(sum, count)| *sum += count);
+    }
+    println!("{steps} steps: impacts, contacts, stops, pairs {total:?}; GPU {:?}", culling.counts());
+    total
+}
+
+#[test]
+fn nothing_is_lost() {
+    let Some(gpu) = device() else { return };
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
+    let mut random = Random(1);
+    let few = compare(&mut culling, 300, || random_step(&mut random, 6, 5, 2.0, Vec3::ZERO));
+    let [impacts, contacts, stops, _] = few;
+    assert!(impacts > 300 && contacts > 1000 && stops > 200);
+    // More bodies than a workgroup sorts, far from the origin.
+    let many = compare(&mut culling, 5, || {
+        let (mut input, statics) = random_step(&mut random, 1100, 20, 10.0, Vec3::splat(1024.0));
+        // Otherwise they carry each other all over the room.
+        input.bodies.iter_mut().for_each(|body| body.stops = body.active);
+        (input, statics)
+    });
+    let [impacts, contacts, stops, _] = many;
+    assert!(impacts > 300 && contacts > 1000 && stops > 200);
+    println!("{:?}", culling.times());
+}
