@@ -96,7 +96,7 @@ pub mod prelude {
     pub use crate::{
         medial_axis::MedialAxis,
         plugin::{
-            MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialLevel, MedialMesh,
+            MedialBackend, MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialLevel, MedialMesh,
             MedialPhysicsPlugin, MedialSettings, MedialStep, MedialSystems, StaticObb, TouchPoint,
         },
     };

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo run --release --example scenes -- NAME [--headless] [--steps N] [--dt S] [--seed S] [--models DIR]
-//!                                         [--cull hybrid|none|bvh-obb|bvh-sphere|bvh-aabb]
+//!                                         [--backend auto|cpu|gpu] [--cull hybrid|none|bvh-obb|bvh-sphere|bvh-aabb]
 //!                                         [--csv FILE] [--json FILE] [--list] [--screenshot FILE]
 //! ```
 
@@ -21,8 +21,11 @@ use std::{
 };
 
 use bevy::prelude::*;
-use bevy_medial::scenes::{Model, Monitor, Row, SCENES, Scene, StageSummary, Summary, headless_app, load_models};
-use clap::Parser;
+use bevy_medial::{
+    prelude::*,
+    scenes::{Model, Monitor, Row, SCENES, Scene, StageSummary, Summary, headless_app, load_models},
+};
+use clap::{Parser, ValueEnum};
 use compare::{Comparison, Cull};
 use indicatif::ProgressBar;
 use view::Show;
@@ -50,6 +53,9 @@ struct Args {
     /// Folder of `.medial` or `.ma` files to use as models. Default: the project's own.
     #[arg(long)]
     models: Option<PathBuf>,
+    /// Where pairs are culled.
+    #[arg(long, value_enum, default_value_t = Backend::Auto)]
+    backend: Backend,
     /// Also run every step's input with another culling, and print both side by side.
     #[arg(long, value_enum, default_value_t = Cull::Hybrid)]
     cull: Cull,
@@ -62,6 +68,23 @@ struct Args {
     /// Run the steps, write a picture of the last one as PNG and exit. Needs a graphics adapter, software will do, and no display.
     #[arg(long)]
     screenshot: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Backend {
+    Auto,
+    Cpu,
+    Gpu,
+}
+
+impl From<Backend> for MedialBackend {
+    fn from(backend: Backend) -> Self {
+        match backend {
+            Backend::Auto => MedialBackend::Auto,
+            Backend::Cpu => MedialBackend::Cpu,
+            Backend::Gpu => MedialBackend::Gpu,
+        }
+    }
 }
 
 fn main() -> ExitCode {
@@ -90,7 +113,8 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let folder = args.models.clone().unwrap_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/models"));
     let models = load_models(&folder)?;
     let steps = args.steps.unwrap_or(scene.steps);
-    let show = || Show { scene, models: models.clone(), seed: args.seed, dt: args.dt };
+    let backend = args.backend.into();
+    let show = || Show { scene, models: models.clone(), seed: args.seed, dt: args.dt, backend };
     if let Some(file) = &args.screenshot {
         return Ok(view::screenshot(show(), steps, UVec2::new(1280, 720), file)?);
     }
@@ -110,6 +134,7 @@ fn has_display() -> bool {
 
 fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn std::error::Error>> {
     let mut app = headless_app(args.dt);
+    app.world_mut().resource_mut::<MedialSettings>().backend = args.backend.into();
     scene.spawn(app.world_mut(), models, args.seed);
     let steps = args.steps.unwrap_or(scene.steps);
     let progress = ProgressBar::new(steps.into());

@@ -30,6 +30,7 @@ pub struct Show {
     pub models: Vec<Model>,
     pub seed: u64,
     pub dt: f32,
+    pub backend: MedialBackend,
 }
 
 /// Whether time runs, and for how many steps if not.
@@ -98,6 +99,7 @@ pub fn screenshot(show: Show, steps: u32, size: UVec2, file: &Path) -> Result<()
 fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
     let [eye, focus] = show.scene.view;
     app.add_plugins(MedialPhysicsPlugin::default())
+        .insert_resource(MedialSettings { backend: show.backend, ..default() })
         .insert_resource(TimestepMode::Fixed { dt: show.dt, substeps: 1 })
         .insert_resource(ClearColor(Color::srgb(0.72, 0.82, 0.92)))
         .insert_resource(GlobalAmbientLight { brightness: 350.0, ..default() })

@@ -7,7 +7,7 @@
 //! | [`StaticObb`] | component: a static box, or what makes a medial mesh static |
 //! | [`MedialCcd`] | component: whether a body stops at its first impact |
 //! | [`MedialBudget`], [`MedialLevel`] | components: the error that a shape may have, and the level of detail that is used |
-//! | [`MedialSettings`] | resource: what holds for all |
+//! | [`MedialSettings`], [`MedialBackend`] | resource: what holds for all; where pairs are culled |
 //! | [`MedialContactStarted`], [`MedialContactEnded`] | messages, and events for observers of the entities |
 //! | `MedialBuildPlugin` | with the feature `bevy_mesh`: builds the medial meshes of entities with a `BuildMedialMesh` from their `Mesh3d` |
 //! | [`MedialSystems`] | system sets to order against |
@@ -21,6 +21,8 @@ mod components;
 mod diagnostics;
 #[cfg(feature = "debug")]
 mod gizmos;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod levels;
 mod loader;
 mod messages;
@@ -49,7 +51,7 @@ pub use gizmos::MedialGizmos;
 pub use levels::{MedialBudget, MedialLevel};
 pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
-pub use step::{BodyInfo, MedialSettings, MedialStep};
+pub use step::{MedialBackend, BodyInfo, MedialSettings, MedialStep};
 
 /// Collision of medial meshes, in the schedule in which rapier steps.
 ///
@@ -141,6 +143,7 @@ impl Plugin for MedialPhysicsPlugin {
             .register_type::<MedialBudget>()
             .register_type::<MedialLevel>()
             .register_type::<MedialSettings>()
+            .register_type::<MedialBackend>()
             .init_resource::<MedialSettings>()
             .init_resource::<MedialStep>()
             .add_message::<MedialContactStarted>()
@@ -149,6 +152,8 @@ impl Plugin for MedialPhysicsPlugin {
             .add_systems(self.schedule, (report::tell_contacts, diagnostics::measure).in_set(MedialSystems::Report));
         diagnostics::register(app);
         (self.add_systems)(app, self.schedule);
+        #[cfg(feature = "gpu")]
+        app.add_systems(Startup, gpu::adopt_renderer);
         #[cfg(feature = "debug")]
         gizmos::add(app);
     }

@@ -1,11 +1,31 @@
+#[cfg(feature = "gpu")]
+use std::time::Instant;
+use std::time::Duration;
+
 use bevy::{prelude::*, tasks::ComputeTaskPool};
 #[cfg(feature = "rapier")]
 use bevy_rapier3d::rapier::geometry::ColliderHandle;
 
+#[cfg(feature = "gpu")]
+use super::gpu::GpuBackend;
 use crate::{
     geometry::Pose3,
-    pipeline::{self, Culling, Meeting, Side, Solid, Statics, StepInput, StepOutput},
+    pipeline::{self, Candidates, Culling, Meeting, Side, Solid, Statics, StepInput, StepOutput},
 };
+
+/// Where the pairs that may meet are found. What they do to each other is found on the CPU always, so results are the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Default, Clone, PartialEq)]
+pub enum MedialBackend {
+    /// Whichever is faster, by trial: the CPU in small scenes, without the feature `gpu`, and where no hardware renders.
+    #[default]
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// The GPU, even if it is a program on the CPU: that of the renderer, or else the fastest. Without one the CPU, after a warning.
+    Gpu,
+}
 
 /// What holds for all medial bodies.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
@@ -16,11 +36,13 @@ pub struct MedialSettings {
     pub stop_at_impact: bool,
     /// Skip all culling and test every primitive pair, to measure what culling gains. Default: false.
     pub brute_force: bool,
+    /// Where the pairs that may meet are found. Default: [`MedialBackend::Auto`].
+    pub backend: MedialBackend,
 }
 
 impl Default for MedialSettings {
     fn default() -> Self {
-        Self { stop_at_impact: true, brute_force: false }
+        Self { stop_at_impact: true, brute_force: false, backend: MedialBackend::Auto }
     }
 }
 
@@ -85,6 +107,8 @@ pub struct MedialStep {
     pub(crate) worlds: Vec<Entity>,
     /// Length of the step in seconds; of several worlds that of the first.
     pub dt: f32,
+    #[cfg(feature = "gpu")]
+    pub(super) gpu: GpuBackend,
 }
 
 impl MedialStep {
@@ -129,7 +153,43 @@ impl MedialStep {
         self.input.culling = if self.settings.brute_force { Culling::None } else { Culling::Hybrid };
         self.input.stop_at_impact = self.settings.stop_at_impact;
         let pool = ComputeTaskPool::get_or_init(Default::default);
+        let culled = self.cull();
         let filter = |first, second| filter(self, first, second);
-        self.output = pipeline::step_filtered(&self.input, &self.statics, filter, pool);
+        self.output = match culled {
+            Some((candidates, time)) => {
+                let mut output =
+                    pipeline::step_from_candidates(&self.input, &self.statics, candidates, filter, pool);
+                output.times.broad += time;
+                output
+            }
+            None => pipeline::step_filtered(&self.input, &self.statics, filter, pool),
+        };
+    }
+
+    /// What the GPU has found, if it was asked, and how long it took.
+    #[cfg(feature = "gpu")]
+    fn cull(&mut self) -> Option<(Vec<Candidates>, Duration)> {
+        if self.input.culling == Culling::None {
+            return None;
+        }
+        self.gpu.note(&self.output.times);
+        let clock = Instant::now();
+        let pairs = self.output.counts.primitive_pairs;
+        let candidates = self.gpu.cull(self.settings.backend, &self.input, &self.statics, pairs)?;
+        Some((candidates, clock.elapsed()))
+    }
+
+    #[cfg(not(feature = "gpu"))]
+    fn cull(&mut self) -> Option<(Vec<Candidates>, Duration)> {
+        if self.settings.backend == MedialBackend::Gpu {
+            warn_once!("medial meshes are culled on the CPU: bevy_medial is built without the feature `gpu`");
+        }
+        None
+    }
+
+    /// The passes on the GPU, once they have been asked for: counts and times of the last step that they culled.
+    #[cfg(feature = "gpu")]
+    pub fn gpu_culling(&self) -> Option<&crate::gpu::GpuCulling> {
+        self.gpu.culling()
     }
 }
