@@ -97,6 +97,11 @@ impl GpuDevice {
         Err(GpuError::Limit { adapter: self.name().into(), limit, found, wanted })
     }
 
+    /// The device itself.
+    pub fn wgpu_device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
     /// The adapter's name.
     pub fn name(&self) -> &str {
         &self.info.name

@@ -51,7 +51,7 @@ pub use gizmos::MedialGizmos;
 pub use levels::{MedialBudget, MedialLevel};
 pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
-pub use step::{MedialBackend, BodyInfo, MedialSettings, MedialStep};
+pub use step::{BodyInfo, MedialBackend, MedialSettings, MedialStep};
 
 /// Collision of medial meshes, in the schedule in which rapier steps.
 ///

@@ -1,6 +1,6 @@
+use std::time::Duration;
 #[cfg(feature = "gpu")]
 use std::time::Instant;
-use std::time::Duration;
 
 use bevy::{prelude::*, tasks::ComputeTaskPool};
 #[cfg(feature = "rapier")]
@@ -157,8 +157,7 @@ impl MedialStep {
         let filter = |first, second| filter(self, first, second);
         self.output = match culled {
             Some((candidates, time)) => {
-                let mut output =
-                    pipeline::step_from_candidates(&self.input, &self.statics, candidates, filter, pool);
+                let mut output = pipeline::step_from_candidates(&self.input, &self.statics, candidates, filter, pool);
                 output.times.broad += time;
                 output
             }

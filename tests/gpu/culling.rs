@@ -13,17 +13,17 @@ use crate::{
     random_steps::{random_step, tally},
 };
 
-fn pool() -> &'static TaskPool {
+pub fn pool() -> &'static TaskPool {
     ComputeTaskPool::get_or_init(Default::default)
 }
 
-fn run_on_gpu(culling: &mut GpuCulling, input: &StepInput, statics: &Statics) -> StepOutput {
+pub fn run_on_gpu(culling: &mut GpuCulling, input: &StepInput, statics: &Statics) -> StepOutput {
     let candidates = culling.cull(input, statics).unwrap();
     step_from_candidates(input, statics, candidates, |_, _| Meeting::Stopping, pool())
 }
 
 /// Compares both on random steps; impacts, contacts, stops and pairs that were reached.
-fn compare(
+pub fn compare(
     culling: &mut GpuCulling,
     steps: usize,
     mut random_step: impl FnMut() -> (StepInput, Statics),

@@ -6,6 +6,8 @@
 #[allow(dead_code)]
 mod common;
 mod culling;
+mod faults;
+mod kernels;
 #[path = "../physics/random_steps.rs"]
 #[allow(dead_code)]
 mod random_steps;
