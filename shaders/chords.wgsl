@@ -31,7 +31,7 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     chord.shape1 = body1.shape;
     chord.scale1 = body1.scale;
     chord.scale2 = 1.0;
-    var strays = sagitta(body1, body1.arm, count);
+    var strays = body1.slack + sagitta(body1, body1.arm, count);
     var size = body1.bound.w;
     var ways = way(body1);
     if (pair.second & STATIC) != 0u {
@@ -55,12 +55,12 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         chord.end2 = pose_at(body2, end, body1.position);
         chord.shape2 = body2.shape;
         chord.scale2 = body2.scale;
-        strays += sagitta(body2, body2.arm, count);
+        strays += body2.slack + sagitta(body2, body2.arm, count);
         size += body2.bound.w;
         ways += way(body2);
     }
     // What rounding may take: a few times that of coordinates as large as these.
-    let slack = CONTACT_ROUNDING * (4.0 * size + ways + length(chord.start1.translation) + length(chord.start2.translation));
-    chord.reach = params.prediction + strays + slack;
+    let rounding = CONTACT_ROUNDING * (4.0 * size + ways + length(chord.start1.translation) + length(chord.start2.translation));
+    chord.reach = params.prediction + strays + rounding;
     chords_out[index] = chord;
 }

@@ -75,6 +75,8 @@ struct Body {
     world: u32,
     // 1 if it is awake and moves.
     is_active: u32,
+    // How far it may leave its way.
+    slack: f32,
 }
 
 struct Static {

@@ -26,6 +26,13 @@ pub const MAX_ROUNDS: u32 = 1024;
 /// has set spinning stop too early in every step.
 pub const MAX_CHORDS: u32 = 1024;
 
+/// How many steps the GPU looks ahead, where nobody waits for it: its answer is there two or three steps later. More, and bodies have left their way.
+pub const LOOK_AHEAD_STEPS: u32 = 4;
+
+/// How far a body may have left its way by then, per metre of its bounding radius, besides the prediction distance. Larger, and more primitive
+/// pairs are looked at; smaller, and more bodies are culled once more on the CPU.
+pub const LOOK_AHEAD_SLACK: f32 = 0.1;
+
 /// The same as [`CHORD_TOLERANCE`] where pairs are only culled. Smaller, and there are more chords of spinning bodies to look at; larger, and more
 /// primitives are left that do not meet.
 pub const CULLING_CHORD_TOLERANCE: f32 = 1.0e-2;

@@ -11,8 +11,8 @@ use crate::{
     pipeline::{Body, ConvexParts, Core, Solid, StaticBody},
 };
 
-/// A body. `margin`: how far outside of its bounding sphere it may meet something, in metres.
-pub(super) fn body(body: &Body, margin: f32, shapes: &mut Shapes) -> layout::Body {
+/// A body. In metres: how far outside of its bounding sphere it may meet something, and how far it may leave its way.
+pub(super) fn body(body: &Body, [margin, slack]: [f32; 2], shapes: &mut Shapes) -> layout::Body {
     let sweep = &body.sweep;
     let (shape, scale, arm) = match &body.solid {
         Solid::Medial(shape) => (shapes.index_of(&shape.axis), shape.scale, shape.arm(sweep.local_center)),
@@ -28,14 +28,15 @@ pub(super) fn body(body: &Body, margin: f32, shapes: &mut Shapes) -> layout::Bod
         turn: sweep.rotation,
         arm,
         local_center: sweep.local_center,
-        margin,
+        margin: margin + slack,
         bound: bound.center.extend(bound.radius),
         memberships: body.groups.memberships,
         collides_with: body.groups.filter,
         owner: owner(body.owner),
         world: body.world,
         is_active: body.active.into(),
-        unused: [0; 2],
+        slack,
+        unused: 0,
     }
 }
 

@@ -25,10 +25,9 @@ pub(super) enum Slot {
     Survivors,
     Groups,
     Times,
-    Staging,
 }
 
-const SLOTS: usize = Slot::Staging as usize + 1;
+const SLOTS: usize = Slot::Times as usize + 1;
 
 impl Slot {
     fn usage(self) -> Usage {
@@ -38,7 +37,6 @@ impl Slot {
             Slot::Pairs | Slot::Survivors => Usage::STORAGE | Usage::COPY_SRC,
             Slot::Groups => Usage::STORAGE | Usage::INDIRECT,
             Slot::Times => Usage::QUERY_RESOLVE | Usage::COPY_SRC,
-            Slot::Staging => Usage::MAP_READ | Usage::COPY_DST,
             _ => Usage::STORAGE | Usage::COPY_DST,
         }
     }
@@ -68,7 +66,7 @@ impl Buffers {
         let limits = gpu.limits();
         let bytes = bytes.max(LEAST);
         let most = match slot {
-            Slot::Staging | Slot::Times => limits.max_buffer_size,
+            Slot::Times => limits.max_buffer_size,
             _ => limits.max_buffer_size.min(limits.max_storage_buffer_binding_size),
         };
         gpu.require("bytes in a buffer", most, bytes)?;

@@ -20,6 +20,7 @@
 
 use std::time::Duration;
 
+use bevy::log::info;
 use bytemuck::{Pod, bytes_of, cast_slice, pod_collect_to_vec};
 use glam::Vec3;
 
@@ -86,7 +87,10 @@ pub struct GpuCulling {
     capacity: GpuCapacity,
     /// Pairs and survivors that are read back at once.
     expected: [u32; 2],
+    /// Those that have been uploaded, and how many.
     statics: Option<(u64, u32)>,
+    /// Buffers to read from that nobody uses.
+    staging: Vec<wgpu::Buffer>,
     queries: Option<wgpu::QuerySet>,
     times: Vec<(&'static str, Duration)>,
     counts: Counters,
@@ -201,7 +205,19 @@ fn exchanges(leaves: u32) -> Vec<Exchange> {
     steps
 }
 
-/// How a workgroup is found for each thing.
+/// What is on its way from the GPU.
+pub(crate) struct Batch {
+    pub staging: wgpu::Buffer,
+    /// Bytes of it that are of use.
+    pub bytes: u64,
+    /// For how many there is room.
+    pairs: u32,
+    survivors: u32,
+    /// Passes in the order of their times.
+    labels: Vec<&'static str>,
+}
+
+/// How many workgroups a pass has.
 enum Work {
     Direct(u32),
     /// The number of the pass in the buffer of workgroups.
@@ -222,6 +238,7 @@ impl GpuCulling {
             capacity,
             expected: [256, 1024],
             statics: None,
+            staging: Vec::new(),
             queries: gpu.timestamps(2 * MAX_TIMED),
             times: Vec::new(),
             counts: Counters::default(),
@@ -257,26 +274,40 @@ impl GpuCulling {
     pub fn cull(&mut self, input: &StepInput, statics: &Statics) -> Result<Vec<Candidates>, GpuError> {
         let mut widening = Widening::new(input);
         loop {
-            let leaves = self.upload(input, statics, &widening)?;
-            let found = self.run(leaves)?;
-            let Some((pairs, survivors)) = found else { continue };
-            let sides = pairs.iter().map(Pair::sides);
-            if !widening.widen(input, sides) {
-                return Ok(candidates(&pairs, &survivors));
+            self.upload(input, statics, |body| [widening.margin(input, body), 0.0])?;
+            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+            let batch = self.encode(&mut encoder)?;
+            let submission = self.gpu.queue.submit([encoder.finish()]);
+            let data = self.gpu.read(&batch.staging, batch.bytes, submission)?;
+            if let Some(found) = self.take(batch, &data)
+                && !widening.widen(input, found.iter().map(|pair| pair.sides))
+            {
+                return Ok(found);
             }
         }
     }
 
-    /// Writes what the step depends on, and makes room. Returns the number of leaves of the tree of bodies.
-    fn upload(&mut self, input: &StepInput, statics: &Statics, widening: &Widening) -> Result<u32, GpuError> {
-        let (gpu, buffers) = (&self.gpu, &mut self.buffers);
+    /// Writes what a step depends on, and makes room. `margins` of each body in metres: how far outside of its bounding sphere it may meet
+    /// something, and how far it may leave its way.
+    ///
+    /// # Errors
+    /// If the scene is more than the device can take.
+    pub(crate) fn upload(
+        &mut self,
+        input: &StepInput,
+        statics: &Statics,
+        margins: impl Fn(usize) -> [f32; 2],
+    ) -> Result<(), GpuError> {
         if self.shapes.tidy() {
             self.statics = None;
         }
+        let (gpu, buffers) = (&self.gpu, &mut self.buffers);
         let leaves = (input.bodies.len() as u32).next_power_of_two();
+        let most = gpu.limits().max_compute_workgroups_per_dimension;
+        gpu.require("workgroups", most.into(), leaves.div_ceil(64).into())?;
         let bodies: Vec<_> = (0..)
             .zip(&input.bodies)
-            .map(|(index, body)| bodies::body(body, widening.margin(input, index), &mut self.shapes))
+            .map(|(index, body)| bodies::body(body, margins(index), &mut self.shapes))
             .collect();
         buffers.write(gpu, Slot::Bodies, cast_slice(&bodies))?;
         let known = (statics.id(), statics.bodies().len() as u32);
@@ -325,48 +356,28 @@ impl GpuCulling {
         for slot in [Slot::Shapes, Slot::Spheres, Slot::Primitives, Slot::ShapeNodes] {
             buffers.reserve(gpu, slot, 0)?;
         }
-        Ok(leaves)
+        self.bind(leaves);
+        Ok(())
     }
 
-    /// Runs the passes and reads what they find; nothing if a buffer was too small and has grown.
-    fn run(&mut self, leaves: u32) -> Result<Option<(Vec<Pair>, Vec<Survivor>)>, GpuError> {
-        let limits = self.gpu.limits();
-        let groups = u64::from(leaves.div_ceil(64));
-        self.gpu.require("workgroups", limits.max_compute_workgroups_per_dimension.into(), groups)?;
+    /// Records the passes for what was uploaded, and the copy of what they find, as far as it is expected.
+    ///
+    /// # Errors
+    /// If the scene is more than the device can take.
+    pub(crate) fn encode(&mut self, encoder: &mut wgpu::CommandEncoder) -> Result<Batch, GpuError> {
         let [pairs, survivors] =
             [self.expected[0].min(self.capacity.pairs), self.expected[1].min(self.capacity.survivors)];
-        let (data, counts) = self.submit(leaves, [pairs, survivors])?;
-        if let Some(larger) = self.capacity.for_counts(&counts) {
-            bevy::log::info!(
-                "GPU buffers grow from {:?} to {larger:?}; `GpuCapacity` sets where they begin",
-                self.capacity
-            );
-            self.capacity = larger;
-            return Ok(None);
-        }
-        self.counts = counts;
-        // A quarter more than what there is now.
-        self.expected = [counts.pairs, counts.survivors].map(|count| (count + count / 4).next_multiple_of(256));
-        if counts.pairs > pairs || counts.survivors > survivors {
-            return Ok(None);
-        }
-        let survivors_at = size_of::<Counters>() + pairs as usize * size_of::<Pair>();
-        Ok(Some((list(&data[size_of::<Counters>()..], counts.pairs), list(&data[survivors_at..], counts.survivors))))
-    }
-
-    /// Runs the passes; what they find, as far as it is expected, and how many there are of each.
-    fn submit(&mut self, leaves: u32, [pairs, survivors]: [u32; 2]) -> Result<(Vec<u8>, Counters), GpuError> {
+        let counters_size = size_of::<Counters>() as u64;
         let pairs_size = u64::from(pairs) * size_of::<Pair>() as u64;
         let survivors_size = u64::from(survivors) * size_of::<Survivor>() as u64;
-        let counters_size = size_of::<Counters>() as u64;
         let times_at = counters_size + pairs_size + survivors_size;
         let times_size = if self.queries.is_some() { u64::from(2 * MAX_TIMED) * 8 } else { 0 };
-        self.buffers.reserve(&self.gpu, Slot::Staging, times_at + times_size)?;
-        self.bind(leaves);
-        let (gpu, buffers, passes) = (&self.gpu, &self.buffers, &self.passes);
-        let Some((_, _, bound)) = &self.bound else { unreachable!("it was bound right now") };
+        let bytes = times_at + times_size;
+        let staging = self.staging.pop().filter(|staging| staging.size() >= bytes);
+        let staging = staging.map_or_else(|| self.gpu.staging(bytes), Ok)?;
+        let (buffers, passes) = (&self.buffers, &self.passes);
+        let Some((_, leaves, bound)) = &self.bound else { unreachable!("uploading binds") };
 
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let mut labels = Vec::new();
         let queries = &self.queries;
         let mut run =
@@ -392,28 +403,27 @@ impl GpuCulling {
             };
         encoder.clear_buffer(buffers.get(Slot::Counters), 0, None);
         let wide = leaves.div_ceil(64);
-        run(&mut encoder, "place", &[(&passes.place, &bound.place, Work::Direct(wide))]);
+        run(encoder, "place", &[(&passes.place, &bound.place, Work::Direct(wide))]);
         let blocks = leaves.div_ceil(SORT_BLOCK);
         let mut sort = vec![(&passes.sort_blocks, &bound.sort_blocks, Work::Direct(blocks))];
         for (is_near, group) in &bound.exchanges {
             sort.push((if *is_near { &passes.sort_near } else { &passes.sort_far }, group, Work::Direct(blocks)));
         }
-        run(&mut encoder, "sort", &sort);
+        run(encoder, "sort", &sort);
         let mut tree = vec![(&passes.tree_bottom, &bound.tree_bottom, Work::Direct(leaves.div_ceil(TREE_BLOCK)))];
-        if leaves > TREE_BLOCK {
+        if *leaves > TREE_BLOCK {
             tree.push((&passes.tree_top, &bound.tree_top, Work::Direct(1)));
         }
-        run(&mut encoder, "tree", &tree);
+        run(encoder, "tree", &tree);
         let dispatch = || (&passes.dispatch, &bound.dispatch, Work::Direct(1));
-        run(&mut encoder, "broad", &[(&passes.broad_phase, &bound.broad_phase, Work::Direct(wide)), dispatch()]);
-        run(&mut encoder, "chords", &[(&passes.place_chords, &bound.place_chords, Work::Indirect(0))]);
-        run(&mut encoder, "mid", &[(&passes.mid_phase, &bound.mid_phase, Work::Indirect(1)), dispatch()]);
-        run(&mut encoder, "narrow", &[(&passes.narrow_phase, &bound.narrow_phase, Work::Indirect(2))]);
+        run(encoder, "broad", &[(&passes.broad_phase, &bound.broad_phase, Work::Direct(wide)), dispatch()]);
+        run(encoder, "chords", &[(&passes.place_chords, &bound.place_chords, Work::Indirect(0))]);
+        run(encoder, "mid", &[(&passes.mid_phase, &bound.mid_phase, Work::Indirect(1)), dispatch()]);
+        run(encoder, "narrow", &[(&passes.narrow_phase, &bound.narrow_phase, Work::Indirect(2))]);
 
-        let staging = buffers.get(Slot::Staging);
         let mut copy = |slot, at, size| {
             if size > 0 {
-                encoder.copy_buffer_to_buffer(buffers.get(slot), 0, staging, at, size);
+                encoder.copy_buffer_to_buffer(buffers.get(slot), 0, &staging, at, size);
             }
         };
         copy(Slot::Counters, 0, counters_size);
@@ -422,23 +432,35 @@ impl GpuCulling {
         if let Some(queries) = queries {
             let times = buffers.get(Slot::Times);
             encoder.resolve_query_set(queries, 0..2 * labels.len() as u32, times, 0);
-            encoder.copy_buffer_to_buffer(times, 0, staging, times_at, times_size);
+            encoder.copy_buffer_to_buffer(times, 0, &staging, times_at, times_size);
         }
-        let submission = gpu.queue.submit([encoder.finish()]);
-        let mut data = gpu.read(staging, times_at + times_size, submission)?;
-        let times: Vec<u64> = pod_collect_to_vec(&data[times_at as usize..]);
-        let period = f64::from(gpu.queue.get_timestamp_period());
-        self.times = labels
-            .iter()
-            .zip(times.chunks_exact(2))
-            .map(|(label, time)| {
-                let ticks = time[1].saturating_sub(time[0]);
-                (*label, Duration::from_nanos((ticks as f64 * period) as u64))
-            })
-            .collect();
-        data.truncate(times_at as usize);
-        let counts = list::<Counters>(&data, 1)[0];
-        Ok((data, counts))
+        Ok(Batch { staging, bytes, pairs, survivors, labels })
+    }
+
+    /// Takes what the passes have found, the bytes of the batch's staging buffer; nothing if a buffer was too small and has grown.
+    pub(crate) fn take(&mut self, batch: Batch, data: &[u8]) -> Option<Vec<Candidates>> {
+        let pairs_at = size_of::<Counters>();
+        let survivors_at = pairs_at + batch.pairs as usize * size_of::<Pair>();
+        let times_at = survivors_at + batch.survivors as usize * size_of::<Survivor>();
+        let counts = list::<Counters>(data, 1)[0];
+        if let Some(larger) = self.capacity.for_counts(&counts) {
+            info!("GPU buffers grow from {:?} to {larger:?}; `GpuCapacity` sets where they begin", self.capacity);
+            self.capacity = larger;
+            return None;
+        }
+        self.counts = counts;
+        let period = f64::from(self.gpu.queue.get_timestamp_period());
+        let time = |time: &[u64]| time[1].saturating_sub(time[0]) as f64 * period;
+        let ticks: Vec<u64> = pod_collect_to_vec(&data[times_at..]);
+        let times = ticks.chunks_exact(2).map(|ticks| Duration::from_nanos(time(ticks) as u64));
+        self.times = batch.labels.into_iter().zip(times).collect();
+        self.staging.push(batch.staging);
+        // A quarter more than what there is now.
+        self.expected = [counts.pairs, counts.survivors].map(|count| (count + count / 4).next_multiple_of(256));
+        if counts.pairs > batch.pairs || counts.survivors > batch.survivors {
+            return None;
+        }
+        Some(candidates(&list(&data[pairs_at..], counts.pairs), &list(&data[survivors_at..], counts.survivors)))
     }
 
     /// Makes the bind groups, if buffers have been made anew.

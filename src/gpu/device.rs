@@ -145,6 +145,13 @@ impl GpuDevice {
         })
     }
 
+    /// A buffer to read so many bytes from.
+    pub(super) fn staging(&self, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
+        let size = bytes.next_power_of_two();
+        self.require("bytes in a buffer", self.limits().max_buffer_size, size)?;
+        Ok(self.buffer("staging", size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST))
+    }
+
     /// Waits for a submission and reads a buffer that it wrote, from the start.
     pub(super) fn read(
         &self,

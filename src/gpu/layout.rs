@@ -50,7 +50,8 @@ pub(super) struct Body {
     pub owner: [u32; 2],
     pub world: u32,
     pub is_active: u32,
-    pub unused: [u32; 2],
+    pub slack: f32,
+    pub unused: u32,
 }
 
 /// `Static` in `motion.wgsl`.

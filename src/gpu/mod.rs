@@ -7,8 +7,11 @@ mod device;
 mod impacts;
 mod layout;
 mod pass;
+mod prediction;
 mod shapes;
 
+pub(crate) use culling::Batch;
 pub use culling::{GpuCapacity, GpuCulling};
 pub use device::{GpuDevice, GpuError};
 pub use impacts::{GpuImpacts, MovingPair};
+pub use prediction::Prediction;

@@ -132,14 +132,19 @@ fn consents(input: &StepInput, statics: &Statics, pair: &mut BodyPair, meeting: 
 fn near_pairs(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<BodyPair> {
     let mut widening = Widening::new(input);
     loop {
-        let spheres = parallel::map(pool, &input.bodies, 256, |index, body| {
-            SweptSphere::new(body, widening.margin(input, index))
-        });
+        let spheres = widening.spheres(input, pool);
         let pairs = near(input, statics, &spheres, pool);
         if !widening.widen(input, pairs.iter().map(|pair| [pair.first, pair.second])) {
             return pairs;
         }
     }
+}
+
+/// The sides of pairs that may come within the prediction distance of each other, of bodies that may leave their way by as much as is known.
+#[cfg(feature = "gpu")]
+pub(crate) fn near_sides(input: &StepInput, statics: &Statics, widening: &Widening, pool: &TaskPool) -> Vec<[Side; 2]> {
+    let spheres = widening.spheres(input, pool);
+    near(input, statics, &spheres, pool).into_iter().map(|pair| [pair.first, pair.second]).collect()
 }
 
 /// How far bodies may leave their own way: what a body carries along does, and so does what that carries in turn.
@@ -163,6 +168,16 @@ impl Widening {
     pub fn margin(&self, input: &StepInput, body: usize) -> f32 {
         let slide = if input.bodies[body].stops { SLIDE_WAY * input.prediction } else { 0.0 };
         0.5 * input.prediction + slide + self.carried[body]
+    }
+
+    fn spheres(&self, input: &StepInput, pool: &TaskPool) -> Vec<SweptSphere> {
+        parallel::map(pool, &input.bodies, 256, |index, body| SweptSphere::new(body, self.margin(input, index)))
+    }
+
+    /// True if a body may be carried off its way.
+    #[cfg(feature = "gpu")]
+    pub fn is_wider(&self, body: usize) -> bool {
+        self.carried[body] > 0.0
     }
 
     /// Takes in the pairs that have been found; true if bodies go farther than was known, and so may be in more pairs.

@@ -50,7 +50,7 @@ use crate::{
 
 use broad_phase::BodyPair;
 #[cfg(feature = "gpu")]
-pub(crate) use broad_phase::Widening;
+pub(crate) use broad_phase::{Widening, near_sides};
 use moving_boxes::BodyBoxes;
 
 pub use contact::{Contact, Manifold, Second};
@@ -240,14 +240,14 @@ impl StaticBody {
     }
 }
 
-/// The static bodies and the hierarchy over their boxes, rebuilt only when one of them changes.
+/// The static bodies and the hierarchy over their boxes, rebuilt only when one of them changes. Clones share them.
 #[derive(Clone, Debug, Default)]
 pub struct Statics {
     /// No other statics have it, but clones and those that are empty by default.
     id: u64,
-    bodies: Vec<StaticBody>,
-    boxes: Vec<Obb>,
-    bvh: Bvh,
+    bodies: Arc<[StaticBody]>,
+    boxes: Arc<[Obb]>,
+    bvh: Arc<Bvh>,
     /// Number of primitives and parts, and how many of them are medial.
     primitives: [usize; 2],
 }
@@ -259,7 +259,13 @@ impl Statics {
         let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
         let primitives = broad_phase::count(bodies.iter().map(|body| &body.solid));
         static NEXT: AtomicU64 = AtomicU64::new(1);
-        Self { id: NEXT.fetch_add(1, Ordering::Relaxed), bvh: Bvh::new(&aabbs), boxes, bodies, primitives }
+        Self {
+            id: NEXT.fetch_add(1, Ordering::Relaxed),
+            bvh: Arc::new(Bvh::new(&aabbs)),
+            boxes: boxes.into(),
+            bodies: bodies.into(),
+            primitives,
+        }
     }
 
     /// The bodies.

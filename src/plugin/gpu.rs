@@ -7,7 +7,7 @@ use bevy::{
     render::renderer::{RenderAdapterInfo, RenderDevice, RenderQueue},
 };
 
-use super::{MedialBackend, MedialStep};
+use super::{MedialBackend, MedialSettings, MedialStep, pipelined::LookAhead};
 use crate::{
     gpu::{GpuCapacity, GpuCulling, GpuDevice, GpuError},
     pipeline::{Candidates, Statics, StepInput, Times},
@@ -25,6 +25,7 @@ pub(super) struct GpuBackend {
     renderer: Option<GpuDevice>,
     state: State,
     choice: Choice,
+    pub look_ahead: LookAhead,
 }
 
 #[derive(Default)]
@@ -54,14 +55,39 @@ pub(super) fn adopt_renderer(
     mut step: ResMut<MedialStep>,
 ) {
     let (Some(device), Some(queue), Some(info)) = (device, queue, info) else { return };
-    let queue: &wgpu::Queue = &queue;
-    match GpuDevice::new(device.wgpu_device().clone(), queue.clone(), (***info).clone()) {
+    match of_renderer(&device, &queue, &info) {
         Ok(gpu) => step.gpu.renderer = Some(gpu),
         Err(error) => info!("medial meshes are culled on the CPU: {error}"),
     }
 }
 
+/// The renderer's device.
+pub(super) fn of_renderer(
+    device: &RenderDevice,
+    queue: &RenderQueue,
+    info: &RenderAdapterInfo,
+) -> Result<GpuDevice, GpuError> {
+    let queue: &wgpu::Queue = queue;
+    GpuDevice::new(device.wgpu_device().clone(), queue.clone(), (***info).clone())
+}
+
 impl GpuBackend {
+    /// True if the GPU is to look ahead.
+    pub fn looks_ahead(&self, settings: &MedialSettings, pairs: usize) -> bool {
+        settings.pipelined
+            && self.look_ahead.answers.is_some()
+            && match settings.backend {
+                MedialBackend::Cpu => false,
+                MedialBackend::Gpu => true,
+                MedialBackend::Auto => self.is_hardware() && pairs >= LEAST_PAIRS,
+            }
+    }
+
+    /// True if the renderer runs on hardware.
+    fn is_hardware(&self) -> bool {
+        self.renderer.as_ref().is_some_and(|gpu| !gpu.is_software())
+    }
+
     /// The pairs that may meet, if the GPU is to find them and does. Whatever goes wrong is told once; the CPU takes over.
     pub fn cull(
         &mut self,
@@ -74,8 +100,7 @@ impl GpuBackend {
             MedialBackend::Cpu => return None,
             MedialBackend::Gpu => false,
             MedialBackend::Auto => {
-                let fits = self.renderer.as_ref().is_some_and(|gpu| !gpu.is_software());
-                if !fits || pairs < LEAST_PAIRS {
+                if !self.is_hardware() || pairs < LEAST_PAIRS {
                     return None;
                 }
                 let compares = self.choice.compares(pairs);

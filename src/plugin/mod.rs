@@ -26,6 +26,8 @@ mod gpu;
 mod levels;
 mod loader;
 mod messages;
+#[cfg(feature = "gpu")]
+mod pipelined;
 mod report;
 mod step;
 #[cfg(not(feature = "rapier"))]
@@ -153,7 +155,10 @@ impl Plugin for MedialPhysicsPlugin {
         diagnostics::register(app);
         (self.add_systems)(app, self.schedule);
         #[cfg(feature = "gpu")]
-        app.add_systems(Startup, gpu::adopt_renderer);
+        {
+            app.add_systems(Startup, gpu::adopt_renderer);
+            pipelined::add(app);
+        }
         #[cfg(feature = "debug")]
         gizmos::add(app);
     }

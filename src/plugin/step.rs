@@ -1,6 +1,6 @@
 use std::time::Duration;
 #[cfg(feature = "gpu")]
-use std::time::Instant;
+use std::{sync::Arc, time::Instant};
 
 use bevy::{prelude::*, tasks::ComputeTaskPool};
 #[cfg(feature = "rapier")]
@@ -8,6 +8,8 @@ use bevy_rapier3d::rapier::geometry::ColliderHandle;
 
 #[cfg(feature = "gpu")]
 use super::gpu::GpuBackend;
+#[cfg(feature = "gpu")]
+use crate::gpu::Prediction;
 use crate::{
     geometry::Pose3,
     pipeline::{self, Candidates, Culling, Meeting, Side, Solid, Statics, StepInput, StepOutput},
@@ -38,11 +40,14 @@ pub struct MedialSettings {
     pub brute_force: bool,
     /// Where the pairs that may meet are found. Default: [`MedialBackend::Auto`].
     pub backend: MedialBackend,
+    /// Where the renderer's GPU finds the pairs, nobody waits for it: it looks some steps ahead, and what has left its way until it answers is culled
+    /// on the CPU. Default: false.
+    pub pipelined: bool,
 }
 
 impl Default for MedialSettings {
     fn default() -> Self {
-        Self { stop_at_impact: true, brute_force: false, backend: MedialBackend::Auto }
+        Self { stop_at_impact: true, brute_force: false, backend: MedialBackend::Auto, pipelined: false }
     }
 }
 
@@ -81,6 +86,20 @@ impl BodyInfo {
         }
     }
 
+    /// Tells it from others of all steps.
+    #[cfg(feature = "gpu")]
+    fn key(&self) -> u64 {
+        #[cfg(feature = "rapier")]
+        let key = {
+            // Some entities are several shapes.
+            let (index, generation) = self.collider.into_raw_parts();
+            u64::from(generation) << 32 | u64::from(index)
+        };
+        #[cfg(not(feature = "rapier"))]
+        let key = self.entity.to_bits();
+        key
+    }
+
     /// Velocity of a point of the body, before the step.
     pub fn velocity_at(&self, point: Vec3) -> Vec3 {
         self.linear + self.angular.cross(point - self.center)
@@ -98,6 +117,8 @@ pub struct MedialStep {
     pub statics: Statics,
     /// Pairs, contacts, impacts, counts and times.
     pub output: StepOutput,
+    /// Number of the step.
+    number: u64,
     /// Entity and velocities of each body.
     pub infos: Vec<BodyInfo>,
     /// Entity of each static.
@@ -109,6 +130,9 @@ pub struct MedialStep {
     pub dt: f32,
     #[cfg(feature = "gpu")]
     pub(super) gpu: GpuBackend,
+    /// By how many steps the answer of the GPU was late that the last step went by; none if it went by no such answer.
+    #[cfg(feature = "gpu")]
+    pub gpu_latency: Option<u32>,
 }
 
 impl MedialStep {
@@ -153,6 +177,7 @@ impl MedialStep {
         self.input.culling = if self.settings.brute_force { Culling::None } else { Culling::Hybrid };
         self.input.stop_at_impact = self.settings.stop_at_impact;
         let pool = ComputeTaskPool::get_or_init(Default::default);
+        self.number += 1;
         let culled = self.cull();
         let filter = |first, second| filter(self, first, second);
         self.output = match culled {
@@ -163,19 +188,48 @@ impl MedialStep {
             }
             None => pipeline::step_filtered(&self.input, &self.statics, filter, pool),
         };
+        #[cfg(feature = "gpu")]
+        self.look_ahead();
     }
 
     /// What the GPU has found, if it was asked, and how long it took.
     #[cfg(feature = "gpu")]
     fn cull(&mut self) -> Option<(Vec<Candidates>, Duration)> {
+        self.gpu_latency = None;
         if self.input.culling == Culling::None {
             return None;
         }
         self.gpu.note(&self.output.times);
         let clock = Instant::now();
         let pairs = self.output.counts.primitive_pairs;
-        let candidates = self.gpu.cull(self.settings.backend, &self.input, &self.statics, pairs)?;
-        Some((candidates, clock.elapsed()))
+        let candidates = if self.gpu.looks_ahead(&self.settings, pairs) {
+            self.look_up()
+        } else {
+            self.gpu.cull(self.settings.backend, &self.input, &self.statics, pairs)
+        };
+        Some((candidates?, clock.elapsed()))
+    }
+
+    /// The pairs of this step, by what the GPU has found by looking ahead.
+    #[cfg(feature = "gpu")]
+    fn look_up(&mut self) -> Option<Vec<Candidates>> {
+        let pool = ComputeTaskPool::get_or_init(Default::default);
+        let keys = self.infos.iter().map(BodyInfo::key);
+        let (prediction, found) = self.gpu.look_ahead.latest()?;
+        let candidates = prediction.candidates(found, &self.input, &self.statics, keys, self.number, pool);
+        self.gpu_latency = candidates.as_ref().map(|_| (self.number - prediction.after()) as u32);
+        candidates
+    }
+
+    /// Asks the GPU to look at the next steps.
+    #[cfg(feature = "gpu")]
+    fn look_ahead(&mut self) {
+        let pairs = self.output.counts.primitive_pairs;
+        self.gpu.look_ahead.asked = self.gpu.looks_ahead(&self.settings, pairs).then(|| {
+            let keys = self.infos.iter().map(BodyInfo::key);
+            let end_of = |body| self.final_pose(Side::Body(body));
+            Arc::new(Prediction::new(&self.input, &self.statics, keys, end_of, self.number))
+        });
     }
 
     #[cfg(not(feature = "gpu"))]

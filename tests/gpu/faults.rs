@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// An app with a scene.
-fn app(scene: &str, backend: MedialBackend) -> App {
+pub fn app(scene: &str, backend: MedialBackend) -> App {
     let mut app = headless_app(1.0 / 60.0);
     app.world_mut().resource_mut::<MedialSettings>().backend = backend;
     Scene::by_name(scene).unwrap().spawn(app.world_mut(), models(), 1);
@@ -26,7 +26,7 @@ fn app(scene: &str, backend: MedialBackend) -> App {
 }
 
 /// Asserts that two apps have had the same step, to the bit.
-fn assert_same(cpu: &App, gpu: &App, what: &str) {
+pub fn assert_same(cpu: &App, gpu: &App, what: &str) {
     let [cpu, gpu] = [cpu, gpu].map(|app| app.world().resource::<MedialStep>());
     assert_eq!(cpu.output.pairs, gpu.output.pairs, "{what}");
     assert_eq!(cpu.output.manifolds, gpu.output.manifolds, "{what}");

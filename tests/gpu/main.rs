@@ -8,6 +8,7 @@ mod common;
 mod culling;
 mod faults;
 mod kernels;
+mod pipelined;
 #[path = "../physics/random_steps.rs"]
 #[allow(dead_code)]
 mod random_steps;

@@ -1,0 +1,160 @@
+//! Looking ahead: what bodies will do in the next steps if nothing happens to them, so that nobody has to wait for the GPU.
+//!
+//! The GPU sweeps the bodies over several steps and finds the pairs that may meet in any of them, each body a little off its way. By the time the
+//! answer is there, most bodies are where they were expected to be, and their pairs hold. Those that have left their way, are new or have
+//! changed are culled on the CPU, against everything. Nothing is lost.
+
+use std::{collections::HashMap, sync::Arc};
+
+use bevy::tasks::TaskPool;
+use glam::Quat;
+
+use crate::{
+    constants::{LOOK_AHEAD_SLACK, LOOK_AHEAD_STEPS},
+    geometry::{Pose3, Sweep},
+    pipeline::{self, Body, Candidates, Side, Solid, Statics, StepInput, Widening},
+};
+
+/// The next [`LOOK_AHEAD_STEPS`] steps.
+pub struct Prediction {
+    /// The bodies, with their motion over all of these steps.
+    pub(crate) input: StepInput,
+    pub(crate) statics: Statics,
+    /// How far each may leave its way, in metres.
+    slack: Vec<f32>,
+    /// Which body is whose.
+    bodies: HashMap<u64, u32>,
+    /// Number of the step before the first.
+    after: u64,
+}
+
+impl Prediction {
+    /// What follows a step: each body goes on as it did in that step, from where it has ended it. `keys` tell the bodies from others.
+    pub fn new(
+        input: &StepInput,
+        statics: &Statics,
+        keys: impl Iterator<Item = u64>,
+        end_of: impl Fn(u32) -> Pose3,
+        number: u64,
+    ) -> Self {
+        let mut input = input.clone();
+        for (index, body) in (0..).zip(&mut input.bodies) {
+            body.sweep = continued(&body.sweep, end_of(index));
+        }
+        let slack = |body: &Body| LOOK_AHEAD_SLACK * body.solid.bounding_sphere().radius + input.prediction;
+        Self {
+            slack: input.bodies.iter().map(slack).collect(),
+            bodies: keys.zip(0..).collect(),
+            statics: statics.clone(),
+            input,
+            after: number,
+        }
+    }
+
+    /// Number of the step before the first that is looked ahead to.
+    pub fn after(&self) -> u64 {
+        self.after
+    }
+
+    /// In metres: how far outside of its bounding sphere a body may meet something, and how far it may leave its way.
+    pub(crate) fn margins(&self, widening: &Widening, body: usize) -> [f32; 2] {
+        [widening.margin(&self.input, body), self.slack[body]]
+    }
+
+    /// The pairs that may meet in a step, by what was found for all of them; none if the step is not one of them, or statics have changed.
+    pub fn candidates(
+        &self,
+        found: &[Candidates],
+        input: &StepInput,
+        statics: &Statics,
+        keys: impl Iterator<Item = u64>,
+        number: u64,
+        pool: &TaskPool,
+    ) -> Option<Vec<Candidates>> {
+        let step = u32::try_from(number.checked_sub(self.after)?).ok()?;
+        let holds = statics.id() == self.statics.id() && input.prediction <= self.input.prediction;
+        if !holds || !(1..=LOOK_AHEAD_STEPS).contains(&step) {
+            return None;
+        }
+        let mut now = vec![None; self.input.bodies.len()];
+        let mut departed = vec![true; input.bodies.len()];
+        for ((index, body), key) in (0..).zip(&input.bodies).zip(keys) {
+            let Some(known) = self.bodies.get(&key).map(|known| *known as usize) else { continue };
+            if is_same(&self.input.bodies[known], body) && self.deviation(known, body, step) <= self.slack[known] {
+                departed[index as usize] = false;
+                now[known] = Some(index);
+            }
+        }
+        let side_now = |side: Side| match side {
+            Side::Body(body) => now[body as usize].map(Side::Body),
+            Side::Static(_) => Some(side),
+        };
+        let mut kept: Vec<Candidates> = found
+            .iter()
+            .filter_map(|Candidates { sides: [first, second], primitives }| {
+                let sides = [side_now(*first)?, side_now(*second)?];
+                Some(Candidates { sides, primitives: primitives.clone() })
+            })
+            .collect();
+        // What a body carries along leaves its way.
+        let mut widening = Widening::new(input);
+        loop {
+            let is_departed = |side: &Side| side.body().is_some_and(|body| departed[body as usize]);
+            kept.retain(|pair| !pair.sides.iter().any(is_departed));
+            let mut all = kept.clone();
+            if departed.contains(&true) {
+                let near = pipeline::near_sides(input, statics, &widening, pool);
+                let near = near.into_iter().filter(|sides| sides.iter().any(is_departed));
+                all.extend(near.map(|sides| Candidates { sides, primitives: None }));
+            }
+            if !widening.widen(input, all.iter().map(|pair| pair.sides)) {
+                return Some(all);
+            }
+            for (body, departed) in departed.iter_mut().enumerate() {
+                *departed |= widening.is_wider(body);
+            }
+        }
+    }
+
+    /// How far any point of a body may be from where it was expected in one of the steps, in metres.
+    fn deviation(&self, known: usize, body: &Body, step: u32) -> f32 {
+        let expected = self.input.bodies[known].sweep;
+        let Sweep { local_center, .. } = body.sweep;
+        if local_center != expected.local_center {
+            return f32::INFINITY;
+        }
+        let arm = body.solid.bounding_sphere().farthest(local_center);
+        let steps = LOOK_AHEAD_STEPS as f32;
+        let at = |pose: &Pose3, step: u32| {
+            let expected = expected.pose_at(step as f32 / steps);
+            let apart = pose.transform_point(local_center) - expected.transform_point(local_center);
+            let turn = (pose.rotation * expected.rotation.inverse()).xyz().length().min(1.0).asin();
+            apart.length() + 2.0 * turn * arm
+        };
+        // In between, rates that differ count besides.
+        let rates = (body.sweep.rotation - expected.rotation / steps).length() * arm;
+        at(&body.sweep.start, step - 1).max(at(&body.sweep.end, step)) + rates
+    }
+}
+
+/// A motion that goes on from `start` for the steps ahead.
+fn continued(sweep: &Sweep, start: Pose3) -> Sweep {
+    let steps = LOOK_AHEAD_STEPS as f32;
+    let (translation, rotation) = (sweep.translation * steps, sweep.rotation * steps);
+    let turned = (Quat::from_scaled_axis(rotation) * start.rotation).normalize();
+    let center = start.transform_point(sweep.local_center) + translation;
+    let end = Pose3::from_parts(center - turned * sweep.local_center, turned);
+    Sweep { start, end, translation, rotation, local_center: sweep.local_center }
+}
+
+/// True if what was found for a body, its motion aside, holds for another.
+fn is_same(known: &Body, body: &Body) -> bool {
+    let solid = match (&known.solid, &body.solid) {
+        (Solid::Medial(a), Solid::Medial(b)) => a.axis.address() == b.axis.address() && a.scale == b.scale,
+        (Solid::Parts(a), Solid::Parts(b)) => Arc::ptr_eq(a, b),
+        _ => false,
+    };
+    solid
+        && (known.groups, known.owner, known.world) == (body.groups, body.owner, body.world)
+        && (known.active || !body.active)
+}

@@ -1,0 +1,170 @@
+//! The GPU back end in the render world: it looks some steps ahead, and nobody waits for it.
+//!
+//! | where | what |
+//! |---|---|
+//! | main world, after a step | what the next steps will be, if nothing happens |
+//! | `ExtractSchedule` | that goes to the render world |
+//! | `RenderSystems::PrepareResources` | earlier answers are taken, poses are uploaded |
+//! | `RenderGraph` | the passes of [`GpuCulling`] |
+//! | `RenderSystems::Cleanup` | the answer is asked for |
+//! | main world, two or three steps later | the pairs of that step, by the latest answer |
+
+use std::sync::{
+    Arc, Mutex,
+    mpsc::{Receiver, Sender, channel},
+};
+
+use bevy::{
+    prelude::*,
+    render::{
+        Extract, ExtractSchedule, Render, RenderApp, RenderSystems,
+        renderer::{
+            FlushCommands, RenderAdapterInfo, RenderContext, RenderDevice, RenderGraph, RenderGraphSystems, RenderQueue,
+        },
+    },
+};
+
+use super::{MedialStep, gpu::of_renderer};
+use crate::{
+    gpu::{Batch, GpuCapacity, GpuCulling, Prediction},
+    pipeline::{Candidates, Widening},
+};
+
+/// The pairs that may meet in the steps that a prediction is about.
+pub(super) type Answer = (Arc<Prediction>, Vec<Candidates>);
+
+/// What the main world keeps.
+#[derive(Default)]
+pub(super) struct LookAhead {
+    /// Where answers come in, if there is a renderer.
+    pub answers: Option<Mutex<Receiver<Answer>>>,
+    pub latest: Option<Answer>,
+    /// The steps after the last one, to be looked at.
+    pub asked: Option<Arc<Prediction>>,
+}
+
+impl LookAhead {
+    /// The latest answer.
+    pub fn latest(&mut self) -> Option<&Answer> {
+        if let Some(answers) = &self.answers
+            && let Ok(answers) = answers.lock()
+        {
+            self.latest = answers.try_iter().last().or(self.latest.take());
+        }
+        self.latest.as_ref()
+    }
+}
+
+/// The back end in the render world.
+#[derive(Resource)]
+struct RenderCulling {
+    state: State,
+    asked: Option<Arc<Prediction>>,
+    /// What is uploaded, then recorded.
+    uploaded: Option<Arc<Prediction>>,
+    recorded: Option<(Arc<Prediction>, Batch)>,
+    mapped: (Sender<Mapped>, Mutex<Receiver<Mapped>>),
+    answers: Sender<Answer>,
+}
+
+/// A batch whose staging buffer can be read, or cannot.
+type Mapped = (Arc<Prediction>, Batch, bool);
+
+enum State {
+    Unused,
+    Ready(Box<GpuCulling>),
+    Failed,
+}
+
+/// Adds the back end to the render world, if there is one.
+pub(super) fn add(app: &mut App) {
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+    let (answers, receiver) = channel();
+    let (mapped, arrived) = channel();
+    render_app
+        .insert_resource(RenderCulling {
+            state: State::Unused,
+            asked: None,
+            uploaded: None,
+            recorded: None,
+            mapped: (mapped, Mutex::new(arrived)),
+            answers,
+        })
+        .add_systems(ExtractSchedule, extract)
+        .add_systems(Render, upload.in_set(RenderSystems::PrepareResources))
+        .add_systems(RenderGraph, record.in_set(RenderGraphSystems::Render))
+        // Without the core pipeline nobody else does.
+        .add_systems(RenderGraph, (|mut commands: FlushCommands| commands.flush()).in_set(RenderGraphSystems::Submit))
+        .add_systems(Render, read_back.in_set(RenderSystems::Cleanup));
+    app.world_mut().resource_mut::<MedialStep>().gpu.look_ahead.answers = Some(Mutex::new(receiver));
+}
+
+fn extract(step: Extract<Res<MedialStep>>, mut culling: ResMut<RenderCulling>) {
+    culling.asked.clone_from(&step.gpu.look_ahead.asked);
+}
+
+fn upload(
+    mut culling: ResMut<RenderCulling>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    info: Res<RenderAdapterInfo>,
+    mut last: Local<u64>,
+) {
+    let culling = &mut *culling;
+    let asked = culling.asked.take().filter(|asked| asked.after() != std::mem::replace(&mut *last, asked.after()));
+    if let (State::Unused, Some(_)) = (&culling.state, &asked) {
+        let passes = of_renderer(&device, &queue, &info).and_then(|gpu| GpuCulling::new(&gpu, GpuCapacity::default()));
+        culling.state = match passes {
+            Ok(passes) => State::Ready(Box::new(passes)),
+            Err(error) => {
+                warn!("medial meshes are culled on the CPU: {error}");
+                State::Failed
+            }
+        };
+    }
+    let State::Ready(passes) = &mut culling.state else { return };
+    // Callbacks of what is done run in here; a device that is lost says so to them.
+    let _ = device.poll(wgpu::PollType::Poll);
+    let arrived: Vec<Mapped> =
+        culling.mapped.1.lock().map_or_else(|_| Vec::new(), |mapped| mapped.try_iter().collect());
+    for (prediction, batch, readable) in arrived {
+        if !readable {
+            warn!("medial meshes are culled on the CPU from now on: the GPU `{}` is lost", passes.device().name());
+            culling.state = State::Failed;
+            return;
+        }
+        let data = batch.staging.slice(..batch.bytes).get_mapped_range().to_vec();
+        batch.staging.unmap();
+        if let Some(found) = passes.take(batch, &data) {
+            // An app that is going down does not listen.
+            let _ = culling.answers.send((prediction, found));
+        }
+    }
+    if let Some(asked) = asked {
+        let widening = Widening::new(&asked.input);
+        match passes.upload(&asked.input, &asked.statics, |body| asked.margins(&widening, body)) {
+            Ok(()) => culling.uploaded = Some(asked),
+            Err(error) => warn_once!("steps are culled on the CPU: {error}"),
+        }
+    }
+}
+
+fn record(mut culling: ResMut<RenderCulling>, mut context: RenderContext) {
+    let culling = &mut *culling;
+    let (State::Ready(passes), Some(prediction)) = (&mut culling.state, culling.uploaded.take()) else { return };
+    match passes.encode(context.command_encoder()) {
+        Ok(batch) => culling.recorded = Some((prediction, batch)),
+        Err(error) => warn_once!("steps are culled on the CPU: {error}"),
+    }
+}
+
+/// The passes have been submitted by now.
+fn read_back(mut culling: ResMut<RenderCulling>) {
+    let Some((prediction, batch)) = culling.recorded.take() else { return };
+    let sender = culling.mapped.0.clone();
+    let staging = batch.staging.clone();
+    staging.slice(..batch.bytes).map_async(wgpu::MapMode::Read, move |result| {
+        // A render world that is gone does not listen.
+        let _ = sender.send((prediction, batch, result.is_ok()));
+    });
+}
