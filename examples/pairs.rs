@@ -72,7 +72,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         count += 1;
     }
 
-    let solver = Solver::new(args)?;
+    let mut solver = Solver::new(args)?;
     let mut answers = vec![String::new(); count];
     let mut timings = Vec::new();
     for (kind, pairs) in &kinds {
@@ -121,7 +121,7 @@ impl Solver {
         }
     }
 
-    fn solve(&self, pairs: &[(usize, Pair)]) -> Result<Vec<TimeOfImpact>, GpuError> {
+    fn solve(&mut self, pairs: &[(usize, Pair)]) -> Result<Vec<TimeOfImpact>, GpuError> {
         match self {
             Self::Cpu(method) => Ok(pairs.iter().map(|(_, pair)| solve(pair, *method)).collect()),
             Self::Gpu(impacts) => impacts.run(&pairs.iter().map(|(_, pair)| for_gpu(pair)).collect::<Vec<_>>()),

@@ -24,10 +24,9 @@ pub(super) enum Slot {
     Candidates,
     Survivors,
     Groups,
-    Times,
 }
 
-const SLOTS: usize = Slot::Times as usize + 1;
+const SLOTS: usize = Slot::Groups as usize + 1;
 
 impl Slot {
     fn usage(self) -> Usage {
@@ -36,7 +35,6 @@ impl Slot {
             Slot::Counters => Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC,
             Slot::Pairs | Slot::Survivors => Usage::STORAGE | Usage::COPY_SRC,
             Slot::Groups => Usage::STORAGE | Usage::INDIRECT,
-            Slot::Times => Usage::QUERY_RESOLVE | Usage::COPY_SRC,
             _ => Usage::STORAGE | Usage::COPY_DST,
         }
     }
@@ -65,10 +63,7 @@ impl Buffers {
         }
         let limits = gpu.limits();
         let bytes = bytes.max(LEAST);
-        let most = match slot {
-            Slot::Times => limits.max_buffer_size,
-            _ => limits.max_buffer_size.min(limits.max_storage_buffer_binding_size),
-        };
+        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
         gpu.require("bytes in a buffer", most, bytes)?;
         *known = Some(gpu.buffer(&format!("{slot:?}"), bytes.next_power_of_two().min(most), slot.usage()));
         self.generation += 1;

@@ -20,7 +20,7 @@
 
 use std::time::Duration;
 
-use bevy::log::info;
+use bevy::prelude::*;
 use bytemuck::{Pod, bytes_of, cast_slice, pod_collect_to_vec};
 use glam::Vec3;
 
@@ -30,6 +30,7 @@ use super::{
     layout::{Counters, Exchange, Pair, Params, STATIC, Survivor, UNKNOWN},
     pass::{KERNELS, Pass, shader},
     shapes::Shapes,
+    timer::Timer,
 };
 use crate::{
     geometry::{Aabb, Sphere},
@@ -41,23 +42,24 @@ const SWEPT: u64 = 32;
 const KEY: u64 = 8;
 const NODE: u64 = 32;
 const PAIR_CHORD: u64 = 16;
-const CHORD: u64 = 176;
-const CANDIDATE: u64 = 12;
+pub(super) const CHORD: u64 = 176;
+pub(super) const CANDIDATE: u64 = 12;
 /// Keys that a workgroup sorts by itself, and leaves whose tree it makes.
 const SORT_BLOCK: u32 = 512;
 const TREE_BLOCK: u32 = 256;
 /// Bytes between two uniforms of one buffer.
 const UNIFORM: u64 = 256;
-/// Passes at most, for their times.
-const MAX_TIMED: u32 = 16;
+/// Passes of which times are told.
+const PASSES: u32 = 7;
 
 const MOTION: &str = include_str!("../../shaders/motion.wgsl");
 const SORT: &str = include_str!("../../shaders/sort.wgsl");
 const TREE: &str = include_str!("../../shaders/tree.wgsl");
 const CHORD_FILE: &str = include_str!("../../shaders/chord.wgsl");
 
-/// How many of each there is room for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// How many of each there is room for at first. More of them, and the buffers grow.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Default, Clone, PartialEq)]
 pub struct GpuCapacity {
     /// Body pairs.
     pub pairs: u32,
@@ -91,7 +93,7 @@ pub struct GpuCulling {
     statics: Option<(u64, u32)>,
     /// Buffers to read from that nobody uses.
     staging: Vec<wgpu::Buffer>,
-    queries: Option<wgpu::QuerySet>,
+    timer: Timer,
     times: Vec<(&'static str, Duration)>,
     counts: Counters,
 }
@@ -239,7 +241,7 @@ impl GpuCulling {
             expected: [256, 1024],
             statics: None,
             staging: Vec::new(),
-            queries: gpu.timestamps(2 * MAX_TIMED),
+            timer: Timer::new(gpu, PASSES),
             times: Vec::new(),
             counts: Counters::default(),
             gpu: gpu.clone(),
@@ -348,7 +350,6 @@ impl GpuCulling {
             (Slot::Candidates, candidates, CANDIDATE),
             (Slot::Survivors, survivors, size_of::<Survivor>() as u64),
             (Slot::Groups, 9, 4),
-            (Slot::Times, 2 * MAX_TIMED, 8),
         ] {
             buffers.reserve(gpu, slot, u64::from(count) * size)?;
         }
@@ -371,23 +372,17 @@ impl GpuCulling {
         let pairs_size = u64::from(pairs) * size_of::<Pair>() as u64;
         let survivors_size = u64::from(survivors) * size_of::<Survivor>() as u64;
         let times_at = counters_size + pairs_size + survivors_size;
-        let times_size = if self.queries.is_some() { u64::from(2 * MAX_TIMED) * 8 } else { 0 };
-        let bytes = times_at + times_size;
+        let bytes = times_at + self.timer.bytes();
         let staging = self.staging.pop().filter(|staging| staging.size() >= bytes);
         let staging = staging.map_or_else(|| self.gpu.staging(bytes), Ok)?;
         let (buffers, passes) = (&self.buffers, &self.passes);
         let Some((_, leaves, bound)) = &self.bound else { unreachable!("uploading binds") };
 
         let mut labels = Vec::new();
-        let queries = &self.queries;
+        let timer = &self.timer;
         let mut run =
             |encoder: &mut wgpu::CommandEncoder, label: &'static str, steps: &[(&Pass, &wgpu::BindGroup, Work)]| {
-                let at = 2 * labels.len() as u32;
-                let timestamp_writes = queries.as_ref().map(|query_set| wgpu::ComputePassTimestampWrites {
-                    query_set,
-                    beginning_of_pass_write_index: Some(at),
-                    end_of_pass_write_index: Some(at + 1),
-                });
+                let timestamp_writes = timer.writes(labels.len() as u32);
                 labels.push(label);
                 let descriptor = wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes };
                 let mut pass = encoder.begin_compute_pass(&descriptor);
@@ -429,11 +424,7 @@ impl GpuCulling {
         copy(Slot::Counters, 0, counters_size);
         copy(Slot::Pairs, counters_size, pairs_size);
         copy(Slot::Survivors, counters_size + pairs_size, survivors_size);
-        if let Some(queries) = queries {
-            let times = buffers.get(Slot::Times);
-            encoder.resolve_query_set(queries, 0..2 * labels.len() as u32, times, 0);
-            encoder.copy_buffer_to_buffer(times, 0, &staging, times_at, times_size);
-        }
+        timer.resolve(encoder, PASSES, &staging, times_at);
         Ok(Batch { staging, bytes, pairs, survivors, labels })
     }
 
@@ -449,11 +440,7 @@ impl GpuCulling {
             return None;
         }
         self.counts = counts;
-        let period = f64::from(self.gpu.queue.get_timestamp_period());
-        let time = |time: &[u64]| time[1].saturating_sub(time[0]) as f64 * period;
-        let ticks: Vec<u64> = pod_collect_to_vec(&data[times_at..]);
-        let times = ticks.chunks_exact(2).map(|ticks| Duration::from_nanos(time(ticks) as u64));
-        self.times = batch.labels.into_iter().zip(times).collect();
+        self.times = batch.labels.into_iter().zip(self.timer.durations(&data[times_at..])).collect();
         self.staging.push(batch.staging);
         // A quarter more than what there is now.
         self.expected = [counts.pairs, counts.survivors].map(|count| (count + count / 4).next_multiple_of(256));

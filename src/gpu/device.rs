@@ -116,15 +116,6 @@ impl GpuDevice {
         self.device.limits()
     }
 
-    /// Queries of so many times, if the device can tell them.
-    pub(super) fn timestamps(&self, count: u32) -> Option<wgpu::QuerySet> {
-        let supported = self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
-        supported.then(|| {
-            let ty = wgpu::QueryType::Timestamp;
-            self.device.create_query_set(&wgpu::QuerySetDescriptor { label: Some("passes"), ty, count })
-        })
-    }
-
     /// Runs what makes something of a pass; an error of the device becomes one here.
     pub(super) fn checked<T>(&self, pass: &'static str, make: impl FnOnce(&wgpu::Device) -> T) -> Result<T, GpuError> {
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);

@@ -1,9 +1,12 @@
+use std::time::Duration;
+
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use super::{
     GpuDevice, GpuError,
     pass::{KERNELS, Pass, shader},
+    timer::Timer,
 };
 use crate::query::{Cuboid, Moving, Separation, TimeOfImpact, TimeOfImpactStatus};
 
@@ -70,6 +73,8 @@ struct Answer {
 pub struct GpuImpacts {
     gpu: GpuDevice,
     pass: Pass,
+    timer: Timer,
+    time: Option<Duration>,
 }
 
 impl GpuImpacts {
@@ -79,7 +84,12 @@ impl GpuImpacts {
     /// If the device refuses the shader.
     pub fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
         let text = shader(&[KERNELS, &[include_str!("../../shaders/impacts.wgsl")]].concat());
-        Ok(Self { gpu: gpu.clone(), pass: Pass::new(gpu, "impacts", text)? })
+        Ok(Self { pass: Pass::new(gpu, "impacts", text)?, timer: Timer::new(gpu, 1), time: None, gpu: gpu.clone() })
+    }
+
+    /// How long the device took for the last pairs, without upload and readback, if it can tell.
+    pub fn time(&self) -> Option<Duration> {
+        self.time
     }
 
     /// What [`time_of_impact`](crate::query::time_of_impact) finds for each pair over the whole step, up to the rounding of f32. Points are
@@ -87,7 +97,7 @@ impl GpuImpacts {
     ///
     /// # Errors
     /// If the pairs are more than the device can take at a time, or it is lost.
-    pub fn run(&self, pairs: &[MovingPair]) -> Result<Vec<TimeOfImpact>, GpuError> {
+    pub fn run(&mut self, pairs: &[MovingPair]) -> Result<Vec<TimeOfImpact>, GpuError> {
         let (gpu, limits) = (&self.gpu, self.gpu.device.limits());
         let bytes = size_of_val(pairs) as u64;
         gpu.require("bytes in a storage buffer", limits.max_storage_buffer_binding_size.into(), bytes)?;
@@ -100,20 +110,25 @@ impl GpuImpacts {
         use wgpu::BufferUsages as Usage;
         let input = gpu.buffer("pairs", bytes, Usage::STORAGE | Usage::COPY_DST);
         let output = gpu.buffer("results", size, Usage::STORAGE | Usage::COPY_SRC);
-        let staging = gpu.buffer("staging", size, Usage::MAP_READ | Usage::COPY_DST);
+        let staging = gpu.staging(size + self.timer.bytes())?;
         gpu.queue.write_buffer(&input, 0, bytemuck::cast_slice(pairs));
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         {
             let group =
                 self.pass.bind(gpu, &[(0, input.as_entire_buffer_binding()), (1, output.as_entire_buffer_binding())]);
-            let mut pass = encoder.begin_compute_pass(&Default::default());
+            let timestamp_writes = self.timer.writes(0);
+            let descriptor = wgpu::ComputePassDescriptor { label: Some("impacts"), timestamp_writes };
+            let mut pass = encoder.begin_compute_pass(&descriptor);
             self.pass.set(&mut pass, &group);
             pass.dispatch_workgroups(groups, 1, 1);
         }
         encoder.copy_buffer_to_buffer(&output, 0, &staging, 0, size);
+        self.timer.resolve(&mut encoder, 1, &staging, size);
         let submission = gpu.queue.submit([encoder.finish()]);
-        let data = gpu.read(&staging, size, submission)?;
-        Ok(bytemuck::pod_collect_to_vec::<u8, Answer>(&data).iter().map(Answer::decoded).collect())
+        let data = gpu.read(&staging, size + self.timer.bytes(), submission)?;
+        let (answers, times) = data.split_at(size as usize);
+        self.time = self.timer.durations(times).first().copied();
+        Ok(bytemuck::pod_collect_to_vec::<u8, Answer>(answers).iter().map(Answer::decoded).collect())
     }
 }
 

@@ -119,3 +119,62 @@ pub(super) struct Exchange {
     pub size: u32,
     pub distance: u32,
 }
+
+#[cfg(test)]
+mod tests {
+    use std::mem::offset_of;
+
+    use wgpu::naga::{TypeInner, front::wgsl::parse_str};
+
+    use super::*;
+    use crate::gpu::{
+        culling::{CANDIDATE, CHORD},
+        pass::{KERNELS, shader},
+    };
+
+    /// Size of a struct in the shaders, and where its members are.
+    fn in_shader(files: &[&str], name: &str) -> (u32, Vec<(String, u32)>) {
+        let module = parse_str(&shader(files)).unwrap();
+        let found = module.types.iter().find_map(|(_, ty)| match (&ty.name, &ty.inner) {
+            (Some(found), TypeInner::Struct { members, span }) if found == name => {
+                Some((*span, members.iter().map(|m| (m.name.clone().unwrap(), m.offset)).collect()))
+            }
+            _ => None,
+        });
+        found.unwrap_or_else(|| panic!("{name} is not there"))
+    }
+
+    macro_rules! assert_layout {
+        ($files:expr, $name:ident { $($member:ident)* }) => {
+            let (size, members) = in_shader($files, stringify!($name));
+            assert_eq!(size as usize, size_of::<$name>(), stringify!($name));
+            let own = vec![$((stringify!($member).to_owned(), offset_of!($name, $member) as u32)),*];
+            assert_eq!(members, own, stringify!($name));
+        };
+    }
+
+    #[test]
+    fn structs_are_those_of_the_shaders() {
+        let motion = &[include_str!("../../shaders/motion.wgsl")][..];
+        let chord = &[motion, &[include_str!("../../shaders/chord.wgsl")]].concat()[..];
+        let narrow = [KERNELS, chord, &[include_str!("../../shaders/narrow_phase.wgsl")]].concat();
+        assert_layout!(motion, Params {
+            bodies leaves static_nodes prediction low max_pairs cells max_chords max_candidates max_survivors
+        });
+        assert_layout!(motion, Body {
+            position shape rotation translation scale turn arm local_center margin bound memberships collides_with owner
+            world is_active slack
+        });
+        assert_layout!(motion, Static {
+            center shape rotation half rounding position scale radius memberships collides_with world owner
+        });
+        assert_layout!(motion, Counters { pairs chords candidates survivors });
+        assert_layout!(motion, Pair { first second });
+        assert_layout!(chord, Shape { spheres primitives primitive_count nodes node_count });
+        assert_layout!(&narrow, Survivor { pair first second fraction });
+        assert_layout!(&[include_str!("../../shaders/sort.wgsl")], Exchange { size distance });
+        for (size, name) in [(CHORD, "Chord"), (CANDIDATE, "Candidate")] {
+            assert_eq!(u64::from(in_shader(&narrow, name).0), size, "{name}");
+        }
+    }
+}

@@ -9,6 +9,7 @@ mod layout;
 mod pass;
 mod prediction;
 mod shapes;
+mod timer;
 
 pub(crate) use culling::Batch;
 pub use culling::{GpuCapacity, GpuCulling};

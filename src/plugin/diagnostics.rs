@@ -29,6 +29,20 @@ pub mod paths {
     pub const CANDIDATES: DiagnosticPath = DiagnosticPath::const_new("medial/candidates");
     /// Contact points.
     pub const CONTACTS: DiagnosticPath = DiagnosticPath::const_new("medial/contacts");
+    /// Passes on the GPU, in milliseconds of its time: those of [`GpuCulling`](crate::gpu::GpuCulling).
+    #[cfg(feature = "gpu")]
+    pub const GPU: [DiagnosticPath; 7] = [
+        DiagnosticPath::const_new("medial/gpu/place_ms"),
+        DiagnosticPath::const_new("medial/gpu/sort_ms"),
+        DiagnosticPath::const_new("medial/gpu/tree_ms"),
+        DiagnosticPath::const_new("medial/gpu/broad_ms"),
+        DiagnosticPath::const_new("medial/gpu/chords_ms"),
+        DiagnosticPath::const_new("medial/gpu/mid_ms"),
+        DiagnosticPath::const_new("medial/gpu/narrow_ms"),
+    ];
+    /// How many steps late the GPU's answer was that the step went by.
+    #[cfg(feature = "gpu")]
+    pub const GPU_LATENCY: DiagnosticPath = DiagnosticPath::const_new("medial/gpu/latency_steps");
     /// Bodies stopped at an impact.
     pub const STOPPED: DiagnosticPath = DiagnosticPath::const_new("medial/stopped");
 }
@@ -44,6 +58,13 @@ pub(super) fn register(app: &mut App) {
     for path in COUNTS {
         app.register_diagnostic(Diagnostic::new(path));
     }
+    #[cfg(feature = "gpu")]
+    {
+        paths::GPU.into_iter().for_each(|path| {
+            app.register_diagnostic(Diagnostic::new(path).with_suffix("ms"));
+        });
+        app.register_diagnostic(Diagnostic::new(paths::GPU_LATENCY));
+    }
 }
 
 pub(super) fn measure(step: Res<MedialStep>, mut diagnostics: Diagnostics) {
@@ -55,5 +76,14 @@ pub(super) fn measure(step: Res<MedialStep>, mut diagnostics: Diagnostics) {
     let counts = [counts.bodies, counts.body_pairs, counts.candidates, counts.contacts, step.output.stops.len()];
     for (path, count) in COUNTS.iter().zip(counts) {
         diagnostics.add_measurement(path, || count as f64);
+    }
+    #[cfg(feature = "gpu")]
+    {
+        for (path, (_, time)) in paths::GPU.iter().zip(step.gpu_times()) {
+            diagnostics.add_measurement(path, || milliseconds(*time));
+        }
+        if let Some(steps) = step.gpu_latency {
+            diagnostics.add_measurement(&paths::GPU_LATENCY, || steps.into());
+        }
     }
 }

@@ -26,6 +26,7 @@ pub(super) struct GpuBackend {
     state: State,
     choice: Choice,
     pub look_ahead: LookAhead,
+    pub capacity: GpuCapacity,
 }
 
 #[derive(Default)]
@@ -47,13 +48,15 @@ struct Choice {
     cpu: Duration,
 }
 
-/// Takes the renderer's device, if there is one.
+/// Takes the renderer's device, if there is one, and the settings.
 pub(super) fn adopt_renderer(
     device: Option<Res<RenderDevice>>,
     queue: Option<Res<RenderQueue>>,
     info: Option<Res<RenderAdapterInfo>>,
+    capacity: Res<GpuCapacity>,
     mut step: ResMut<MedialStep>,
 ) {
+    step.gpu.capacity = *capacity;
     let (Some(device), Some(queue), Some(info)) = (device, queue, info) else { return };
     match of_renderer(&device, &queue, &info) {
         Ok(gpu) => step.gpu.renderer = Some(gpu),
@@ -137,7 +140,7 @@ impl GpuBackend {
     fn start(&mut self, backend: MedialBackend) -> Option<&mut GpuCulling> {
         if let State::Unused = self.state {
             let device = self.renderer.clone().map_or_else(GpuDevice::request, Ok);
-            self.state = match device.and_then(|gpu| GpuCulling::new(&gpu, GpuCapacity::default())) {
+            self.state = match device.and_then(|gpu| GpuCulling::new(&gpu, self.capacity)) {
                 Ok(culling) => {
                     info!("medial meshes can be culled on the GPU `{}` ({backend:?})", culling.device().name());
                     State::Ready(Box::new(culling))
@@ -157,6 +160,14 @@ impl GpuBackend {
     /// Notes what the CPU took to cull a step.
     pub fn note(&mut self, times: &Times) {
         self.choice.cpu = times.broad + times.mid;
+    }
+
+    /// Time of each pass of the last answer.
+    pub fn times(&self) -> &[(&'static str, Duration)] {
+        match &self.look_ahead.latest {
+            Some(answer) => &answer.times,
+            None => self.culling().map_or(&[], GpuCulling::times),
+        }
     }
 
     /// The passes, if they run.

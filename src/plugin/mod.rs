@@ -156,6 +156,7 @@ impl Plugin for MedialPhysicsPlugin {
         (self.add_systems)(app, self.schedule);
         #[cfg(feature = "gpu")]
         {
+            app.init_resource::<crate::gpu::GpuCapacity>().register_type::<crate::gpu::GpuCapacity>();
             app.add_systems(Startup, gpu::adopt_renderer);
             pipelined::add(app);
         }

@@ -9,9 +9,12 @@
 //! | `RenderSystems::Cleanup` | the answer is asked for |
 //! | main world, two or three steps later | the pairs of that step, by the latest answer |
 
-use std::sync::{
-    Arc, Mutex,
-    mpsc::{Receiver, Sender, channel},
+use std::{
+    sync::{
+        Arc, Mutex,
+        mpsc::{Receiver, Sender, channel},
+    },
+    time::Duration,
 };
 
 use bevy::{
@@ -31,7 +34,12 @@ use crate::{
 };
 
 /// The pairs that may meet in the steps that a prediction is about.
-pub(super) type Answer = (Arc<Prediction>, Vec<Candidates>);
+pub(super) struct Answer {
+    pub prediction: Arc<Prediction>,
+    pub found: Vec<Candidates>,
+    /// Time of each pass.
+    pub times: Vec<(&'static str, Duration)>,
+}
 
 /// What the main world keeps.
 #[derive(Default)]
@@ -59,6 +67,7 @@ impl LookAhead {
 #[derive(Resource)]
 struct RenderCulling {
     state: State,
+    capacity: GpuCapacity,
     asked: Option<Arc<Prediction>>,
     /// What is uploaded, then recorded.
     uploaded: Option<Arc<Prediction>>,
@@ -84,6 +93,7 @@ pub(super) fn add(app: &mut App) {
     render_app
         .insert_resource(RenderCulling {
             state: State::Unused,
+            capacity: GpuCapacity::default(),
             asked: None,
             uploaded: None,
             recorded: None,
@@ -101,6 +111,7 @@ pub(super) fn add(app: &mut App) {
 
 fn extract(step: Extract<Res<MedialStep>>, mut culling: ResMut<RenderCulling>) {
     culling.asked.clone_from(&step.gpu.look_ahead.asked);
+    culling.capacity = step.gpu.capacity;
 }
 
 fn upload(
@@ -113,7 +124,7 @@ fn upload(
     let culling = &mut *culling;
     let asked = culling.asked.take().filter(|asked| asked.after() != std::mem::replace(&mut *last, asked.after()));
     if let (State::Unused, Some(_)) = (&culling.state, &asked) {
-        let passes = of_renderer(&device, &queue, &info).and_then(|gpu| GpuCulling::new(&gpu, GpuCapacity::default()));
+        let passes = of_renderer(&device, &queue, &info).and_then(|gpu| GpuCulling::new(&gpu, culling.capacity));
         culling.state = match passes {
             Ok(passes) => State::Ready(Box::new(passes)),
             Err(error) => {
@@ -137,7 +148,7 @@ fn upload(
         batch.staging.unmap();
         if let Some(found) = passes.take(batch, &data) {
             // An app that is going down does not listen.
-            let _ = culling.answers.send((prediction, found));
+            let _ = culling.answers.send(Answer { prediction, found, times: passes.times().to_vec() });
         }
     }
     if let Some(asked) = asked {

@@ -7,7 +7,7 @@ use bevy::{prelude::*, tasks::ComputeTaskPool};
 use bevy_rapier3d::rapier::geometry::ColliderHandle;
 
 #[cfg(feature = "gpu")]
-use super::gpu::GpuBackend;
+use super::{gpu::GpuBackend, pipelined::Answer};
 #[cfg(feature = "gpu")]
 use crate::gpu::Prediction;
 use crate::{
@@ -215,7 +215,7 @@ impl MedialStep {
     fn look_up(&mut self) -> Option<Vec<Candidates>> {
         let pool = ComputeTaskPool::get_or_init(Default::default);
         let keys = self.infos.iter().map(BodyInfo::key);
-        let (prediction, found) = self.gpu.look_ahead.latest()?;
+        let Answer { prediction, found, .. } = self.gpu.look_ahead.latest()?;
         let candidates = prediction.candidates(found, &self.input, &self.statics, keys, self.number, pool);
         self.gpu_latency = candidates.as_ref().map(|_| (self.number - prediction.after()) as u32);
         candidates
@@ -240,7 +240,13 @@ impl MedialStep {
         None
     }
 
-    /// The passes on the GPU, once they have been asked for: counts and times of the last step that they culled.
+    /// Time of each pass on the GPU in the last step that went by it, if the device can tell.
+    #[cfg(feature = "gpu")]
+    pub fn gpu_times(&self) -> &[(&'static str, Duration)] {
+        self.gpu.times()
+    }
+
+    /// The passes on the GPU that are waited for, once they have been asked for: counts and times of the last step that they culled.
     #[cfg(feature = "gpu")]
     pub fn gpu_culling(&self) -> Option<&crate::gpu::GpuCulling> {
         self.gpu.culling()

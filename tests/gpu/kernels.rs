@@ -50,7 +50,8 @@ fn times_of_impact_agree() {
     add::<2, Cuboid>(&mut random, &mut pairs, cuboid, MovingPair::with_cuboid);
     add::<3, Cuboid>(&mut random, &mut pairs, cuboid, MovingPair::with_cuboid);
 
-    let found = GpuImpacts::new(gpu).unwrap().run(&pairs.iter().map(|(pair, _)| *pair).collect::<Vec<_>>()).unwrap();
+    let mut impacts = GpuImpacts::new(gpu).unwrap();
+    let found = impacts.run(&pairs.iter().map(|(pair, _)| *pair).collect::<Vec<_>>()).unwrap();
     let mut counts = [0; 4];
     let mut differ = 0;
     for ((number, (_, cpu)), gpu) in pairs.iter().enumerate().zip(&found) {
