@@ -3,33 +3,12 @@
 // The sphere around a moving body sweeps a medial cone. Two bodies are a pair if their cones meet (paper, section 4), a body and a static if
 // the cone meets the static's box (section 4.1).
 
-struct Swept {
-    sphere: vec4f,
-    motion: vec3f,
-}
-
-struct Node {
-    low: vec3f,
-    body: u32,
-    high: vec3f,
-}
-
-// Of the hierarchy over the statics' boxes, in depth-first order.
-struct StaticNode {
-    low: vec3f,
-    // The node that follows the subtree; of a leaf its static, with `LEAF`.
-    link: u32,
-    high: vec3f,
-}
-
-const LEAF: u32 = 0x80000000u;
-
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> bodies: array<Body>;
 @group(0) @binding(2) var<storage, read> swept: array<Swept>;
-@group(0) @binding(3) var<storage, read> nodes: array<Node>;
+@group(0) @binding(3) var<storage, read> nodes: array<TreeNode>;
 @group(0) @binding(4) var<storage, read> statics: array<Static>;
-@group(0) @binding(5) var<storage, read> static_nodes: array<StaticNode>;
+@group(0) @binding(5) var<storage, read> static_nodes: array<BvhNode>;
 @group(0) @binding(6) var<storage, read_write> counters: Counters;
 @group(0) @binding(7) var<storage, read_write> pairs: array<Pair>;
 // Chords of pairs: the pair, then which of how many.

@@ -47,3 +47,10 @@ fn sphere_index(primitive: Primitive, i: u32) -> u32 {
     }
     return u32(primitive.c);
 }
+
+// Primitives of a chord's pair that may meet.
+struct Candidate {
+    chord: u32,
+    first: u32,
+    second: u32,
+}

@@ -1,27 +1,12 @@
 // Pass 6, mid phase: which primitives of a pair may come near each other along a chord: those whose moving boxes meet. A workgroup for each
 // chord, an invocation for each primitive of the first side, which traverses the hierarchy of the second. As src/pipeline/mid_phase.rs.
 
-struct Candidate {
-    chord: u32,
-    first: u32,
-    second: u32,
-}
-
-// Of the hierarchy over a shape's primitives, in depth-first order, without the shape's scale.
-struct Node {
-    low: vec3f,
-    // The node that follows the subtree; of a leaf its primitive, with `LEAF`.
-    link: u32,
-    high: vec3f,
-}
-
-const LEAF: u32 = 0x80000000u;
-
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> shapes: array<Shape>;
 @group(0) @binding(2) var<storage, read> spheres: array<vec4f>;
 @group(0) @binding(3) var<storage, read> primitives: array<Primitive>;
-@group(0) @binding(4) var<storage, read> nodes: array<Node>;
+// Of the hierarchies over the shapes' primitives, without scale.
+@group(0) @binding(4) var<storage, read> nodes: array<BvhNode>;
 @group(0) @binding(5) var<storage, read> chords_in: array<Chord>;
 @group(0) @binding(6) var<storage, read_write> counters: Counters;
 @group(0) @binding(7) var<storage, read_write> candidates: array<Candidate>;

@@ -44,10 +44,6 @@ const OTHER_SHAPE: u32 = 0xffffffffu;
 // A plain box.
 const BOX_SHAPE: u32 = 0xfffffffeu;
 const NO_OWNER: vec2u = vec2u(0xffffffffu);
-// Marks statics among the sides of pairs.
-const STATIC: u32 = 0x80000000u;
-// Marks the second side of pairs whose primitives the CPU finds.
-const UNKNOWN: u32 = 0x40000000u;
 
 struct Body {
     // At the start of the step.
@@ -125,34 +121,4 @@ fn chords(body: Body, tolerance: f32) -> u32 {
 // Longest way of any point of the body over the step.
 fn way(body: Body) -> f32 {
     return length(body.translation) + length(body.turn) * body.arm;
-}
-
-struct Params {
-    bodies: u32,
-    // The least power of two that is no less.
-    leaves: u32,
-    static_nodes: u32,
-    // Contacts are wanted up to this distance.
-    prediction: f32,
-    // Space as the bodies' order divides it: least corner, and cells per metre.
-    low: vec3f,
-    max_pairs: u32,
-    cells: vec3f,
-    max_chords: u32,
-    max_candidates: u32,
-    max_survivors: u32,
-}
-
-// How many there are of each. They count on where a buffer is full.
-struct Counters {
-    pairs: atomic<u32>,
-    chords: atomic<u32>,
-    candidates: atomic<u32>,
-    survivors: atomic<u32>,
-}
-
-// Two sides that may meet: indices of bodies, or of statics with `STATIC`. The first is medial.
-struct Pair {
-    first: u32,
-    second: u32,
 }

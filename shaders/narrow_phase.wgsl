@@ -1,12 +1,6 @@
 // Pass 7, narrow phase: which candidates come near each other indeed, and when first: their time of impact along the chord, at the distance
 // up to which contacts are wanted. One invocation for each candidate. As src/query/rigid.rs.
 
-struct Candidate {
-    chord: u32,
-    first: u32,
-    second: u32,
-}
-
 // Primitives that meet.
 struct Survivor {
     pair: u32,

@@ -1,11 +1,5 @@
 // Pass 1: the sphere around each body and where it goes, and a key by which bodies that are near each other come one after the other.
 
-struct Swept {
-    // Bounding sphere at the start of the step, as large as what the body may reach.
-    sphere: vec4f,
-    motion: vec3f,
-}
-
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> bodies: array<Body>;
 @group(0) @binding(2) var<storage, read_write> swept: array<Swept>;

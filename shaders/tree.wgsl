@@ -3,37 +3,25 @@
 
 const BLOCK: u32 = 256u;
 
-struct Swept {
-    sphere: vec4f,
-    motion: vec3f,
-}
-
-struct Node {
-    low: vec3f,
-    // Of a leaf.
-    body: u32,
-    high: vec3f,
-}
-
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> swept: array<Swept>;
 @group(0) @binding(2) var<storage, read> keys: array<vec2u>;
-@group(0) @binding(3) var<storage, read_write> nodes: array<Node>;
+@group(0) @binding(3) var<storage, read_write> nodes: array<TreeNode>;
 
-fn leaf(body: u32) -> Node {
+fn leaf(body: u32) -> TreeNode {
     if body >= params.bodies {
-        return Node(vec3f(MAX), body, vec3f(-MAX));
+        return TreeNode(vec3f(MAX), body, vec3f(-MAX));
     }
     let sphere = swept[body].sphere;
     let motion = swept[body].motion;
     let low = min(sphere.xyz, sphere.xyz + motion) - sphere.w;
-    return Node(low, body, max(sphere.xyz, sphere.xyz + motion) + sphere.w);
+    return TreeNode(low, body, max(sphere.xyz, sphere.xyz + motion) + sphere.w);
 }
 
 fn join(index: u32) {
     let a = nodes[2u * index];
     let b = nodes[2u * index + 1u];
-    nodes[index] = Node(min(a.low, b.low), 0u, max(a.high, b.high));
+    nodes[index] = TreeNode(min(a.low, b.low), 0u, max(a.high, b.high));
 }
 
 // The leaves, and all that is above a block of them.

@@ -27,8 +27,9 @@ use glam::Vec3;
 use super::{
     GpuDevice, GpuError, bodies,
     buffers::{Buffers, Slot},
-    layout::{Counters, Exchange, Pair, Params, STATIC, Survivor, UNKNOWN},
-    pass::{KERNELS, Pass, shader},
+    layout::{Counters, Pair, Params, STATIC, Survivor, UNKNOWN},
+    pass::Pass,
+    passes::{Bound, KEY, Passes, SORT_BLOCK, TREE_BLOCK, UNIFORM, exchanges},
     shapes::Shapes,
     timer::Timer,
 };
@@ -39,23 +40,12 @@ use crate::{
 
 /// Sizes in bytes of what only the shaders write.
 const SWEPT: u64 = 32;
-const KEY: u64 = 8;
 const NODE: u64 = 32;
 const PAIR_CHORD: u64 = 16;
 pub(super) const CHORD: u64 = 176;
 pub(super) const CANDIDATE: u64 = 12;
-/// Keys that a workgroup sorts by itself, and leaves whose tree it makes.
-const SORT_BLOCK: u32 = 512;
-const TREE_BLOCK: u32 = 256;
-/// Bytes between two uniforms of one buffer.
-const UNIFORM: u64 = 256;
 /// Passes of which times are told.
 const PASSES: u32 = 7;
-
-const MOTION: &str = include_str!("../../shaders/motion.wgsl");
-const SORT: &str = include_str!("../../shaders/sort.wgsl");
-const TREE: &str = include_str!("../../shaders/tree.wgsl");
-const CHORD_FILE: &str = include_str!("../../shaders/chord.wgsl");
 
 /// How many of each there is room for at first. More of them, and the buffers grow.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
@@ -96,115 +86,6 @@ pub struct GpuCulling {
     timer: Timer,
     times: Vec<(&'static str, Duration)>,
     counts: Counters,
-}
-
-struct Passes {
-    place: Pass,
-    sort_blocks: Pass,
-    sort_far: Pass,
-    sort_near: Pass,
-    tree_bottom: Pass,
-    tree_top: Pass,
-    broad_phase: Pass,
-    dispatch: Pass,
-    place_chords: Pass,
-    mid_phase: Pass,
-    narrow_phase: Pass,
-}
-
-impl Passes {
-    fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
-        let pass = |label, files: &[&str]| Pass::new(gpu, label, shader(files));
-        let with_kernels = |label, files: &[&str]| pass(label, &[KERNELS, &[MOTION], files].concat());
-        Ok(Self {
-            place: pass("place", &[MOTION, include_str!("../../shaders/place.wgsl")])?,
-            sort_blocks: pass("sort_blocks", &[SORT])?,
-            sort_far: pass("sort_far", &[SORT])?,
-            sort_near: pass("sort_near", &[SORT])?,
-            tree_bottom: pass("tree_bottom", &[MOTION, TREE])?,
-            tree_top: pass("tree_top", &[MOTION, TREE])?,
-            broad_phase: with_kernels("broad_phase", &[include_str!("../../shaders/broad_phase.wgsl")])?,
-            dispatch: pass("dispatch", &[MOTION, include_str!("../../shaders/dispatch.wgsl")])?,
-            place_chords: pass("place_chords", &[MOTION, CHORD_FILE, include_str!("../../shaders/chords.wgsl")])?,
-            mid_phase: pass("mid_phase", &[MOTION, CHORD_FILE, include_str!("../../shaders/mid_phase.wgsl")])?,
-            narrow_phase: with_kernels("narrow_phase", &[CHORD_FILE, include_str!("../../shaders/narrow_phase.wgsl")])?,
-        })
-    }
-}
-
-/// The bind groups of the passes.
-struct Bound {
-    place: wgpu::BindGroup,
-    sort_blocks: wgpu::BindGroup,
-    /// The steps between blocks, in order; true for those that end within them.
-    exchanges: Vec<(bool, wgpu::BindGroup)>,
-    tree_bottom: wgpu::BindGroup,
-    tree_top: wgpu::BindGroup,
-    broad_phase: wgpu::BindGroup,
-    dispatch: wgpu::BindGroup,
-    place_chords: wgpu::BindGroup,
-    mid_phase: wgpu::BindGroup,
-    narrow_phase: wgpu::BindGroup,
-}
-
-impl Bound {
-    fn new(gpu: &GpuDevice, passes: &Passes, buffers: &Buffers, leaves: u32, exchanges: &[Exchange]) -> Self {
-        use Slot::*;
-        let whole = |slot: Slot| buffers.get(slot).as_entire_buffer_binding();
-        let part = |slot: Slot, offset: u64, size: u64| wgpu::BufferBinding {
-            buffer: buffers.get(slot),
-            offset,
-            size: std::num::NonZeroU64::new(size),
-        };
-        // The sort asks how many there are.
-        let keys = || (0, part(Keys, 0, u64::from(leaves) * KEY));
-        let bind = |pass: &Pass, slots: &[Slot]| {
-            let buffers: Vec<_> = (0..).zip(slots).map(|(i, slot)| (i, whole(*slot))).collect();
-            pass.bind(gpu, &buffers)
-        };
-        let exchange = |(i, exchange): (u64, &Exchange)| {
-            let is_near = exchange.distance < SORT_BLOCK;
-            let pass = if is_near { &passes.sort_near } else { &passes.sort_far };
-            (is_near, pass.bind(gpu, &[keys(), (1, part(Exchanges, i * UNIFORM, size_of::<Exchange>() as u64))]))
-        };
-        Self {
-            place: bind(&passes.place, &[Params, Bodies, Swept, Keys]),
-            sort_blocks: passes.sort_blocks.bind(gpu, &[keys()]),
-            exchanges: (0..).zip(exchanges).map(exchange).collect(),
-            tree_bottom: bind(&passes.tree_bottom, &[Params, Swept, Keys, Tree]),
-            tree_top: passes.tree_top.bind(gpu, &[(0, whole(Params)), (3, whole(Tree))]),
-            broad_phase: bind(
-                &passes.broad_phase,
-                &[Params, Bodies, Swept, Tree, Statics, StaticNodes, Counters, Pairs, PairChords],
-            ),
-            dispatch: bind(&passes.dispatch, &[Params, Counters, Groups]),
-            place_chords: bind(&passes.place_chords, &[Params, Bodies, Statics, Counters, Pairs, PairChords, Chords]),
-            mid_phase: bind(
-                &passes.mid_phase,
-                &[Params, Shapes, Spheres, Primitives, ShapeNodes, Chords, Counters, Candidates],
-            ),
-            narrow_phase: bind(
-                &passes.narrow_phase,
-                &[Params, Shapes, Spheres, Primitives, Chords, Candidates, Counters, Survivors],
-            ),
-        }
-    }
-}
-
-/// The steps that sort blocks into one sequence.
-fn exchanges(leaves: u32) -> Vec<Exchange> {
-    let mut steps = Vec::new();
-    let mut size = 2 * SORT_BLOCK;
-    while size <= leaves {
-        let mut distance = size / 2;
-        while distance >= SORT_BLOCK {
-            steps.push(Exchange { size, distance });
-            distance /= 2;
-        }
-        steps.push(Exchange { size, distance });
-        size *= 2;
-    }
-    steps
 }
 
 /// What is on its way from the GPU.

@@ -14,7 +14,7 @@ pub(super) const STATIC: u32 = 1 << 31;
 /// Marks the second side of pairs whose primitives the CPU finds.
 pub(super) const UNKNOWN: u32 = 1 << 30;
 
-/// `Params` in `motion.wgsl`.
+/// `Params` in `step.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Params {
@@ -84,7 +84,7 @@ pub(super) struct Shape {
     pub node_count: u32,
 }
 
-/// `Counters` in `motion.wgsl`.
+/// `Counters` in `step.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(super) struct Counters {
@@ -94,7 +94,7 @@ pub(super) struct Counters {
     pub survivors: u32,
 }
 
-/// `Pair` in `motion.wgsl`.
+/// `Pair` in `step.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Pair {
@@ -155,21 +155,21 @@ mod tests {
 
     #[test]
     fn structs_are_those_of_the_shaders() {
-        let motion = &[include_str!("../../shaders/motion.wgsl")][..];
-        let chord = &[motion, &[include_str!("../../shaders/chord.wgsl")]].concat()[..];
+        let step = &[include_str!("../../shaders/motion.wgsl"), include_str!("../../shaders/step.wgsl")][..];
+        let chord = &[step, &[include_str!("../../shaders/chord.wgsl")]].concat()[..];
         let narrow = [KERNELS, chord, &[include_str!("../../shaders/narrow_phase.wgsl")]].concat();
-        assert_layout!(motion, Params {
+        assert_layout!(step, Params {
             bodies leaves static_nodes prediction low max_pairs cells max_chords max_candidates max_survivors
         });
-        assert_layout!(motion, Body {
+        assert_layout!(step, Body {
             position shape rotation translation scale turn arm local_center margin bound memberships collides_with owner
             world is_active slack
         });
-        assert_layout!(motion, Static {
+        assert_layout!(step, Static {
             center shape rotation half rounding position scale radius memberships collides_with world owner
         });
-        assert_layout!(motion, Counters { pairs chords candidates survivors });
-        assert_layout!(motion, Pair { first second });
+        assert_layout!(step, Counters { pairs chords candidates survivors });
+        assert_layout!(step, Pair { first second });
         assert_layout!(chord, Shape { spheres primitives primitive_count nodes node_count });
         assert_layout!(&narrow, Survivor { pair first second fraction });
         assert_layout!(&[include_str!("../../shaders/sort.wgsl")], Exchange { size distance });

@@ -1,4 +1,13 @@
-//! The GPU back end.
+//! The GPU back end: which pairs may meet, found by compute shaders.
+//!
+//! | item | what |
+//! |---|---|
+//! | [`GpuCulling`] | finds the pairs of a step, and waits for them |
+//! | [`Prediction`] | several steps ahead, so that nobody has to wait |
+//! | [`GpuImpacts`] | times of impact of a list of pairs, for tests and benchmarks |
+//! | [`GpuDevice`] | the device that all run on |
+//!
+//! The shaders lie in `shaders/`, each with the name of what it does on the CPU.
 
 mod bodies;
 mod buffers;
@@ -7,6 +16,7 @@ mod device;
 mod impacts;
 mod layout;
 mod pass;
+mod passes;
 mod prediction;
 mod shapes;
 mod timer;

@@ -1,0 +1,133 @@
+//! The compute passes of a step, and what each binds.
+
+use super::{
+    GpuDevice, GpuError,
+    buffers::{Buffers, Slot},
+    layout::Exchange,
+    pass::{KERNELS, Pass, shader},
+};
+
+/// Bytes of a key.
+pub(super) const KEY: u64 = 8;
+/// Keys that a workgroup sorts by itself, and leaves whose tree it makes.
+pub(super) const SORT_BLOCK: u32 = 512;
+pub(super) const TREE_BLOCK: u32 = 256;
+/// Bytes between two uniforms of one buffer.
+pub(super) const UNIFORM: u64 = 256;
+
+/// What the passes share.
+const STEP: &[&str] = &[include_str!("../../shaders/motion.wgsl"), include_str!("../../shaders/step.wgsl")];
+const SORT: &str = include_str!("../../shaders/sort.wgsl");
+const TREE: &str = include_str!("../../shaders/tree.wgsl");
+const CHORD: &str = include_str!("../../shaders/chord.wgsl");
+
+/// The passes.
+pub(super) struct Passes {
+    pub place: Pass,
+    pub sort_blocks: Pass,
+    pub sort_far: Pass,
+    pub sort_near: Pass,
+    pub tree_bottom: Pass,
+    pub tree_top: Pass,
+    pub broad_phase: Pass,
+    pub dispatch: Pass,
+    pub place_chords: Pass,
+    pub mid_phase: Pass,
+    pub narrow_phase: Pass,
+}
+
+impl Passes {
+    pub fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
+        let pass = |label, files: &[&str]| Pass::new(gpu, label, shader(files));
+        let step = |label, files: &[&str]| pass(label, &[STEP, files].concat());
+        let with_kernels = |label, files: &[&str]| pass(label, &[KERNELS, STEP, files].concat());
+        Ok(Self {
+            place: step("place", &[include_str!("../../shaders/place.wgsl")])?,
+            sort_blocks: pass("sort_blocks", &[SORT])?,
+            sort_far: pass("sort_far", &[SORT])?,
+            sort_near: pass("sort_near", &[SORT])?,
+            tree_bottom: step("tree_bottom", &[TREE])?,
+            tree_top: step("tree_top", &[TREE])?,
+            broad_phase: with_kernels("broad_phase", &[include_str!("../../shaders/broad_phase.wgsl")])?,
+            dispatch: step("dispatch", &[include_str!("../../shaders/dispatch.wgsl")])?,
+            place_chords: step("place_chords", &[CHORD, include_str!("../../shaders/chords.wgsl")])?,
+            mid_phase: step("mid_phase", &[CHORD, include_str!("../../shaders/mid_phase.wgsl")])?,
+            narrow_phase: with_kernels("narrow_phase", &[CHORD, include_str!("../../shaders/narrow_phase.wgsl")])?,
+        })
+    }
+}
+
+/// The bind groups of the passes.
+pub(super) struct Bound {
+    pub place: wgpu::BindGroup,
+    pub sort_blocks: wgpu::BindGroup,
+    /// The steps between blocks, in order; true for those that end within them.
+    pub exchanges: Vec<(bool, wgpu::BindGroup)>,
+    pub tree_bottom: wgpu::BindGroup,
+    pub tree_top: wgpu::BindGroup,
+    pub broad_phase: wgpu::BindGroup,
+    pub dispatch: wgpu::BindGroup,
+    pub place_chords: wgpu::BindGroup,
+    pub mid_phase: wgpu::BindGroup,
+    pub narrow_phase: wgpu::BindGroup,
+}
+
+impl Bound {
+    pub fn new(gpu: &GpuDevice, passes: &Passes, buffers: &Buffers, leaves: u32, exchanges: &[Exchange]) -> Self {
+        use Slot::*;
+        let whole = |slot: Slot| buffers.get(slot).as_entire_buffer_binding();
+        let part = |slot: Slot, offset: u64, size: u64| wgpu::BufferBinding {
+            buffer: buffers.get(slot),
+            offset,
+            size: std::num::NonZeroU64::new(size),
+        };
+        // The sort asks how many there are.
+        let keys = || (0, part(Keys, 0, u64::from(leaves) * KEY));
+        let bind = |pass: &Pass, slots: &[Slot]| {
+            let buffers: Vec<_> = (0..).zip(slots).map(|(i, slot)| (i, whole(*slot))).collect();
+            pass.bind(gpu, &buffers)
+        };
+        let exchange = |(i, exchange): (u64, &Exchange)| {
+            let is_near = exchange.distance < SORT_BLOCK;
+            let pass = if is_near { &passes.sort_near } else { &passes.sort_far };
+            (is_near, pass.bind(gpu, &[keys(), (1, part(Exchanges, i * UNIFORM, size_of::<Exchange>() as u64))]))
+        };
+        Self {
+            place: bind(&passes.place, &[Params, Bodies, Swept, Keys]),
+            sort_blocks: passes.sort_blocks.bind(gpu, &[keys()]),
+            exchanges: (0..).zip(exchanges).map(exchange).collect(),
+            tree_bottom: bind(&passes.tree_bottom, &[Params, Swept, Keys, Tree]),
+            tree_top: passes.tree_top.bind(gpu, &[(0, whole(Params)), (3, whole(Tree))]),
+            broad_phase: bind(
+                &passes.broad_phase,
+                &[Params, Bodies, Swept, Tree, Statics, StaticNodes, Counters, Pairs, PairChords],
+            ),
+            dispatch: bind(&passes.dispatch, &[Params, Counters, Groups]),
+            place_chords: bind(&passes.place_chords, &[Params, Bodies, Statics, Counters, Pairs, PairChords, Chords]),
+            mid_phase: bind(
+                &passes.mid_phase,
+                &[Params, Shapes, Spheres, Primitives, ShapeNodes, Chords, Counters, Candidates],
+            ),
+            narrow_phase: bind(
+                &passes.narrow_phase,
+                &[Params, Shapes, Spheres, Primitives, Chords, Candidates, Counters, Survivors],
+            ),
+        }
+    }
+}
+
+/// The steps that sort blocks into one sequence.
+pub(super) fn exchanges(leaves: u32) -> Vec<Exchange> {
+    let mut steps = Vec::new();
+    let mut size = 2 * SORT_BLOCK;
+    while size <= leaves {
+        let mut distance = size / 2;
+        while distance >= SORT_BLOCK {
+            steps.push(Exchange { size, distance });
+            distance /= 2;
+        }
+        steps.push(Exchange { size, distance });
+        size *= 2;
+    }
+    steps
+}
