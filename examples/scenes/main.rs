@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! cargo run --release --example scenes -- NAME [--headless] [--steps N] [--dt S] [--seed S] [--models DIR]
+//!                                         [--budget PERCENT]
 //!                                         [--cull hybrid|none|bvh-obb|bvh-sphere|bvh-aabb]
 //!                                         [--csv FILE] [--json FILE] [--list] [--screenshot FILE]
 //! ```
@@ -21,7 +22,10 @@ use std::{
 };
 
 use bevy::prelude::*;
-use bevy_medial::scenes::{Model, Monitor, Row, SCENES, Scene, StageSummary, Summary, headless_app, load_models};
+use bevy_medial::{
+    prelude::MedialBudget,
+    scenes::{Model, Monitor, Row, SCENES, Scene, StageSummary, Summary, headless_app, load_models, set_budget},
+};
 use clap::Parser;
 use compare::{Comparison, Cull};
 use indicatif::ProgressBar;
@@ -50,6 +54,9 @@ struct Args {
     /// Folder of `.medial` or `.ma` files to use as models. Default: the project's own.
     #[arg(long)]
     models: Option<PathBuf>,
+    /// Error that bodies may have, in percent of their diagonal: the coarsest level of detail within it is used.
+    #[arg(long, value_name = "PERCENT", default_value_t = 1.0, value_parser = percent)]
+    budget: f32,
     /// Also run every step's input with another culling, and print both side by side.
     #[arg(long, value_enum, default_value_t = Cull::Hybrid)]
     cull: Cull,
@@ -62,6 +69,10 @@ struct Args {
     /// Run the steps, write a picture of the last one as PNG and exit. Needs a graphics adapter, software will do, and no display.
     #[arg(long)]
     screenshot: Option<PathBuf>,
+}
+
+fn percent(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|value: &f32| *value >= 0.0).ok_or_else(|| "not a number from 0 up".into())
 }
 
 fn main() -> ExitCode {
@@ -90,7 +101,13 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let folder = args.models.clone().unwrap_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets/models"));
     let models = load_models(&folder)?;
     let steps = args.steps.unwrap_or(scene.steps);
-    let show = || Show { scene, models: models.clone(), seed: args.seed, dt: args.dt };
+    let show = || Show {
+        scene,
+        models: models.clone(),
+        seed: args.seed,
+        dt: args.dt,
+        budget: MedialBudget::Percent(args.budget),
+    };
     if let Some(file) = &args.screenshot {
         return Ok(view::screenshot(show(), steps, UVec2::new(1280, 720), file)?);
     }
@@ -110,6 +127,7 @@ fn has_display() -> bool {
 
 fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn std::error::Error>> {
     let mut app = headless_app(args.dt);
+    set_budget(&mut app, MedialBudget::Percent(args.budget));
     scene.spawn(app.world_mut(), models, args.seed);
     let steps = args.steps.unwrap_or(scene.steps);
     let progress = ProgressBar::new(steps.into());

@@ -19,7 +19,7 @@ use bevy::{
 use bevy_medial::{
     medial_axis::{MedialAxis, triangulate},
     prelude::*,
-    scenes::{Model, Monitor, Scene, SceneEntity, add_monitor, lift_speed_limits},
+    scenes::{Model, Monitor, Scene, SceneEntity, add_monitor, lift_speed_limits, set_budget},
 };
 use bevy_rapier3d::prelude::{RapierConfiguration, TimestepMode};
 
@@ -30,6 +30,7 @@ pub struct Show {
     pub models: Vec<Model>,
     pub seed: u64,
     pub dt: f32,
+    pub budget: MedialBudget,
 }
 
 /// Whether time runs, and for how many steps if not.
@@ -96,7 +97,7 @@ pub fn screenshot(show: Show, steps: u32, size: UVec2, file: &Path) -> Result<()
 }
 
 fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
-    let [eye, focus] = show.scene.view;
+    let ([eye, focus], budget) = (show.scene.view, show.budget);
     app.add_plugins(MedialPhysicsPlugin::default())
         .insert_resource(TimestepMode::Fixed { dt: show.dt, substeps: 1 })
         .insert_resource(ClearColor(Color::srgb(0.72, 0.82, 0.92)))
@@ -104,6 +105,7 @@ fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
         .insert_resource(show)
         .add_systems(Startup, start)
         .add_systems(Update, (dress_medial, dress_boxes));
+    set_budget(app, budget);
     add_monitor(app);
     lift_speed_limits(app);
     app.world_mut().spawn((Camera3d::default(), target, Transform::from_translation(eye).looking_at(focus, Vec3::Y)));
