@@ -79,13 +79,17 @@ const SCENES: [&str; 4] = ["rods", "tori", "stairs", "dinosaur"];
 
 /// An engine with its shapes.
 enum Setup {
+    /// With the default budget.
     Medial,
+    /// With a budget of half the greatest error that decompositions have in the scene.
+    MedialOfHalfTheError,
     Rapier(Kind, Ccd),
     Avian,
 }
 
-const SETUPS: [(&str, Setup); 8] = [
+const SETUPS: [(&str, Setup); 9] = [
     ("medial meshes", Setup::Medial),
+    ("medial meshes, half the error", Setup::MedialOfHalfTheError),
     ("rapier, decomposition", Setup::Rapier(Kind::Decomposition, Ccd::Default)),
     ("rapier, decomposition, bullets", Setup::Rapier(Kind::Decomposition, Ccd::Bullets)),
     ("rapier, decomposition, no CCD", Setup::Rapier(Kind::Decomposition, Ccd::Off)),
@@ -169,7 +173,18 @@ fn run_scene(
         }
         type Make<'a> = Box<dyn Fn() -> Result<Box<dyn Engine>, String> + 'a>;
         let (figures, make): (ShapeFigures, Make) = match setup {
-            Setup::Medial => (medial_figures(&world), Box::new(|| Ok(Box::new(Medial::new(&world, scene, models))))),
+            Setup::Medial | Setup::MedialOfHalfTheError => {
+                let budget = match setup {
+                    Setup::Medial => MedialBudget::default(),
+                    _ => {
+                        let made = shapes.of_world(Kind::Decomposition, &world);
+                        MedialBudget::Percent(0.5 * hull_figures(&world, &made).error.max)
+                    }
+                };
+                let figures = medial_figures(&world, budget);
+                let world = &world;
+                (figures, Box::new(move || Ok(Box::new(Medial::new(world, scene, models, budget)))))
+            }
             Setup::Rapier(kind, ccd) => {
                 let made = shapes.of_world(*kind, &world);
                 let figures = hull_figures(&world, &made);
@@ -200,10 +215,10 @@ fn run_scene(
     Ok(())
 }
 
-/// Of the medial meshes themselves, at the levels of detail that bodies have.
-fn medial_figures(world: &World) -> ShapeFigures {
+/// Of the medial meshes themselves, at the levels of detail that the budget gives bodies.
+fn medial_figures(world: &World, budget: MedialBudget) -> ShapeFigures {
     let count = world.models.len().max(1);
-    let level = |model: &SceneModel| model.axis.level(MedialBudget::default().level(&model.axis, 1.0)).clone();
+    let level = |model: &SceneModel| model.axis.level(budget.level(&model.axis, 1.0)).clone();
     let errors = world.models.iter().map(|model| builder::measure(&model.mesh, &level(model)).mesh_to_envelope);
     let parts: usize = world.models.iter().map(|model| level(model).primitives().len()).sum();
     ShapeFigures { parts: parts as f64 / count as f64, error: shapes::worst(errors) }

@@ -95,6 +95,7 @@ least 30 % of the greatest number of contact pairs and 3 % of the greatest kinet
   are spread evenly, and the median over those of them that are active.
 - *lost*: bodies that have fallen through the ground or left the square that it covers.
 - *error*: from the exact mesh to the shape that stands for it, in percent of the mesh's diagonal: the greatest of any model, and the mean.
+- *half the error*: medial meshes with a budget of half the greatest error that the decompositions have in the scene.
 
 `benches/peers` and `benches/baselines` say how each engine and each baseline is set up.
 ";

@@ -45,7 +45,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         if !report.flaws().is_empty() || report.components != 1 {
             return Err(format!("{}: {report}", animal.name).into());
         }
-        let options = FitOptions { spheres: Some(animal.spheres), levels: true, ..FitOptions::default() };
+        let options = FitOptions {
+            spheres: Some(animal.spheres),
+            levels: true,
+            searches: Some(animal.searches),
+            ..FitOptions::default()
+        };
         let chain = fit(&mesh, &options, &|part| {
             bar.set_position(done + (part * TICKS as f32) as u64);
             ControlFlow::Continue(())

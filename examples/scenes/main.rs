@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! cargo run --release --example scenes -- NAME [--headless] [--steps N] [--dt S] [--seed S] [--models DIR]
-//!                                         [--backend auto|cpu|gpu] [--cull hybrid|none|bvh-obb|bvh-sphere|bvh-aabb]
+//!                                         [--budget PERCENT] [--backend auto|cpu|gpu]
+//!                                         [--cull hybrid|none|bvh-obb|bvh-sphere|bvh-aabb]
 //!                                         [--csv FILE] [--json FILE] [--list] [--screenshot FILE]
 //! ```
 
@@ -23,7 +24,7 @@ use std::{
 use bevy::prelude::*;
 use bevy_medial::{
     prelude::*,
-    scenes::{Model, Monitor, Row, SCENES, Scene, StageSummary, Summary, headless_app, load_models},
+    scenes::{Model, Monitor, Row, SCENES, Scene, StageSummary, Summary, headless_app, load_models, set_budget},
 };
 use clap::{Parser, ValueEnum};
 use compare::{Comparison, Cull};
@@ -56,6 +57,9 @@ struct Args {
     /// Where pairs are culled.
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     backend: Backend,
+    /// Error that bodies may have, in percent of their diagonal: the coarsest level of detail within it is used.
+    #[arg(long, value_name = "PERCENT", default_value_t = 1.0, value_parser = percent)]
+    budget: f32,
     /// Also run every step's input with another culling, and print both side by side.
     #[arg(long, value_enum, default_value_t = Cull::Hybrid)]
     cull: Cull,
@@ -87,6 +91,10 @@ impl From<Backend> for MedialBackend {
     }
 }
 
+fn percent(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|value: &f32| *value >= 0.0).ok_or_else(|| "not a number from 0 up".into())
+}
+
 fn main() -> ExitCode {
     match run(&Args::parse()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -114,7 +122,14 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let models = load_models(&folder)?;
     let steps = args.steps.unwrap_or(scene.steps);
     let backend = args.backend.into();
-    let show = || Show { scene, models: models.clone(), seed: args.seed, dt: args.dt, backend };
+    let show = || Show {
+        scene,
+        models: models.clone(),
+        seed: args.seed,
+        dt: args.dt,
+        backend,
+        budget: MedialBudget::Percent(args.budget),
+    };
     if let Some(file) = &args.screenshot {
         return Ok(view::screenshot(show(), steps, UVec2::new(1280, 720), file)?);
     }
@@ -135,6 +150,7 @@ fn has_display() -> bool {
 fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn std::error::Error>> {
     let mut app = headless_app(args.dt);
     app.world_mut().resource_mut::<MedialSettings>().backend = args.backend.into();
+    set_budget(&mut app, MedialBudget::Percent(args.budget));
     scene.spawn(app.world_mut(), models, args.seed);
     let steps = args.steps.unwrap_or(scene.steps);
     let progress = ProgressBar::new(steps.into());

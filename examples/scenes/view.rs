@@ -19,7 +19,7 @@ use bevy::{
 use bevy_medial::{
     medial_axis::{MedialAxis, triangulate},
     prelude::*,
-    scenes::{Model, Monitor, Scene, SceneEntity, add_monitor, lift_speed_limits},
+    scenes::{Model, Monitor, Scene, SceneEntity, add_monitor, lift_speed_limits, set_budget},
 };
 use bevy_rapier3d::prelude::{RapierConfiguration, TimestepMode};
 
@@ -31,6 +31,7 @@ pub struct Show {
     pub seed: u64,
     pub dt: f32,
     pub backend: MedialBackend,
+    pub budget: MedialBudget,
 }
 
 /// Whether time runs, and for how many steps if not.
@@ -97,7 +98,7 @@ pub fn screenshot(show: Show, steps: u32, size: UVec2, file: &Path) -> Result<()
 }
 
 fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
-    let [eye, focus] = show.scene.view;
+    let ([eye, focus], budget) = (show.scene.view, show.budget);
     app.add_plugins(MedialPhysicsPlugin::default())
         .insert_resource(MedialSettings { backend: show.backend, ..default() })
         .insert_resource(TimestepMode::Fixed { dt: show.dt, substeps: 1 })
@@ -106,6 +107,7 @@ fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
         .insert_resource(show)
         .add_systems(Startup, start)
         .add_systems(Update, (dress_medial, dress_boxes));
+    set_budget(app, budget);
     add_monitor(app);
     lift_speed_limits(app);
     app.world_mut().spawn((Camera3d::default(), target, Transform::from_translation(eye).looking_at(focus, Vec3::Y)));

@@ -1,5 +1,7 @@
 //! The entry: the stages in order.
 
+use std::iter::{once, successors};
+
 use thiserror::Error;
 
 use super::{
@@ -22,13 +24,16 @@ pub struct BuildOptions {
     pub edges: Option<usize>,
     /// Largest number of faces; `None`: as for edges.
     pub faces: Option<usize>,
+    /// How often a shape is sought, each time from other samples, of which the best is taken, and how often each level of a chain is sought beside
+    /// that which comes of the one before; `None`: the finest one to three times, as time allows, others not.
+    pub searches: Option<usize>,
     /// Seed of the surface samples.
     pub seed: u64,
 }
 
 impl Default for BuildOptions {
     fn default() -> Self {
-        Self { spheres: 60, edges: None, faces: None, seed: 1 }
+        Self { spheres: 60, edges: None, faces: None, searches: None, seed: 1 }
     }
 }
 
@@ -103,7 +108,7 @@ const TRIANGLES_PER_SEARCH: usize = 250;
 /// Most searches.
 const MOST_SEARCHES: usize = 3;
 
-/// How often a shape is sought, each time from other samples: which of many good shapes is found is chance.
+/// How often a shape is sought if nothing is said, each time from other samples: which of many good shapes is found is chance.
 fn searches(triangles: usize, spheres: usize) -> usize {
     (1 + triangles / (TRIANGLES_PER_SEARCH * spheres)).min(MOST_SEARCHES)
 }
@@ -118,10 +123,13 @@ fn searches(triangles: usize, spheres: usize) -> usize {
 pub fn build(mesh: &TriangleMesh, options: &BuildOptions, progress: &Progress) -> Result<Built, BuildError> {
     let solid = Solid::new(mesh)?;
     let judge = Judge::new(&solid, options.seed);
-    best(&judge, mesh, options, progress)?.built(&solid, progress)
+    finest(&judge, mesh, options, progress)?.built(&solid, progress)
 }
 
-/// A chain of medial meshes, each with at most half as many spheres as the one before, down to one sphere a component.
+/// So many spheres of a level for so many of the one before: about the root of a half.
+const STEP: [usize; 2] = [7, 10];
+
+/// A chain of medial meshes, each with 0.7 times as many spheres as the one before, or less, down to one sphere a component.
 ///
 /// # Errors
 /// As for [`build`].
@@ -132,24 +140,62 @@ pub fn build_levels(
 ) -> Result<Vec<Built>, BuildError> {
     let solid = Solid::new(mesh)?;
     let judge = Judge::new(&solid, options.seed);
-    let mut search = best(&judge, mesh, options, progress)?;
+    let mut search = finest(&judge, mesh, options, progress)?;
     let mut levels = vec![search.built(&solid, progress)?];
-    while search.coarsen() {
-        search.refine(&judge, progress)?;
+    let least = search.full_components();
+    let mut spheres = search.spheres();
+    while spheres > least {
+        spheres = (spheres * STEP[0] / STEP[1]).max(least);
+        let share = |limit: usize| limit * spheres / options.spheres.max(1);
+        let (edges, faces) = (options.edges.map(share), options.faces.map(share));
+        let options = BuildOptions { spheres, edges, faces, ..*options };
+        let starts: Vec<Start> =
+            once(Start::Finer(search)).chain(seeds(&options, options.searches.unwrap_or(0))).collect();
+        search = best(&judge, mesh, &options, &starts, progress)?;
         levels.push(search.built(&solid, progress)?);
     }
     Ok(levels)
 }
 
+/// Where a search starts.
+enum Start {
+    /// With samples of that seed.
+    Seed(u64),
+    /// With a shape that has more spheres.
+    Finer(Search),
+}
+
+fn seeds(options: &BuildOptions, count: usize) -> impl Iterator<Item = Start> {
+    successors(Some(options.seed), |&seed| Some(Random(seed).bits())).map(Start::Seed).take(count)
+}
+
+/// The best of several searches from samples.
+fn finest(
+    judge: &Judge,
+    mesh: &TriangleMesh,
+    options: &BuildOptions,
+    progress: &Progress,
+) -> Result<Search, BuildError> {
+    let count = options.searches.unwrap_or_else(|| searches(mesh.triangles.len(), options.spheres.max(1)));
+    let starts: Vec<Start> = seeds(options, count.max(1)).collect();
+    best(judge, mesh, options, &starts, progress)
+}
+
 /// The best of several searches, side by side. Which it is does not depend on the number of threads.
-fn best(judge: &Judge, mesh: &TriangleMesh, options: &BuildOptions, progress: &Progress) -> Result<Search, BuildError> {
-    let count = searches(mesh.triangles.len(), options.spheres.max(1));
-    let seeds: Vec<u64> =
-        std::iter::successors(Some(options.seed), |&seed| Some(Random(seed).bits())).take(count).collect();
-    let shares = Shares::new(count, progress);
-    let searched = parallel::map(count, 1, |i| {
+fn best(
+    judge: &Judge,
+    mesh: &TriangleMesh,
+    options: &BuildOptions,
+    starts: &[Start],
+    progress: &Progress,
+) -> Result<Search, BuildError> {
+    let shares = Shares::new(starts.len(), progress);
+    let searched = parallel::map(starts.len(), 1, |i| {
         let progress = |part: f32| shares.report(i, part);
-        let mut search = Search::new(judge.solid, options, mesh.triangles.len(), seeds[i], &progress)?;
+        let mut search = match &starts[i] {
+            Start::Seed(seed) => Search::new(judge.solid, options, mesh.triangles.len(), *seed, &progress)?,
+            Start::Finer(search) => search.coarser(options.spheres),
+        };
         search.refine(judge, &progress)?;
         Ok(search)
     });

@@ -24,6 +24,9 @@ pub struct FitOptions {
     pub max_error: Option<f32>,
     /// All levels of detail, down to one sphere a component; else the finest alone.
     pub levels: bool,
+    /// How often each level is sought from other samples, of which the best is taken. `None`: the finest one to three times, as time allows; the
+    /// others come of the finer ones alone.
+    pub searches: Option<usize>,
     /// The same seed gives the same result.
     pub seed: u64,
 }
@@ -39,7 +42,12 @@ pub fn fit(
     options: &FitOptions,
     progress: &(dyn Fn(f32) -> ControlFlow<()> + Sync),
 ) -> Result<MedialLevels, BuildError> {
-    let with = |spheres: usize| BuildOptions { spheres, seed: options.seed, ..BuildOptions::default() };
+    let with = |spheres: usize| BuildOptions {
+        spheres,
+        searches: options.searches,
+        seed: options.seed,
+        ..BuildOptions::default()
+    };
     let level = |built: Built| Level { error: measure(mesh, &built.axis), axis: built.axis };
     let (spheres, finest) = match options.max_error {
         None => (options.spheres.unwrap_or(DEFAULT_SPHERES), None),
@@ -62,8 +70,53 @@ pub fn fit(
     };
     let levels = match finest {
         Some(finest) if !options.levels => vec![finest],
-        _ if options.levels => build_levels(mesh, &with(spheres), progress)?.into_iter().map(level).collect(),
+        _ if options.levels => useful(build_levels(mesh, &with(spheres), progress)?.into_iter().map(level).collect()),
         _ => vec![level(build(mesh, &with(spheres), progress)?)],
     };
     Ok(MedialLevels { levels })
+}
+
+/// The finest level, and those that are better than any coarser one.
+fn useful(levels: Vec<Level>) -> Vec<Level> {
+    let mut kept: Vec<Level> = vec![];
+    for (number, level) in levels.into_iter().enumerate().rev() {
+        if number == 0 || kept.last().is_none_or(|coarser| level.error.max() < coarser.error.max()) {
+            kept.push(level);
+        }
+    }
+    kept.reverse();
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        builder::{Deviation, TwoSidedError},
+        medial_axis::MedialAxis,
+    };
+
+    #[test]
+    fn a_level_no_better_than_a_coarser_one_is_left_out() {
+        let kept = |errors: &[f32]| {
+            let level = |&max: &f32| Level {
+                axis: MedialAxis::torus(1.0, 0.2, 8).unwrap(),
+                error: TwoSidedError { mesh_to_envelope: Deviation { max, mean: 0.1 }, ..TwoSidedError::default() },
+            };
+            let levels: Vec<Level> = errors.iter().map(level).collect();
+            useful(levels).iter().map(|level| level.error.max()).collect::<Vec<_>>()
+        };
+        let cases: [(&[f32], &[f32]); 6] = [
+            (&[], &[]),
+            (&[3.0], &[3.0]),
+            (&[1.0, 2.0, 4.0], &[1.0, 2.0, 4.0]),
+            (&[1.0, 5.0, 4.0, 4.0, 7.0], &[1.0, 4.0, 7.0]),
+            // The finest stays.
+            (&[2.0, 1.0, 3.0], &[2.0, 1.0, 3.0]),
+            (&[2.0, 9.0, 8.0, 1.0], &[2.0, 1.0]),
+        ];
+        for (errors, expected) in cases {
+            assert_eq!(kept(errors), expected, "{errors:?}");
+        }
+    }
 }

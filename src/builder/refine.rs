@@ -280,6 +280,7 @@ fn fillings(complex: &Complex, parts: &[u32], state: &State, target: &Target) ->
 }
 
 /// How far to go.
+#[derive(Clone, Copy)]
 pub(super) struct Plan {
     /// Largest numbers.
     pub spheres: usize,
@@ -294,19 +295,13 @@ pub(super) struct Plan {
 }
 
 impl Plan {
+    pub const MOST_ROUNDS: usize = 18;
+
     /// Rounds that the time allows which a mesh of this size may take.
     pub fn rounds(triangles: usize) -> usize {
         const TRIANGLES_PER_ROUND: usize = 5000;
-        const BOUNDS: [usize; 2] = [3, 18];
-        (2 + triangles / TRIANGLES_PER_ROUND).clamp(BOUNDS[0], BOUNDS[1])
-    }
-
-    /// The next plan of a chain: half as many spheres, but not fewer than `least`, with their share of edges and faces.
-    pub fn coarsen(&mut self, least: usize) {
-        let spheres = (self.spheres / 2).max(least);
-        self.edges = self.edges * spheres / self.spheres;
-        self.faces = self.faces * spheres / self.spheres;
-        self.spheres = spheres;
+        const LEAST_ROUNDS: usize = 3;
+        (2 + triangles / TRIANGLES_PER_ROUND).clamp(LEAST_ROUNDS, Self::MOST_ROUNDS)
     }
 }
 

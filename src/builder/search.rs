@@ -1,5 +1,7 @@
 //! One search for a medial mesh: the stages from samples to spheres that fit.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::{
@@ -43,9 +45,10 @@ const SURPLUS: f64 = 1.3;
 /// Edges beyond the number of spheres, and faces, per cycle of the graph of spheres that touch on the surface: limbs have few.
 const PER_CYCLE: f64 = 0.43;
 
+#[derive(Clone)]
 pub(super) struct Search {
-    coarse: Samples,
-    fine: Samples,
+    coarse: Arc<Samples>,
+    fine: Arc<Samples>,
     complex: Complex,
     /// Component of each sphere.
     parts: Vec<u32>,
@@ -100,6 +103,7 @@ impl Search {
         let surplus = complex.balls.len().saturating_sub(spheres);
         let limits = Limits { edges: plan.edges + surplus, faces: plan.faces };
         connect::connect(&mut complex, &clusters.parts, &touching, &coarse, limits, &target);
+        let (coarse, fine) = (coarse.into(), fine.into());
         let search = Self { coarse, fine, complex, parts: clusters.parts, plan, error: f64::INFINITY };
         let components = search.full_components();
         if components > spheres {
@@ -109,21 +113,23 @@ impl Search {
     }
 
     /// Components that have a sphere.
-    fn full_components(&self) -> usize {
+    pub fn full_components(&self) -> usize {
         let mut parts = self.parts.clone();
         parts.sort_unstable();
         parts.dedup();
         parts.len()
     }
 
-    /// Plans for half as many spheres; false if there is one a component.
-    pub fn coarsen(&mut self) -> bool {
-        let least = self.full_components();
-        let more = self.plan.spheres > least;
-        if more {
-            self.plan.coarsen(least);
-        }
-        more
+    /// Most spheres.
+    pub fn spheres(&self) -> usize {
+        self.plan.spheres
+    }
+
+    /// The search for a shape of fewer spheres that starts from this one, with their share of edges and faces.
+    pub fn coarser(&self, spheres: usize) -> Self {
+        let share = |limit: usize| limit * spheres / self.plan.spheres;
+        let (edges, faces) = (share(self.plan.edges), share(self.plan.faces));
+        Self { plan: Plan { spheres, edges, faces, rounds: Plan::MOST_ROUNDS, ..self.plan }, ..self.clone() }
     }
 
     /// Fits the spheres.

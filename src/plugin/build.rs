@@ -104,13 +104,14 @@ struct Key {
     /// As bits, so that what is not a number equals itself.
     max_error: Option<u32>,
     levels: bool,
+    searches: Option<usize>,
     seed: u64,
 }
 
 impl Key {
     fn new(mesh: AssetId<Mesh>, options: &FitOptions) -> Self {
-        let &FitOptions { spheres, max_error, levels, seed } = options;
-        Self { mesh, spheres, max_error: max_error.map(f32::to_bits), levels, seed }
+        let &FitOptions { spheres, max_error, levels, searches, seed } = options;
+        Self { mesh, spheres, max_error: max_error.map(f32::to_bits), levels, searches, seed }
     }
 }
 

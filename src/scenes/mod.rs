@@ -15,7 +15,7 @@ use bevy_rapier3d::{
 
 use crate::{
     medial_axis::MedialAxis,
-    plugin::{MedialMesh, MedialPhysicsPlugin, StaticObb},
+    plugin::{MedialBudget, MedialMesh, MedialPhysicsPlugin, StaticObb},
 };
 
 pub use models::{Model, ModelError, load_models};
@@ -119,6 +119,17 @@ pub fn headless_app(dt: f32) -> App {
     app.finish();
     app.cleanup();
     app
+}
+
+/// Gives the bodies that scenes spawn in an app from now on that budget.
+pub fn set_budget(app: &mut App, budget: MedialBudget) {
+    app.add_observer(
+        move |added: On<Add, SceneEntity>, bodies: Query<(), With<MedialMesh>>, mut commands: Commands| {
+            if bodies.contains(added.entity) {
+                commands.entity(added.entity).insert(budget);
+            }
+        },
+    );
 }
 
 /// Lets every [`Bullet`] of an app be as fast as it is.

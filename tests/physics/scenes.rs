@@ -2,7 +2,12 @@
 
 use std::path::PathBuf;
 
-use bevy_medial::scenes::{Model, Monitor, Scene, Summary, load_models};
+use bevy::prelude::Assets;
+use bevy_medial::{
+    medial_axis::MedialAxis,
+    prelude::{MedialBudget, MedialLevel, MedialMesh},
+    scenes::{Model, Monitor, Scene, Summary, load_models, set_budget},
+};
 
 use crate::common::*;
 
@@ -52,6 +57,26 @@ fn bullets() {
     assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
     assert!(summary.lowest_y >= -0.01, "sunk to {}", summary.lowest_y);
     assert!(summary.deepest_overlap_percent < 2.0, "{} %", summary.deepest_overlap_percent);
+}
+
+#[test]
+fn bodies_of_a_scene_have_the_budget_that_is_set() {
+    let primitives = |budget: Option<f32>| {
+        let mut app = app();
+        if let Some(percent) = budget {
+            set_budget(&mut app, MedialBudget::Percent(percent));
+        }
+        Scene::by_name("stairs").unwrap().spawn(app.world_mut(), models(), 1);
+        run(&mut app, 2);
+        let mut levels = app.world_mut().query::<(&MedialMesh, &MedialLevel)>();
+        let assets = app.world().resource::<Assets<MedialAxis>>();
+        let of_body =
+            |(mesh, level): (&MedialMesh, &MedialLevel)| assets.get(&mesh.0).unwrap().level(level.0).primitives().len();
+        levels.iter(app.world()).map(of_body).sum::<usize>()
+    };
+    let [finest, default, one, coarse] = [Some(0.0), None, Some(1.0), Some(4.0)].map(primitives);
+    assert_eq!(default, one);
+    assert!(one <= finest && 2 * coarse < one, "{finest}, {one} and {coarse} primitives");
 }
 
 #[test]

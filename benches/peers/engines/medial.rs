@@ -9,7 +9,8 @@ use bevy::{ecs::schedule::SingleThreadedExecutor, prelude::*};
 use bevy_medial::{
     geometry::Pose3,
     plugin::{MedialStep, MedialSystems},
-    scenes::{Model, Scene, SceneEntity, headless_app},
+    prelude::MedialBudget,
+    scenes::{Model, Scene, SceneEntity, headless_app, set_budget},
 };
 use bevy_rapier3d::{
     plugin::context::{RapierContextSimulation, RapierRigidBodySet},
@@ -34,8 +35,9 @@ pub struct Medial {
 
 impl Medial {
     /// The scene that the world was read from.
-    pub fn new(world: &World, scene: &Scene, models: &[Model]) -> Self {
+    pub fn new(world: &World, scene: &Scene, models: &[Model], budget: MedialBudget) -> Self {
         let mut app = headless_app(world.dt);
+        set_budget(&mut app, budget);
         app.edit_schedule(PostUpdate, |schedule| {
             schedule.set_executor(SingleThreadedExecutor::new());
         });

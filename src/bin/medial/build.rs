@@ -21,6 +21,9 @@ pub struct Args {
     /// Also write all levels of detail with their errors, beside the finest one: OUT.medial.
     #[arg(long)]
     levels: bool,
+    /// How often each level is sought, of which the best is taken: the more, the better and the longer. Default: the finest up to three times.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    searches: Option<u32>,
     /// The same seed gives the same result.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -45,6 +48,7 @@ pub fn run(args: &Args) -> Outcome {
         spheres: args.spheres.map(|spheres| spheres as usize),
         max_error: args.max_error,
         levels: args.levels,
+        searches: args.searches.map(|searches| searches as usize),
         seed: args.seed,
     };
     let levels = fit(&mesh, &options, &|fraction| {
