@@ -11,7 +11,9 @@
 //! direction attains. [`separation`] looks for the weights, [`time_of_impact`] moves along the gap.
 
 mod alternating;
+mod batch;
 mod nearest;
+mod number;
 mod ray;
 mod rigid;
 mod separation;
@@ -19,6 +21,7 @@ mod support;
 mod time_of_impact;
 
 pub use alternating::alternating;
+pub use batch::{MovingPair, Touch, times_of_impact};
 pub use ray::{RayHit, ray_cast};
 pub use rigid::{Chords, Rigid, RigidStart, rigid_impact, rigid_start};
 pub use separation::{Convex, Cuboid, Separation, separation};

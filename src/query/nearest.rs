@@ -5,6 +5,7 @@
 
 use glam::Vec3;
 
+use super::number::{Ball, Number, Vector};
 use crate::geometry::Sphere;
 
 /// Below this squared sine of the angle between two edges a solution inside is not trusted alone: the boundary is searched too.
@@ -18,6 +19,202 @@ fn gap(point: Vec3, sphere: &Sphere) -> f32 {
 /// Of two spheres the one nearer to `point`.
 fn nearer(point: Vec3, a: Sphere, b: Sphere) -> Sphere {
     if gap(point, &b) < gap(point, &a) { b } else { a }
+}
+
+/// A medial cone, or an edge of a slab: what does not depend on the other side.
+#[derive(Clone, Copy)]
+pub(super) struct Edge<R: Number> {
+    start: Ball<R>,
+    axis: Vector<R>,
+    growth: R,
+    length_squared: R,
+    inverse: R,
+    /// By how many axes the sphere nearest to a point is farther along, for each metre of the point's height above the axis.
+    slope: R,
+    /// False if one of the spheres holds the other.
+    proper: R::Mask,
+}
+
+impl<R: Number> Edge<R> {
+    #[inline(always)]
+    pub fn new(start: Ball<R>, end: Ball<R>) -> Self {
+        let axis = end.center - start.center;
+        let growth = end.radius - start.radius;
+        let length_squared = axis.length_squared();
+        let mantle_squared = length_squared - growth * growth;
+        Self {
+            start,
+            axis,
+            growth,
+            length_squared,
+            inverse: growth.like(1.0) / length_squared,
+            slope: growth / (length_squared * mantle_squared).sqrt(),
+            proper: growth.like(0.0).less(mantle_squared),
+        }
+    }
+
+    #[inline(always)]
+    pub fn at(&self, t: R) -> Ball<R> {
+        Ball { center: self.start.center + self.axis * t, radius: self.start.radius + self.growth * t }
+    }
+
+    /// Where along the cone, from 0 to 1, the sphere is that is nearest to `point`; and whether it is one inside.
+    ///
+    /// The foot of the perpendicular on the axis, shifted towards the larger end by the slope of the mantle:
+    /// with `h` the distance to the axis, by `h tan`, where `sin = (r_b - r_a) / length`.
+    #[inline(always)]
+    pub fn nearest(&self, point: Vector<R>) -> (R, R::Mask) {
+        let to_point = point - self.start.center;
+        let foot = to_point.dot(self.axis) * self.inverse;
+        let height = (to_point - self.axis * foot).length();
+        let (zero, one) = (foot.like(0.0), foot.like(1.0));
+        let larger = R::select(zero.less(self.growth), one, zero);
+        let t = foot + height * self.slope;
+        (R::select(self.proper, t.saturate(), larger), self.proper & zero.at_most(t) & t.at_most(one))
+    }
+
+    /// Gap of a point to the nearest sphere, and a vector along the normal there, towards the point.
+    #[inline(always)]
+    pub fn gap(&self, point: Vector<R>) -> (R, Vector<R>) {
+        let (t, inside) = self.nearest(point);
+        let ball = self.at(t);
+        let apart = point - ball.center;
+        let length = apart.length();
+        // However near the axis the point is, along it the normal leans as the mantle does.
+        let lean = (apart.dot(self.axis) + self.growth * length) * self.inverse;
+        let lean = R::select(inside, lean, lean.like(0.0));
+        (length - ball.radius, apart - self.axis * lean)
+    }
+
+    /// Where two edges' spheres are nearest to each other if that is inside of both.
+    ///
+    /// With `u`, `v` the axes and `alpha`, `beta` the growth of the radii along them, the unit direction `n` from the second
+    /// to the first satisfies `n . u = alpha`, `n . v = -beta` at an optimum inside both; its part in the plane of `u`
+    /// and `v` follows, and the distance of the axes' lines gives the rest.
+    #[inline(always)]
+    pub fn crossing(&self, other: &Self) -> Crossing<R> {
+        let (u, v) = (self.axis, other.axis);
+        let (alpha, beta) = (self.growth, other.growth);
+        let (uu, uv, vv) = (self.length_squared, u.dot(v), other.length_squared);
+        let offset = self.start.center - other.start.center;
+        let across = u.cross(v);
+        let det = across.length_squared();
+        let inverse = det.like(1.0) / det;
+        let x = (alpha * vv + beta * uv) * inverse;
+        let y = -(beta * uu + alpha * uv) * inverse;
+        let flat = det.like(1.0) - (x * alpha - y * beta);
+        let height = offset.dot(across);
+        let steep = det.like(1.0) / (det * flat).sqrt();
+        let distance = height.abs() * steep;
+        let p = distance * alpha - offset.dot(u);
+        let q = -(distance * beta) - offset.dot(v);
+        let s = (p * vv - q * uv) * inverse;
+        let t = (p * uv - q * uu) * inverse;
+        let rise = flat * steep;
+        let rise = R::select(height.less(height.like(0.0)), -rise, rise);
+        Crossing { s, t, normal: u * x + v * y + across * rise, sine_squared: det / (uu * vv), proper: flat.like(0.0).less(flat) }
+    }
+}
+
+/// See [`Edge::crossing`].
+pub(super) struct Crossing<R: Number> {
+    /// Where along the two edges, from 0 to 1 if inside.
+    pub s: R,
+    pub t: R,
+    /// Unit direction from the second to the first.
+    pub normal: Vector<R>,
+    /// Of the angle between the edges.
+    pub sine_squared: R,
+    /// False if there is none, as one sphere outdoes the others in every direction.
+    pub proper: R::Mask,
+}
+
+impl<R: Number> Crossing<R> {
+    /// The gap, the normal, and whether it is inside of both.
+    #[inline(always)]
+    pub fn gap(&self, edge1: &Edge<R>, edge2: &Edge<R>) -> (R, Vector<R>, R::Mask) {
+        let (ball1, ball2) = (edge1.at(self.s), edge2.at(self.t));
+        let (zero, one) = (self.s.like(0.0), self.s.like(1.0));
+        let inside = zero.at_most(self.s) & self.s.at_most(one) & zero.at_most(self.t) & self.t.at_most(one);
+        ((ball2.center - ball1.center).length() - ball1.radius - ball2.radius, self.normal, inside & self.proper)
+    }
+}
+
+/// The face of a medial slab: what does not depend on the other side.
+#[derive(Clone, Copy)]
+pub(super) struct Face<R: Number> {
+    start: Ball<R>,
+    sides: [Vector<R>; 2],
+    growth: [R; 2],
+    /// Of the two sides: the first's square, their product, the second's square.
+    products: [R; 3],
+    across: Vector<R>,
+    det: R,
+    inverse: R,
+    /// In-plane gradient of the radius, in sides.
+    gradient: [R; 2],
+    /// By how many gradients the sphere nearest to a point is farther on, for each length of `across` in the point's height above the plane.
+    steep: R,
+    /// False if there is no face: one sphere outdoes the others in every direction.
+    proper: R::Mask,
+    flat: R,
+}
+
+impl<R: Number> Face<R> {
+    #[inline(always)]
+    pub fn new(a: Ball<R>, b: Ball<R>, c: Ball<R>) -> Self {
+        let sides = [b.center - a.center, c.center - a.center];
+        let growth = [b.radius - a.radius, c.radius - a.radius];
+        let across = sides[0].cross(sides[1]);
+        let products = [sides[0].length_squared(), sides[0].dot(sides[1]), sides[1].length_squared()];
+        let det = across.length_squared();
+        let inverse = det.like(1.0) / det;
+        let gradient = [
+            (growth[0] * products[2] - growth[1] * products[1]) * inverse,
+            (growth[1] * products[0] - growth[0] * products[1]) * inverse,
+        ];
+        let flat = det.like(1.0) - (growth[0] * gradient[0] + growth[1] * gradient[1]);
+        let steep = det.like(1.0) / (det * flat).sqrt();
+        let proper = det.like(0.0).less(det) & det.like(0.0).less(flat);
+        Self { start: a, sides, growth, products, across, det, inverse, gradient, steep, proper, flat }
+    }
+
+    /// The sphere of the face's plane that is nearest to `point`: the weights of the corners.
+    ///
+    /// With `g` the in-plane gradient of the radius, the foot of the perpendicular on the centres' plane shifted by
+    /// `h g / sqrt(1 - |g|^2)`, `h` being the height above the plane.
+    #[inline(always)]
+    pub fn nearest(&self, point: Vector<R>) -> [R; 3] {
+        let to_point = point - self.start.center;
+        let [d22, d23, d33] = self.products;
+        let (p2, p3) = (to_point.dot(self.sides[0]), to_point.dot(self.sides[1]));
+        let shift = to_point.dot(self.across).abs() * self.steep;
+        let w2 = (p2 * d33 - p3 * d23) * self.inverse + shift * self.gradient[0];
+        let w3 = (p3 * d22 - p2 * d23) * self.inverse + shift * self.gradient[1];
+        [w2.like(1.0) - w2 - w3, w2, w3]
+    }
+
+    #[inline(always)]
+    pub fn at(&self, [_, w2, w3]: [R; 3]) -> Ball<R> {
+        Ball {
+            center: self.start.center + self.sides[0] * w2 + self.sides[1] * w3,
+            radius: self.start.radius + self.growth[0] * w2 + self.growth[1] * w3,
+        }
+    }
+
+    /// Gap of a point to the nearest sphere, the unit normal there, towards the point, and whether there is such a sphere inside the face.
+    #[inline(always)]
+    pub fn gap(&self, point: Vector<R>) -> (R, Vector<R>, R::Mask) {
+        let weights = self.nearest(point);
+        let ball = self.at(weights);
+        let apart = point - ball.center;
+        let rise = self.flat * self.steep;
+        let rise = R::select(apart.dot(self.across).less(rise.like(0.0)), -rise, rise);
+        let normal = self.across * rise - (self.sides[0] * self.gradient[0] + self.sides[1] * self.gradient[1]);
+        let zero = rise.like(0.0);
+        let [w1, w2, w3] = weights.map(|w| zero.at_most(w));
+        (apart.length() - ball.radius, normal, self.proper & w1 & w2 & w3)
+    }
 }
 
 /// The sphere of the medial cone `a`-`b` that is nearest to `point`.

@@ -260,7 +260,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
             }
             TimeOfImpact { status, fraction, contact, rounds }
         };
-        if start.separation.distance <= self.target + CONTACT_ROUNDING * extent {
+        if start.fraction == 0.0 && start.separation.distance <= self.target + CONTACT_ROUNDING * extent {
             return result(TimeOfImpactStatus::Overlapping, 0.0, &start, rounds);
         }
         let touching = self.target + TOUCH_ROUNDING * extent;
@@ -321,6 +321,18 @@ pub fn time_of_impact<const N: usize, B: MovingConvex>(
 ) -> TimeOfImpact {
     let pair = Pair { first, second, target: 0.0 };
     pair.advance(pair.at(0.0, 0), max_fraction)
+}
+
+/// The rest of a search of [`time_of_impact`] that has come to `fraction`, until which nothing touches, in as many rounds as it has for
+/// advancing.
+pub(super) fn resume<const N: usize, B: MovingConvex>(
+    first: &Moving<N>,
+    second: &B,
+    max_fraction: f32,
+    fraction: f32,
+) -> TimeOfImpact {
+    let pair = Pair { first, second, target: 0.0 };
+    pair.advance(pair.at(fraction, 0), max_fraction)
 }
 
 /// How they lie to each other at the start, relative to the origin there, and whether nothing can touch until `max_fraction`.
