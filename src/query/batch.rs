@@ -1,6 +1,6 @@
-//! Times of impact of many pairs at once, eight side by side.
+//! Times of impact of many pairs at once, sixteen side by side.
 
-use fearless_simd::{Level, Simd, dispatch, f32x8, f64x4, mask32x8, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x16, f64x8, mask32x16, prelude::*};
 
 use super::{
     nearest::{Edge, Face},
@@ -8,10 +8,10 @@ use super::{
     separation::edges,
     time_of_impact::{Moving, TimeOfImpactStatus, resume},
 };
-use crate::constants::{CONTACT_ROUNDING, MAX_ADVANCES, TOUCH_ROUNDING};
+use crate::constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING};
 
 /// Pairs side by side.
-const LANES: usize = 8;
+const LANES: usize = 16;
 
 /// Two moving primitives.
 pub type MovingPair<const N: usize, const M: usize> = (Moving<N>, Moving<M>);
@@ -60,7 +60,7 @@ fn run<S: Simd, const N: usize, const M: usize>(
                 first_waiting = pairs.len() - rest.len();
                 rest = later;
                 waiting.load(simd, now);
-                left = ((1 << now.len()) - 1) & !waiting.stay_apart(simd, max_fraction);
+                left = ((1 << now.len()) - 1) & !waiting.depart(simd, max_fraction);
                 continue;
             }
             let (lane, from) = (busy.trailing_ones() as usize, left.trailing_zeros() as usize);
@@ -105,9 +105,9 @@ struct Ends {
     unclear: u64,
 }
 
-/// Eight spheres on their way.
+/// Sixteen spheres on their way.
 #[derive(Clone, Copy)]
-struct Sphere8 {
+struct Spheres {
     /// Centres at the start of the step relative to the first sphere of the first side there, in f64: sums and products of the f32 input are all
     /// but exact.
     start: [[f64; LANES]; 3],
@@ -116,7 +116,7 @@ struct Sphere8 {
     radius: [f32; LANES],
 }
 
-impl Sphere8 {
+impl Spheres {
     const ZERO: Self = Self { start: [[0.0; LANES]; 3], motion: [[0.0; LANES]; 3], radius: [0.0; LANES] };
 
     #[inline(always)]
@@ -129,28 +129,28 @@ impl Sphere8 {
     }
 
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, [early, late]: [f64x4<S>; 2]) -> Ball<f32x8<S>> {
+    fn at<S: Simd>(&self, simd: S, [early, late]: [f64x8<S>; 2]) -> Ball<f32x16<S>> {
         let [x, y, z] = each(#[inline(always)] |axis| {
             let (start, motion) = (halves(simd, &self.start[axis]), halves(simd, &self.motion[axis]));
-            simd.narrow_f64x4(start[0] + motion[0] * early, start[1] + motion[1] * late)
+            simd.narrow_f64x8(start[0] + motion[0] * early, start[1] + motion[1] * late)
         });
-        Ball { center: Vector { x, y, z }, radius: f32x8::load_array(simd, self.radius) }
+        Ball { center: Vector { x, y, z }, radius: f32x16::load_array(simd, self.radius) }
     }
 
     #[inline(always)]
-    fn motion<S: Simd>(&self, simd: S) -> Vector<f32x8<S>> {
+    fn motion<S: Simd>(&self, simd: S) -> Vector<f32x16<S>> {
         let [x, y, z] = each(#[inline(always)] |axis| {
             let [early, late] = halves(simd, &self.motion[axis]);
-            simd.narrow_f64x4(early, late)
+            simd.narrow_f64x8(early, late)
         });
         Vector { x, y, z }
     }
 }
 
 #[inline(always)]
-fn halves<S: Simd>(simd: S, numbers: &[f64; LANES]) -> [f64x4<S>; 2] {
+fn halves<S: Simd>(simd: S, numbers: &[f64; LANES]) -> [f64x8<S>; 2] {
     let (a, b) = numbers.split_at(LANES / 2);
-    [f64x4::from_slice(simd, a), f64x4::from_slice(simd, b)]
+    [f64x8::from_slice(simd, a), f64x8::from_slice(simd, b)]
 }
 
 /// An array of what `make` gives for each index: `std::array::from_fn`, inlined for certain.
@@ -163,10 +163,10 @@ fn each<T: Copy, const N: usize>(make: impl Fn(usize) -> T) -> [T; N] {
     made
 }
 
-/// Eight pairs on their way.
+/// Sixteen pairs on their way.
 struct Lanes<const N: usize, const M: usize> {
-    first: [Sphere8; N],
-    second: [Sphere8; M],
+    first: [Spheres; N],
+    second: [Spheres; M],
     /// Extents of both sides.
     extents: [[f32; LANES]; 2],
     /// Until when nothing touches, and the rounds that it took.
@@ -177,15 +177,15 @@ struct Lanes<const N: usize, const M: usize> {
 impl<const N: usize, const M: usize> Lanes<N, M> {
     fn new() -> Self {
         Self {
-            first: [Sphere8::ZERO; N],
-            second: [Sphere8::ZERO; M],
+            first: [Spheres::ZERO; N],
+            second: [Spheres::ZERO; M],
             extents: [[0.0; LANES]; 2],
             fraction: [0.0; LANES],
             rounds: [0.0; LANES],
         }
     }
 
-    /// Puts up to eight pairs at their start.
+    /// Puts up to sixteen pairs at their start.
     #[inline(always)]
     fn load<S: Simd>(&mut self, simd: S, pairs: &[MovingPair<N, M>]) {
         let mut first = [[[0.0; LANES]; 7]; N];
@@ -225,71 +225,86 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
     }
 
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, fraction: f32x8<S>) -> ([Ball<f32x8<S>>; N], [Ball<f32x8<S>>; M]) {
-        let (early, late) = simd.widen_f32x8(fraction);
+    fn at<S: Simd>(&self, simd: S, fraction: f32x16<S>) -> ([Ball<f32x16<S>>; N], [Ball<f32x16<S>>; M]) {
+        let (early, late) = simd.widen_f32x16(fraction);
         (
             each(#[inline(always)] |i| self.first[i].at(simd, [early, late])),
             each(#[inline(always)] |i| self.second[i].at(simd, [early, late])),
         )
     }
 
-    /// Pairs that are apart all the time along one direction: that between their middles when these are nearest to each other.
-    ///
-    /// Along a fixed direction the gap of two spheres is linear in time, so it is least at an end.
+    /// Goes as far as two directions show that nothing touches: that between the middles of both sides at the start, and that when the middles are
+    /// nearest to each other. A bit for each pair that stays apart.
     #[inline(always)]
-    fn stay_apart<S: Simd>(&self, simd: S, max_fraction: f32) -> u64 {
-        let zero = f32x8::splat(simd, 0.0);
-        let start = self.at(simd, zero);
-        let end = self.at(simd, zero.like(max_fraction));
-        let [from, to] = [between_middles(&start.0, &start.1), between_middles(&end.0, &end.1)];
-        let way = to - from;
-        let nearest = (-(from.dot(way)) / way.length_squared()).saturate();
-        let apart = from + way * nearest;
-        let normal = apart * (zero.like(1.0) / apart.length());
-        let [extent1, extent2] = self.extents.map(|extent| f32x8::load_array(simd, extent));
-        let [gap1, gap2] = each(#[inline(always)] |i| {
-            let ((first, second), middle) = [(&start, from), (&end, to)][i];
-            let rounding = (extent1 + extent2 + middle.length()) * zero.like(CONTACT_ROUNDING);
-            low(second, normal) - high(first, normal) - rounding
-        });
-        (zero.less(gap1) & zero.less(gap2)).to_bitmask()
+    fn depart<S: Simd>(&mut self, simd: S, max_fraction: f32) -> u64 {
+        let zero = f32x16::splat(simd, 0.0);
+        let (first, second) = self.at(simd, zero);
+        let from = middle(&second) - middle(&first);
+        let (last1, last2) = self.at(simd, zero.like(max_fraction));
+        let way = middle(&last2) - middle(&last1) - from;
+        let nearest = from + way * (-(from.dot(way)) / way.length_squared()).saturate();
+        let [extent1, extent2] = self.extents.map(|extent| f32x16::load_array(simd, extent));
+        let rounding = (extent1 + extent2 + from.length() + way.length()) * zero.like(CONTACT_ROUNDING);
+        let mut cleared = zero;
+        for direction in [from, nearest] {
+            let normal = direction * (zero.like(1.0) / direction.length());
+            let (gap, until) = self.cleared(simd, &first, &second, normal, rounding);
+            cleared = cleared.greater(f32x16::select(zero.less(gap), until, zero));
+        }
+        self.fraction = cleared.into();
+        zero.like(max_fraction).less(cleared).to_bitmask()
     }
 
-    /// One round of conservative advancement.
+    /// The gap of both sides along a direction, less `rounding`, and how much time goes by until it is closed.
     #[inline(always)]
-    fn advance<S: Simd>(&mut self, simd: S, max_fraction: f32) -> Ends {
-        let fraction = f32x8::load_array(simd, self.fraction);
-        let (first, second) = self.at(simd, fraction);
-        let (upper, normal) = nearest(&first, &second);
+    fn cleared<S: Simd>(
+        &self,
+        simd: S,
+        first: &[Ball<f32x16<S>>; N],
+        second: &[Ball<f32x16<S>>; M],
+        normal: Vector<f32x16<S>>,
+        rounding: f32x16<S>,
+    ) -> (f32x16<S>, f32x16<S>) {
         let high: [_; N] = each(#[inline(always)] |i| {
-            (first[i].center.dot(normal) + first[i].radius, self.first[i].motion(simd).dot(normal))
+            (first[i].center.dot(normal) + first[i].radius + rounding, self.first[i].motion(simd).dot(normal))
         });
-        let zero = upper.like(0.0);
-        let mut lower = upper.like(f32::INFINITY);
-        let mut root = lower;
+        let zero = rounding.like(0.0);
+        let mut least = rounding.like(f32::INFINITY);
+        let mut until = least;
         for j in 0..M {
             let low = second[j].center.dot(normal) - second[j].radius;
             let low_motion = self.second[j].motion(simd).dot(normal);
             for (high, high_motion) in high {
                 let (gap, closing) = (low - high, high_motion - low_motion);
-                lower = lower.lesser(gap);
+                least = least.lesser(gap);
                 let time = zero.greater(gap) / closing;
-                root = f32x8::select(zero.less(closing), root.lesser(time), root);
+                until = f32x16::select(zero.less(closing), until.lesser(time), until);
             }
         }
-        let [extent1, extent2] = self.extents.map(|extent| f32x8::load_array(simd, extent));
-        let tolerance = f32x8::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
+        (least, until)
+    }
+
+    /// One round of conservative advancement.
+    #[inline(always)]
+    fn advance<S: Simd>(&mut self, simd: S, max_fraction: f32) -> Ends {
+        let fraction = f32x16::load_array(simd, self.fraction);
+        let (first, second) = self.at(simd, fraction);
+        let (upper, normal) = nearest(&first, &second);
+        let zero = upper.like(0.0);
+        let (lower, until) = self.cleared(simd, &first, &second, normal, zero);
+        let [extent1, extent2] = self.extents.map(|extent| f32x16::load_array(simd, extent));
+        let tolerance = f32x16::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
         let touching = extent1.greater(extent2) * tolerance;
         let near = lower.at_most(touching);
         let sure = (upper - (extent1 + extent2) * zero.like(CONTACT_ROUNDING)).at_most(lower);
         let touch = upper.at_most(touching) | (near & sure);
-        let next = fraction + root;
+        let next = fraction + until;
         let apart = zero.like(max_fraction).less(next);
-        let rounds = f32x8::load_array(simd, self.rounds) + zero.like(1.0);
-        let many = zero.like(MAX_ADVANCES as f32).at_most(rounds);
+        let rounds = f32x16::load_array(simd, self.rounds) + zero.like(1.0);
+        let many = zero.like(MAX_LANE_ADVANCES).at_most(rounds);
         self.rounds = rounds.into();
-        self.fraction = f32x8::select(touch | near, fraction, next).into();
-        let [touch, near, apart, many] = [touch, near, apart, many].map(mask32x8::to_bitmask);
+        self.fraction = f32x16::select(touch | near, fraction, next).into();
+        let [touch, near, apart, many] = [touch, near, apart, many].map(mask32x16::to_bitmask);
         Ends { touch, unclear: near | (many & !apart), apart }
     }
 }
@@ -307,7 +322,7 @@ fn transpose<const N: usize>(into: &mut [[[f32; LANES]; 7]; N], lane: usize, mov
 
 #[inline(always)]
 fn difference<S: Simd>(simd: S, a: [f32; LANES], b: [f32; LANES]) -> [f64; LANES] {
-    let [a, b] = [a, b].map(|numbers| simd.widen_f32x8(f32x8::load_array(simd, numbers)));
+    let [a, b] = [a, b].map(|numbers| simd.widen_f32x16(f32x16::load_array(simd, numbers)));
     let mut difference = [0.0; LANES];
     let (early, late) = difference.split_at_mut(LANES / 2);
     (a.0 - b.0).store_slice(early);
@@ -317,9 +332,9 @@ fn difference<S: Simd>(simd: S, a: [f32; LANES], b: [f32; LANES]) -> [f64; LANES
 
 /// As [`Convex::extent`](super::Convex::extent).
 #[inline(always)]
-fn extent<S: Simd, const N: usize>(simd: S, spheres: &[[[f32; LANES]; 7]; N]) -> f32x8<S> {
-    let balls: [Ball<f32x8<S>>; N] = each(#[inline(always)] |i| {
-        let [x, y, z, radius] = each(#[inline(always)] |k| f32x8::load_array(simd, spheres[i][k]));
+fn extent<S: Simd, const N: usize>(simd: S, spheres: &[[[f32; LANES]; 7]; N]) -> f32x16<S> {
+    let balls: [Ball<f32x16<S>>; N] = each(#[inline(always)] |i| {
+        let [x, y, z, radius] = each(#[inline(always)] |k| f32x16::load_array(simd, spheres[i][k]));
         Ball { center: Vector { x, y, z }, radius }
     });
     let first = balls[0];
@@ -331,12 +346,7 @@ fn extent<S: Simd, const N: usize>(simd: S, spheres: &[[[f32; LANES]; 7]; N]) ->
     Number::sqrt(spread) + radius
 }
 
-/// From the middle of the first side's centres to that of the second's.
-#[inline(always)]
-fn between_middles<R: Number, const N: usize, const M: usize>(first: &[Ball<R>; N], second: &[Ball<R>; M]) -> Vector<R> {
-    middle(second) - middle(first)
-}
-
+/// The middle of a primitive's centres.
 #[inline(always)]
 fn middle<R: Number, const N: usize>(balls: &[Ball<R>; N]) -> Vector<R> {
     let mut sum = balls[0].center;
@@ -346,26 +356,6 @@ fn middle<R: Number, const N: usize>(balls: &[Ball<R>; N]) -> Vector<R> {
     sum * balls[0].radius.like(1.0 / N as f32)
 }
 
-/// Least of `n . x` over the primitive.
-#[inline(always)]
-fn low<R: Number, const N: usize>(balls: &[Ball<R>; N], n: Vector<R>) -> R {
-    let mut low = balls[0].center.dot(n) - balls[0].radius;
-    for ball in &balls[1..] {
-        low = low.lesser(ball.center.dot(n) - ball.radius);
-    }
-    low
-}
-
-/// Greatest of `n . x` over the primitive.
-#[inline(always)]
-fn high<R: Number, const N: usize>(balls: &[Ball<R>; N], n: Vector<R>) -> R {
-    let mut high = balls[0].center.dot(n) + balls[0].radius;
-    for ball in &balls[1..] {
-        high = high.greater(ball.center.dot(n) + ball.radius);
-    }
-    high
-}
-
 /// The least distance of two primitives, or more, and the unit direction from the first to the second where they are that near.
 #[inline(always)]
 fn nearest<R: Number, const N: usize, const M: usize>(
@@ -373,7 +363,10 @@ fn nearest<R: Number, const N: usize, const M: usize>(
     second: &[Ball<R>; M],
 ) -> (R, Vector<R>) {
     let apart = second[0].center - first[0].center;
-    let mut best = Best { upper: apart.length() - first[0].radius - second[0].radius, normal: apart };
+    let mut best = Best { upper: apart.x.like(f32::INFINITY), normal: apart };
+    if N == 1 && M == 1 {
+        best.take(apart.length() - first[0].radius - second[0].radius, apart);
+    }
     let edges1: [Edge<R>; N] = each(#[inline(always)] |i| Edge::new(first[i], first[(i + 1) % N]));
     let edges2: [Edge<R>; M] = each(#[inline(always)] |i| Edge::new(second[i], second[(i + 1) % M]));
     for ball in first {
