@@ -91,7 +91,11 @@ fn run<S: Simd, const N: usize, const M: usize>(
 
 /// The rest of a search, by the scalar kernel.
 #[inline(never)]
-fn finish<const N: usize, const M: usize>((first, second): &MovingPair<N, M>, max_fraction: f32, cleared: f32) -> Touch {
+fn finish<const N: usize, const M: usize>(
+    (first, second): &MovingPair<N, M>,
+    max_fraction: f32,
+    cleared: f32,
+) -> Touch {
     let found = resume(first, second, max_fraction, cleared);
     let fraction = if found.status == TimeOfImpactStatus::Separated { max_fraction } else { found.fraction };
     Touch { status: found.status, fraction }
@@ -130,19 +134,25 @@ impl Spheres {
 
     #[inline(always)]
     fn at<S: Simd>(&self, simd: S, [early, late]: [f64x8<S>; 2]) -> Ball<f32x16<S>> {
-        let [x, y, z] = each(#[inline(always)] |axis| {
-            let (start, motion) = (halves(simd, &self.start[axis]), halves(simd, &self.motion[axis]));
-            simd.narrow_f64x8(start[0] + motion[0] * early, start[1] + motion[1] * late)
-        });
+        let [x, y, z] = each(
+            #[inline(always)]
+            |axis| {
+                let (start, motion) = (halves(simd, &self.start[axis]), halves(simd, &self.motion[axis]));
+                simd.narrow_f64x8(start[0] + motion[0] * early, start[1] + motion[1] * late)
+            },
+        );
         Ball { center: Vector { x, y, z }, radius: f32x16::load_array(simd, self.radius) }
     }
 
     #[inline(always)]
     fn motion<S: Simd>(&self, simd: S) -> Vector<f32x16<S>> {
-        let [x, y, z] = each(#[inline(always)] |axis| {
-            let [early, late] = halves(simd, &self.motion[axis]);
-            simd.narrow_f64x8(early, late)
-        });
+        let [x, y, z] = each(
+            #[inline(always)]
+            |axis| {
+                let [early, late] = halves(simd, &self.motion[axis]);
+                simd.narrow_f64x8(early, late)
+            },
+        );
         Vector { x, y, z }
     }
 }
@@ -228,8 +238,14 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
     fn at<S: Simd>(&self, simd: S, fraction: f32x16<S>) -> ([Ball<f32x16<S>>; N], [Ball<f32x16<S>>; M]) {
         let (early, late) = simd.widen_f32x16(fraction);
         (
-            each(#[inline(always)] |i| self.first[i].at(simd, [early, late])),
-            each(#[inline(always)] |i| self.second[i].at(simd, [early, late])),
+            each(
+                #[inline(always)]
+                |i| self.first[i].at(simd, [early, late]),
+            ),
+            each(
+                #[inline(always)]
+                |i| self.second[i].at(simd, [early, late]),
+            ),
         )
     }
 
@@ -265,9 +281,10 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         normal: Vector<f32x16<S>>,
         rounding: f32x16<S>,
     ) -> (f32x16<S>, f32x16<S>) {
-        let high: [_; N] = each(#[inline(always)] |i| {
-            (first[i].center.dot(normal) + first[i].radius + rounding, self.first[i].motion(simd).dot(normal))
-        });
+        let high: [_; N] = each(
+            #[inline(always)]
+            |i| (first[i].center.dot(normal) + first[i].radius + rounding, self.first[i].motion(simd).dot(normal)),
+        );
         let zero = rounding.like(0.0);
         let mut least = rounding.like(f32::INFINITY);
         let mut until = least;
@@ -333,10 +350,16 @@ fn difference<S: Simd>(simd: S, a: [f32; LANES], b: [f32; LANES]) -> [f64; LANES
 /// As [`Convex::extent`](super::Convex::extent).
 #[inline(always)]
 fn extent<S: Simd, const N: usize>(simd: S, spheres: &[[[f32; LANES]; 7]; N]) -> f32x16<S> {
-    let balls: [Ball<f32x16<S>>; N] = each(#[inline(always)] |i| {
-        let [x, y, z, radius] = each(#[inline(always)] |k| f32x16::load_array(simd, spheres[i][k]));
-        Ball { center: Vector { x, y, z }, radius }
-    });
+    let balls: [Ball<f32x16<S>>; N] = each(
+        #[inline(always)]
+        |i| {
+            let [x, y, z, radius] = each(
+                #[inline(always)]
+                |k| f32x16::load_array(simd, spheres[i][k]),
+            );
+            Ball { center: Vector { x, y, z }, radius }
+        },
+    );
     let first = balls[0];
     let (mut spread, mut radius) = (first.radius.like(0.0), first.radius);
     for ball in balls {
@@ -358,17 +381,20 @@ fn middle<R: Number, const N: usize>(balls: &[Ball<R>; N]) -> Vector<R> {
 
 /// The least distance of two primitives, or more, and the unit direction from the first to the second where they are that near.
 #[inline(always)]
-fn nearest<R: Number, const N: usize, const M: usize>(
-    first: &[Ball<R>; N],
-    second: &[Ball<R>; M],
-) -> (R, Vector<R>) {
+fn nearest<R: Number, const N: usize, const M: usize>(first: &[Ball<R>; N], second: &[Ball<R>; M]) -> (R, Vector<R>) {
     let apart = second[0].center - first[0].center;
     let mut best = Best { upper: apart.x.like(f32::INFINITY), normal: apart };
     if N == 1 && M == 1 {
         best.take(apart.length() - first[0].radius - second[0].radius, apart);
     }
-    let edges1: [Edge<R>; N] = each(#[inline(always)] |i| Edge::new(first[i], first[(i + 1) % N]));
-    let edges2: [Edge<R>; M] = each(#[inline(always)] |i| Edge::new(second[i], second[(i + 1) % M]));
+    let edges1: [Edge<R>; N] = each(
+        #[inline(always)]
+        |i| Edge::new(first[i], first[(i + 1) % N]),
+    );
+    let edges2: [Edge<R>; M] = each(
+        #[inline(always)]
+        |i| Edge::new(second[i], second[(i + 1) % M]),
+    );
     for ball in first {
         for edge in &edges2[..edges(M)] {
             let (gap, normal) = edge.gap(ball.center);

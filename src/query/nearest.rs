@@ -11,6 +11,9 @@ use crate::geometry::Sphere;
 /// Below this squared sine of the angle between two edges a solution inside is not trusted alone: the boundary is searched too.
 const ILL_CONDITIONED: f32 = 1.0e-3;
 
+/// Below this one there is none.
+const PARALLEL: f32 = 1.0e-12;
+
 /// Distance of a point to a sphere's surface.
 fn gap(point: Vec3, sphere: &Sphere) -> f32 {
     sphere.center.distance(point) - sphere.radius
@@ -112,21 +115,21 @@ impl<R: Number> Edge<R> {
         let t = (p * uv - q * uu) * inverse;
         let rise = flat * steep;
         let rise = R::select(height.less(height.like(0.0)), -rise, rise);
-        Crossing { s, t, normal: u * x + v * y + across * rise, sine_squared: det / (uu * vv), proper: flat.like(0.0).less(flat) }
+        Crossing { s, t, normal: u * x + v * y + across * rise, det, proper: flat.like(0.0).less(flat) }
     }
 }
 
 /// See [`Edge::crossing`].
 pub(super) struct Crossing<R: Number> {
     /// Where along the two edges, from 0 to 1 if inside.
-    pub s: R,
-    pub t: R,
+    s: R,
+    t: R,
     /// Unit direction from the second to the first.
-    pub normal: Vector<R>,
-    /// Of the angle between the edges.
-    pub sine_squared: R,
+    normal: Vector<R>,
+    /// The squares of both lengths and of the sine of the angle between them.
+    det: R,
     /// False if there is none, as one sphere outdoes the others in every direction.
-    pub proper: R::Mask,
+    proper: R::Mask,
 }
 
 impl<R: Number> Crossing<R> {
@@ -217,62 +220,31 @@ impl<R: Number> Face<R> {
     }
 }
 
-/// The sphere of the medial cone `a`-`b` that is nearest to `point`.
-///
-/// The foot of the perpendicular on the axis, shifted towards the larger end by the slope of the mantle:
-/// with `h` the distance to the axis, by `h tan`, where `sin = (r_b - r_a) / length`.
-#[inline]
+/// The sphere of the medial cone that is nearest to `point`.
+#[inline(always)]
 pub(super) fn on_cone(point: Vec3, [a, b]: [Sphere; 2]) -> Sphere {
-    let axis = b.center - a.center;
-    let growth = b.radius - a.radius;
-    let length_squared = axis.length_squared();
-    let mantle_squared = length_squared - growth * growth;
-    if mantle_squared <= 0.0 {
-        return if growth > 0.0 { b } else { a };
-    }
-    let to_point = point - a.center;
-    let foot = to_point.dot(axis) / length_squared;
-    let height = (to_point - axis * foot).length();
-    let t = foot + height * growth / (length_squared * mantle_squared).sqrt();
-    a.lerp(&b, t.clamp(0.0, 1.0))
+    let edge = Edge::new(a.into(), b.into());
+    let (t, _) = edge.nearest(point.into());
+    edge.at(t).into()
 }
 
-/// The sphere of the medial slab that is nearest to `point`.
-///
-/// With `g` the in-plane gradient of the radius, the foot of the perpendicular on the centres' plane shifted by
-/// `h g / sqrt(1 - |g|^2)`, `h` being the height above the plane; where that falls outside of the triangle, the
-/// nearest of the cones that face it.
+/// The sphere of the medial slab that is nearest to `point`: inside the face, or where that falls outside of the triangle, on the nearest of the
+/// cones that face it.
 #[inline]
 pub(super) fn on_slab(point: Vec3, slab: [Sphere; 3]) -> Sphere {
-    let [a, b, c] = slab;
-    let (e2, e3) = (b.center - a.center, c.center - a.center);
-    let (growth2, growth3) = (b.radius - a.radius, c.radius - a.radius);
-    let normal = e2.cross(e3);
-    let (d22, d23, d33) = (e2.length_squared(), e2.dot(e3), e3.length_squared());
-    let det = normal.length_squared();
-    if det <= 0.0 {
+    let [a, b, c] = slab.map(Ball::from);
+    let face = Face::new(a, b, c);
+    if !face.proper {
         return nearest_edge(point, &slab, [true; 3]);
     }
-    // g = g2 e2 + g3 e3.
-    let g2 = (growth2 * d33 - growth3 * d23) / det;
-    let g3 = (growth3 * d22 - growth2 * d23) / det;
-    let slope_squared = growth2 * g2 + growth3 * g3;
-    if slope_squared >= 1.0 {
-        return nearest_edge(point, &slab, [true; 3]);
-    }
-    let to_point = point - a.center;
-    let (p2, p3) = (to_point.dot(e2), to_point.dot(e3));
-    let shift = to_point.dot(normal).abs() / (det * (1.0 - slope_squared)).sqrt();
-    let w2 = (p2 * d33 - p3 * d23) / det + shift * g2;
-    let w3 = (p3 * d22 - p2 * d23) / det + shift * g3;
-    let w1 = 1.0 - w2 - w3;
-    let outside = [w1 < 0.0, w2 < 0.0, w3 < 0.0];
-    let inside = Sphere::new(a.center + e2 * w2 + e3 * w3, a.radius + growth2 * w2 + growth3 * w3);
-    if det < ILL_CONDITIONED * d22 * d33 {
+    let weights = face.nearest(point.into());
+    let outside = weights.map(|w| w < 0.0);
+    let [d22, _, d33] = face.products;
+    if face.det < ILL_CONDITIONED * d22 * d33 {
         let edge = nearest_edge(point, &slab, [true; 3]);
-        return if outside == [false; 3] { nearer(point, inside, edge) } else { edge };
+        return if outside == [false; 3] { nearer(point, face.at(weights).into(), edge) } else { edge };
     }
-    if outside == [false; 3] { inside } else { nearest_edge(point, &slab, outside) }
+    if outside == [false; 3] { face.at(weights).into() } else { nearest_edge(point, &slab, outside) }
 }
 
 /// Nearest sphere on those edges of the slab that lie opposite to the marked vertices.
@@ -289,43 +261,28 @@ fn nearest_edge(point: Vec3, slab: &[Sphere; 3], opposite: [bool; 3]) -> Sphere 
 
 /// The spheres of two medial cones, one of each, that are nearest to each other.
 ///
-/// With `u`, `v` the axes and `alpha`, `beta` the growth of the radii along them, the unit direction `n` from the second
-/// to the first satisfies `n . u = alpha`, `n . v = -beta` at an optimum inside both; its part in the plane of `u`
-/// and `v` follows, and the distance of the axes' lines gives the rest. Outside of the unit square the function is
-/// convex, so the optimum lies on an edge that faces the unconstrained one: an end sphere against a cone.
+/// Where their edges' [`Crossing`] is outside of the unit square: the function is convex, so the optimum lies on an edge of the square that faces the
+/// unconstrained one, which is an end sphere against a cone.
 #[inline]
 pub(super) fn between_cones(cone1: [Sphere; 2], cone2: [Sphere; 2]) -> (Sphere, Sphere) {
     let [a0, a1] = cone1;
     let [b0, b1] = cone2;
-    let (u, v) = (a1.center - a0.center, b1.center - b0.center);
-    let (alpha, beta) = (a1.radius - a0.radius, b1.radius - b0.radius);
-    let offset = a0.center - b0.center;
-    let normal = u.cross(v);
-    let (uu, uv, vv) = (u.length_squared(), u.dot(v), v.length_squared());
-    let det = normal.length_squared();
+    let edges = [Edge::new(a0.into(), a1.into()), Edge::new(b0.into(), b1.into())];
+    let lengths_squared = edges[0].length_squared * edges[1].length_squared;
+    let crossing = edges[0].crossing(&edges[1]);
     let mut facing = [true; 4];
     let mut best = None;
-    if det > 1.0e-12 * uu * vv {
-        let x = (alpha * vv + beta * uv) / det;
-        let y = -(beta * uu + alpha * uv) / det;
-        let slope_squared = x * alpha - y * beta;
-        if slope_squared < 1.0 {
-            let distance = offset.dot(normal).abs() / (det * (1.0 - slope_squared)).sqrt();
-            let p = distance * alpha - offset.dot(u);
-            let q = -distance * beta - offset.dot(v);
-            let s = (p * vv - q * uv) / det;
-            let t = (p * uv - q * uu) / det;
-            let outside = [s < 0.0, s > 1.0, t < 0.0, t > 1.0];
-            let inside = outside == [false; 4];
-            if inside {
-                best = Some((a0.lerp(&a1, s), b0.lerp(&b1, t)));
+    if crossing.det > PARALLEL * lengths_squared && crossing.proper {
+        let Crossing { s, t, .. } = crossing;
+        let outside = [s < 0.0, s > 1.0, t < 0.0, t > 1.0];
+        if outside == [false; 4] {
+            best = Some((edges[0].at(s).into(), edges[1].at(t).into()));
+        }
+        if crossing.det > ILL_CONDITIONED * lengths_squared {
+            if let Some(pair) = best {
+                return pair;
             }
-            if det > ILL_CONDITIONED * uu * vv {
-                if let Some(pair) = best {
-                    return pair;
-                }
-                facing = outside;
-            }
+            facing = outside;
         }
     }
     let mut least = best.map_or(f32::INFINITY, |(a, b)| gap(a.center, &b) - a.radius);
