@@ -1,7 +1,7 @@
 //! Times of impact of moving primitive pairs, from a file: one answer per line, then nanoseconds per pair for each kind.
 //!
 //! ```text
-//! cargo run --release --example pairs -- FILE [--repeat N] [--method advancement|alternating]
+//! cargo run --release --example pairs -- FILE [--repeat N] [--method advancement|single|alternating]
 //! ```
 //!
 //! A line of the file is `category kindA kindB | A | B | ...`; what follows the third `|` is ignored, `#` starts a comment.
@@ -13,7 +13,9 @@ mod pairs;
 
 use std::{collections::BTreeMap, hint::black_box, io::Write, path::PathBuf, process::ExitCode, time::Instant};
 
-use bevy_medial::query::{Cuboid, Moving, TimeOfImpact, TimeOfImpactStatus, alternating, time_of_impact};
+use bevy_medial::query::{
+    Cuboid, Moving, TimeOfImpact, TimeOfImpactStatus, Touch, alternating, time_of_impact, times_of_impact,
+};
 use clap::{Parser, ValueEnum};
 use pairs::{Pair, Primitive, Second};
 
@@ -32,8 +34,10 @@ struct Args {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Method {
-    /// Conservative advancement: the library's own.
+    /// Conservative advancement, all pairs of a kind at once; boxes one by one.
     Advancement,
+    /// The same one by one.
+    Single,
     /// The published alternation of nearest spheres and their contact: a baseline.
     Alternating,
 }
@@ -63,21 +67,13 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let mut answers = vec![String::new(); count];
     let mut timings = Vec::new();
     for (kind, pairs) in &kinds {
-        let mut best = f64::INFINITY;
-        for _ in 0..args.repeat.max(1) {
-            let start = Instant::now();
-            for (_, pair) in pairs {
-                black_box(solve(black_box(pair), args.method));
-            }
-            best = best.min(start.elapsed().as_secs_f64());
-        }
-        timings.push((kind, best * 1e9 / pairs.len() as f64));
-        for (line, pair) in pairs {
-            let result = solve(pair, args.method);
-            answers[*line] = match result.status {
+        let (touches, seconds) = solve(&pairs.iter().map(|(_, pair)| pair).collect::<Vec<_>>(), args);
+        timings.push((kind, seconds * 1e9 / pairs.len() as f64));
+        for ((line, _), touch) in pairs.iter().zip(touches) {
+            answers[*line] = match touch.status {
                 TimeOfImpactStatus::Separated => "none".into(),
                 TimeOfImpactStatus::Overlapping => "overlap".into(),
-                TimeOfImpactStatus::Hit | TimeOfImpactStatus::IterationLimit => result.fraction.to_string(),
+                TimeOfImpactStatus::Hit | TimeOfImpactStatus::IterationLimit => touch.fraction.to_string(),
             };
         }
     }
@@ -91,22 +87,52 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn solve(pair: &Pair, method: Method) -> TimeOfImpact {
-    match &pair.first {
-        Primitive::Sphere(first) => solve_first(first, &pair.second, method),
-        Primitive::Cone(first) => solve_first(first, &pair.second, method),
-        Primitive::Slab(first) => solve_first(first, &pair.second, method),
+/// The answers for pairs of one kind, and the seconds of the fastest pass.
+fn solve(pairs: &[&Pair], args: &Args) -> (Vec<Touch>, f64) {
+    match pairs[0].first {
+        Primitive::Sphere(_) => solve_first::<1>(pairs, args),
+        Primitive::Cone(_) => solve_first::<2>(pairs, args),
+        Primitive::Slab(_) => solve_first::<3>(pairs, args),
     }
 }
 
-fn solve_first<const N: usize>(first: &Moving<N>, second: &Second, method: Method) -> TimeOfImpact {
-    match (second, method) {
-        (Second::Box { half }, _) => time_of_impact(first, &Cuboid { half: *half }, 1.0),
-        (Second::Primitive(Primitive::Sphere(second)), Method::Advancement) => time_of_impact(first, second, 1.0),
-        (Second::Primitive(Primitive::Cone(second)), Method::Advancement) => time_of_impact(first, second, 1.0),
-        (Second::Primitive(Primitive::Slab(second)), Method::Advancement) => time_of_impact(first, second, 1.0),
-        (Second::Primitive(Primitive::Sphere(second)), Method::Alternating) => alternating(first, second),
-        (Second::Primitive(Primitive::Cone(second)), Method::Alternating) => alternating(first, second),
-        (Second::Primitive(Primitive::Slab(second)), Method::Alternating) => alternating(first, second),
+fn solve_first<const N: usize>(pairs: &[&Pair], args: &Args) -> (Vec<Touch>, f64) {
+    match pairs[0].second {
+        Second::Primitive(Primitive::Sphere(_)) => solve_hulls::<N, 1>(pairs, args),
+        Second::Primitive(Primitive::Cone(_)) => solve_hulls::<N, 2>(pairs, args),
+        Second::Primitive(Primitive::Slab(_)) => solve_hulls::<N, 3>(pairs, args),
+        Second::Box { .. } => {
+            let pairs: Vec<(Moving<N>, Cuboid)> = pairs::against_boxes(pairs.iter().copied());
+            fastest(args, || pairs.iter().map(|(a, b)| touch(&time_of_impact(black_box(a), b, 1.0))).collect())
+        }
     }
+}
+
+fn solve_hulls<const N: usize, const M: usize>(pairs: &[&Pair], args: &Args) -> (Vec<Touch>, f64) {
+    let pairs = pairs::of_kind::<N, M>(pairs.iter().copied());
+    match args.method {
+        Method::Advancement => fastest(args, || times_of_impact(black_box(&pairs), 1.0)),
+        Method::Single => {
+            fastest(args, || pairs.iter().map(|(a, b)| touch(&time_of_impact(black_box(a), b, 1.0))).collect())
+        }
+        Method::Alternating => {
+            fastest(args, || pairs.iter().map(|(a, b)| touch(&alternating(black_box(a), b))).collect())
+        }
+    }
+}
+
+fn touch(found: &TimeOfImpact) -> Touch {
+    Touch { status: found.status, fraction: found.fraction }
+}
+
+/// What each pass gives, and the seconds of the fastest.
+fn fastest(args: &Args, pass: impl Fn() -> Vec<Touch>) -> (Vec<Touch>, f64) {
+    let mut best = f64::INFINITY;
+    let mut touches = Vec::new();
+    for _ in 0..args.repeat.max(1) {
+        let start = Instant::now();
+        touches = pass();
+        best = best.min(start.elapsed().as_secs_f64());
+    }
+    (touches, best)
 }

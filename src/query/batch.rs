@@ -167,8 +167,8 @@ fn halves<S: Simd>(simd: S, numbers: &[f64; LANES]) -> [f64x8<S>; 2] {
 #[inline(always)]
 fn each<T: Copy, const N: usize>(make: impl Fn(usize) -> T) -> [T; N] {
     let mut made = [make(0); N];
-    for i in 1..N {
-        made[i] = make(i);
+    for (i, slot) in made.iter_mut().enumerate().skip(1) {
+        *slot = make(i);
     }
     made
 }
@@ -221,14 +221,14 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
 
     #[inline(always)]
     fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
-        for i in 0..N {
-            self.first[i].copy(lane, &from.first[i], from_lane);
+        for (into, from) in self.first.iter_mut().zip(&from.first) {
+            into.copy(lane, from, from_lane);
         }
-        for i in 0..M {
-            self.second[i].copy(lane, &from.second[i], from_lane);
+        for (into, from) in self.second.iter_mut().zip(&from.second) {
+            into.copy(lane, from, from_lane);
         }
-        for i in 0..2 {
-            self.extents[i][lane] = from.extents[i][from_lane];
+        for (into, from) in self.extents.iter_mut().zip(&from.extents) {
+            into[lane] = from[from_lane];
         }
         self.fraction[lane] = from.fraction[from_lane];
         self.rounds[lane] = from.rounds[from_lane];
@@ -271,7 +271,8 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         zero.like(max_fraction).less(cleared).to_bitmask()
     }
 
-    /// The gap of both sides along a direction, less `rounding`, and how much time goes by until it is closed.
+    /// The gap of both sides along a direction, less `rounding`, and how much time goes by until it is closed; nothing of either if the direction is
+    /// not a unit vector.
     #[inline(always)]
     fn cleared<S: Simd>(
         &self,
@@ -288,9 +289,9 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         let zero = rounding.like(0.0);
         let mut least = rounding.like(f32::INFINITY);
         let mut until = least;
-        for j in 0..M {
-            let low = second[j].center.dot(normal) - second[j].radius;
-            let low_motion = self.second[j].motion(simd).dot(normal);
+        for (ball, moving) in second.iter().zip(&self.second) {
+            let low = ball.center.dot(normal) - ball.radius;
+            let low_motion = moving.motion(simd).dot(normal);
             for (high, high_motion) in high {
                 let (gap, closing) = (low - high, high_motion - low_motion);
                 least = least.lesser(gap);
@@ -298,7 +299,8 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
                 until = f32x16::select(zero.less(closing), until.lesser(time), until);
             }
         }
-        (least, until)
+        let sound = rounding.like(0.5).less(normal.length_squared());
+        (f32x16::select(sound, least, zero), f32x16::select(sound, until, zero))
     }
 
     /// One round of conservative advancement.
