@@ -30,8 +30,13 @@ pub struct Touch {
 ///
 /// Each pair is on its own: its result is the same bits whatever other pairs there are, and on every machine.
 pub fn times_of_impact<const N: usize, const M: usize>(pairs: &[MovingPair<N, M>], max_fraction: f32) -> Vec<Touch> {
+    at_level(Level::new(), pairs, max_fraction)
+}
+
+/// With the vectors of one kind of machine.
+fn at_level<const N: usize, const M: usize>(level: Level, pairs: &[MovingPair<N, M>], max_fraction: f32) -> Vec<Touch> {
     let mut touches = vec![Touch { status: TimeOfImpactStatus::Separated, fraction: max_fraction }; pairs.len()];
-    dispatch!(Level::new(), simd => run(simd, pairs, max_fraction, &mut touches));
+    dispatch!(level, simd => run(simd, pairs, max_fraction, &mut touches));
     touches
 }
 
@@ -451,5 +456,59 @@ impl<R: Number> Best<R> {
         let nearer = mask & upper.less(self.upper);
         self.upper = R::select(nearer, upper, self.upper);
         self.normal = Vector::select(nearer, normal, self.normal);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::geometry::Sphere;
+
+    /// Random pairs of about unit size, of which some meet.
+    fn pairs<const N: usize, const M: usize>() -> Vec<MovingPair<N, M>> {
+        let mut state = 1u64;
+        let mut signed = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 40) as f32) / (1u64 << 23) as f32 - 1.0
+        };
+        let mut vector = || Vec3::new(signed(), signed(), signed());
+        let mut pair = || {
+            let (offset, aim) = (vector() * 3.0, vector());
+            let start1 = std::array::from_fn(|_| Sphere::new(offset + vector() * 0.5, 0.1 * vector().x.abs()));
+            let motion1 = std::array::from_fn(|_| aim - offset * 1.2 + vector() * 0.3);
+            let start2 = std::array::from_fn(|_| Sphere::new(vector() * 0.5, 0.1 * vector().x.abs()));
+            let motion2 = std::array::from_fn(|_| vector() * 0.3);
+            (Moving { start: start1, motion: motion1 }, Moving { start: start2, motion: motion2 })
+        };
+        (0..2000).map(|_| pair()).collect()
+    }
+
+    fn check<const N: usize, const M: usize>(levels: &[Level]) {
+        let pairs = pairs::<N, M>();
+        let bits = |touch: &Touch| (touch.status, touch.fraction.to_bits());
+        let expected: Vec<_> = at_level(Level::baseline(), &pairs, 1.0).iter().map(bits).collect();
+        for status in [TimeOfImpactStatus::Hit, TimeOfImpactStatus::Separated] {
+            assert!(expected.iter().any(|(found, _)| *found == status), "no pair is {status:?}");
+        }
+        for &level in levels {
+            let found: Vec<_> = at_level(level, &pairs, 1.0).iter().map(bits).collect();
+            assert_eq!(found, expected, "{level:?}");
+        }
+    }
+
+    #[test]
+    fn every_machine_gives_the_same_bits() {
+        let best = Level::new();
+        #[cfg(target_arch = "x86_64")]
+        let levels = [best.as_sse4_2().map(Level::Sse4_2), best.as_avx2().map(Level::Avx2), Some(best)];
+        #[cfg(not(target_arch = "x86_64"))]
+        let levels = [Some(best)];
+        let levels: Vec<Level> = levels.into_iter().flatten().collect();
+        check::<1, 1>(&levels);
+        check::<2, 2>(&levels);
+        check::<2, 3>(&levels);
+        check::<3, 3>(&levels);
     }
 }
