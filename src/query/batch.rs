@@ -320,8 +320,7 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         let tolerance = f32x16::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
         let touching = extent1.greater(extent2) * tolerance;
         let near = lower.at_most(touching);
-        let sure = (upper - (extent1 + extent2) * zero.like(CONTACT_ROUNDING)).at_most(lower);
-        let touch = upper.at_most(touching) | (near & sure);
+        let touch = upper.at_most(touching) | (near & upper.at_most(touching * zero.like(2.0)));
         let next = fraction + until;
         let apart = zero.like(max_fraction).less(next);
         let rounds = f32x16::load_array(simd, self.rounds) + zero.like(1.0);
