@@ -1,6 +1,6 @@
 //! Kernels, and the hierarchies that lead to them.
 //!
-//! - separation and time of impact for each kind of pair, over random pairs of which the share that hits is printed;
+//! - separation and time of impact, one by one and many at once, for each kind of pair, over random pairs of which the share that hits is printed;
 //! - time of impact of the pairs of a file, for each of its kinds and categories, where the file is there:
 //!   `../shared/pairs/moving_pairs.txt`, or what `MOVING_PAIRS` names, in the form of `examples/pairs.rs`;
 //! - rays against each kind of primitive, of which the share that hits is printed;
@@ -13,7 +13,10 @@ use std::{collections::BTreeMap, hint::black_box, path::Path, time::Duration};
 
 use bevy_medial::{
     geometry::{Aabb, Bvh, Pose3, Sphere},
-    query::{Cuboid, Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, ray_cast, separation, time_of_impact},
+    query::{
+        Cuboid, Moving, MovingConvex, MovingPair, TimeOfImpact, TimeOfImpactStatus, Touch, ray_cast, separation,
+        time_of_impact, times_of_impact,
+    },
     scenes::load_models,
 };
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
@@ -44,19 +47,23 @@ impl Random {
     }
 }
 
+/// Random pairs, of which about half hit.
+fn approaching<const N: usize, B>(mut second: impl FnMut(&mut Random) -> B) -> Vec<(Moving<N>, B)> {
+    let mut random = Random(1);
+    let mut pair = || {
+        let offset = random.vector(1.0).normalize_or(Vec3::X) * 3.0;
+        let motion = -offset * 1.2 + random.vector(1.5);
+        (random.moving(offset, motion), second(&mut random))
+    };
+    (0..PAIRS).map(|_| pair()).collect()
+}
+
 fn bench_pair<const N: usize, B: MovingConvex>(
     criterion: &mut Criterion,
     kind: &str,
-    mut second: impl FnMut(&mut Random) -> B,
+    second: impl FnMut(&mut Random) -> B,
 ) {
-    let mut random = Random(1);
-    let pairs: Vec<(Moving<N>, B)> = (0..PAIRS)
-        .map(|_| {
-            let offset = random.vector(1.0).normalize_or(Vec3::X) * 3.0;
-            let motion = -offset * 1.2 + random.vector(1.5);
-            (random.moving(offset, motion), second(&mut random))
-        })
-        .collect();
+    let pairs: Vec<(Moving<N>, B)> = approaching(second);
     let hits = pairs.iter().filter(|(a, b)| time_of_impact(a, b, 1.0).status != TimeOfImpactStatus::Separated).count();
     println!("{kind}: {} % of {PAIRS} pairs hit", 100 * hits as u64 / PAIRS);
 
@@ -73,6 +80,17 @@ fn bench_pair<const N: usize, B: MovingConvex>(
     group.finish();
 }
 
+/// Times of impact of many pairs at once.
+fn bench_pairs<const N: usize, const M: usize>(criterion: &mut Criterion, kind: &str) {
+    let pairs: Vec<MovingPair<N, M>> = approaching(|random| random.moving::<M>(Vec3::ZERO, Vec3::ZERO));
+    let mut group = criterion.benchmark_group(kind);
+    group.throughput(Throughput::Elements(PAIRS));
+    group.bench_function(BenchmarkId::from_parameter("times of impact at once"), |bencher| {
+        bencher.iter(|| times_of_impact(black_box(&pairs), 1.0));
+    });
+    group.finish();
+}
+
 fn kernels(criterion: &mut Criterion) {
     let sphere = |random: &mut Random| random.moving::<1>(Vec3::ZERO, Vec3::ZERO);
     let cone = |random: &mut Random| random.moving::<2>(Vec3::ZERO, Vec3::ZERO);
@@ -84,24 +102,44 @@ fn kernels(criterion: &mut Criterion) {
     bench_pair::<2, _>(criterion, "cone-cone", cone);
     bench_pair::<2, _>(criterion, "cone-slab", slab);
     bench_pair::<3, _>(criterion, "slab-slab", slab);
+    bench_pairs::<1, 1>(criterion, "sphere-sphere");
+    bench_pairs::<1, 2>(criterion, "sphere-cone");
+    bench_pairs::<1, 3>(criterion, "sphere-slab");
+    bench_pairs::<2, 2>(criterion, "cone-cone");
+    bench_pairs::<2, 3>(criterion, "cone-slab");
+    bench_pairs::<3, 3>(criterion, "slab-slab");
     bench_pair::<1, _>(criterion, "sphere-box", cuboid);
     bench_pair::<2, _>(criterion, "cone-box", cuboid);
     bench_pair::<3, _>(criterion, "slab-box", cuboid);
 }
 
-fn solve(pair: &Pair) -> TimeOfImpact {
-    fn against<const N: usize>(first: &Moving<N>, second: &Second) -> TimeOfImpact {
-        match second {
-            Second::Box { half } => time_of_impact(first, &Cuboid { half: *half }, 1.0),
-            Second::Primitive(Primitive::Sphere(second)) => time_of_impact(first, second, 1.0),
-            Second::Primitive(Primitive::Cone(second)) => time_of_impact(first, second, 1.0),
-            Second::Primitive(Primitive::Slab(second)) => time_of_impact(first, second, 1.0),
+/// A way to find the answers of many pairs.
+type Solve = Box<dyn Fn() -> Vec<Touch>>;
+
+/// One by one, and many at once where that can be, for pairs of one kind.
+fn solvers(pairs: &[Pair]) -> (Solve, Option<Solve>) {
+    fn touch(found: TimeOfImpact) -> Touch {
+        Touch { status: found.status, fraction: found.fraction }
+    }
+    fn single<const N: usize, B: MovingConvex + 'static>(pairs: Vec<(Moving<N>, B)>) -> Solve {
+        Box::new(move || pairs.iter().map(|(a, b)| touch(time_of_impact(black_box(a), b, 1.0))).collect())
+    }
+    fn hulls<const N: usize, const M: usize>(pairs: &[Pair]) -> (Solve, Option<Solve>) {
+        let pairs = pairs::of_kind::<N, M>(pairs);
+        (single(pairs.clone()), Some(Box::new(move || times_of_impact(black_box(&pairs), 1.0))))
+    }
+    fn against<const N: usize>(pairs: &[Pair]) -> (Solve, Option<Solve>) {
+        match pairs[0].second {
+            Second::Box { .. } => (single(pairs::against_boxes::<N>(pairs)), None),
+            Second::Primitive(Primitive::Sphere(_)) => hulls::<N, 1>(pairs),
+            Second::Primitive(Primitive::Cone(_)) => hulls::<N, 2>(pairs),
+            Second::Primitive(Primitive::Slab(_)) => hulls::<N, 3>(pairs),
         }
     }
-    match &pair.first {
-        Primitive::Sphere(first) => against(first, &pair.second),
-        Primitive::Cone(first) => against(first, &pair.second),
-        Primitive::Slab(first) => against(first, &pair.second),
+    match pairs[0].first {
+        Primitive::Sphere(_) => against::<1>(pairs),
+        Primitive::Cone(_) => against::<2>(pairs),
+        Primitive::Slab(_) => against::<3>(pairs),
     }
 }
 
@@ -119,15 +157,17 @@ fn file(criterion: &mut Criterion) {
         }
     }
     for ([kind, category], pairs) in &groups {
-        let hits = pairs.iter().filter(|pair| solve(pair).status != TimeOfImpactStatus::Separated).count();
+        let (single, at_once) = solvers(pairs);
+        let hits = single().iter().filter(|touch| touch.status != TimeOfImpactStatus::Separated).count();
         println!("{kind}, {category}: {} % of {} pairs hit", 100 * hits / pairs.len(), pairs.len());
         let mut group = criterion.benchmark_group(format!("file {kind}"));
         group.throughput(Throughput::Elements(pairs.len() as u64));
         // There are a hundred of them.
         group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1)).sample_size(20);
-        group.bench_function(BenchmarkId::from_parameter(category), |bencher| {
-            bencher.iter(|| pairs.iter().map(|pair| solve(black_box(pair)).fraction).sum::<f32>());
-        });
+        group.bench_function(BenchmarkId::from_parameter(category), |bencher| bencher.iter(&single));
+        if let Some(at_once) = at_once {
+            group.bench_function(BenchmarkId::new(category, "at once"), |bencher| bencher.iter(&at_once));
+        }
         group.finish();
     }
 }

@@ -1,7 +1,7 @@
 //! Times of impact of moving primitive pairs, from a file: one answer per line, then nanoseconds per pair for each kind.
 //!
 //! ```text
-//! cargo run --release --example pairs -- FILE [--repeat N] [--method advancement|alternating] [--backend cpu|gpu]
+//! cargo run --release --example pairs -- FILE [--repeat N] [--method advancement|single|alternating] [--backend cpu|gpu]
 //! ```
 //!
 //! A line of the file is `category kindA kindB | A | B | ...`; what follows the third `|` is ignored, `#` starts a comment.
@@ -15,7 +15,7 @@ use std::{collections::BTreeMap, hint::black_box, io::Write, path::PathBuf, proc
 
 use bevy_medial::{
     gpu::{GpuDevice, GpuError, GpuImpacts, MovingPair},
-    query::{Cuboid, Moving, TimeOfImpact, TimeOfImpactStatus, alternating, time_of_impact},
+    query::{Cuboid, Moving, TimeOfImpact, TimeOfImpactStatus, Touch, alternating, time_of_impact, times_of_impact},
 };
 use clap::{Parser, ValueEnum};
 use pairs::{Pair, Primitive, Second};
@@ -31,15 +31,17 @@ struct Args {
     /// The kernel.
     #[arg(long, value_enum, default_value_t = Method::Advancement)]
     method: Method,
-    /// Where it runs; on the GPU with uploads and readback, all pairs of a kind at a time, and by advancement only.
+    /// Where it runs; on the GPU by advancement only. Times there are those of upload, kernel and readback.
     #[arg(long, value_enum, default_value_t = Backend::Cpu)]
     backend: Backend,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum Method {
-    /// Conservative advancement: the library's own.
+    /// Conservative advancement, all pairs of a kind at once; boxes one by one.
     Advancement,
+    /// The same one by one.
+    Single,
     /// The published alternation of nearest spheres and their contact: a baseline.
     Alternating,
 }
@@ -72,23 +74,25 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         count += 1;
     }
 
-    let mut solver = Solver::new(args)?;
+    let mut gpu = match (args.backend, args.method) {
+        (Backend::Cpu, _) => None,
+        (Backend::Gpu, Method::Advancement) => Some(GpuImpacts::new(&GpuDevice::request()?)?),
+        (Backend::Gpu, _) => return Err("the GPU knows no other method than advancement".into()),
+    };
     let mut answers = vec![String::new(); count];
     let mut timings = Vec::new();
     for (kind, pairs) in &kinds {
-        let mut results = Vec::new();
-        let mut best = f64::INFINITY;
-        for _ in 0..args.repeat.max(1) {
-            let start = Instant::now();
-            results = black_box(solver.solve(black_box(pairs))?);
-            best = best.min(start.elapsed().as_secs_f64());
-        }
-        timings.push((kind, best * 1e9 / pairs.len() as f64));
-        for ((line, _), result) in pairs.iter().zip(&results) {
-            answers[*line] = match result.status {
+        let pairs_of_kind: Vec<&Pair> = pairs.iter().map(|(_, pair)| pair).collect();
+        let (touches, seconds) = match &mut gpu {
+            None => solve(&pairs_of_kind, args),
+            Some(impacts) => solve_on_gpu(&pairs_of_kind, args, impacts)?,
+        };
+        timings.push((kind, seconds * 1e9 / pairs.len() as f64));
+        for ((line, _), touch) in pairs.iter().zip(touches) {
+            answers[*line] = match touch.status {
                 TimeOfImpactStatus::Separated => "none".into(),
                 TimeOfImpactStatus::Overlapping => "overlap".into(),
-                TimeOfImpactStatus::Hit | TimeOfImpactStatus::IterationLimit => result.fraction.to_string(),
+                TimeOfImpactStatus::Hit | TimeOfImpactStatus::IterationLimit => touch.fraction.to_string(),
             };
         }
     }
@@ -102,31 +106,51 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// What computes the pairs of a kind.
-enum Solver {
-    Cpu(Method),
-    Gpu(GpuImpacts),
+/// The answers for pairs of one kind, and the seconds of the fastest pass.
+fn solve(pairs: &[&Pair], args: &Args) -> (Vec<Touch>, f64) {
+    match pairs[0].first {
+        Primitive::Sphere(_) => solve_first::<1>(pairs, args),
+        Primitive::Cone(_) => solve_first::<2>(pairs, args),
+        Primitive::Slab(_) => solve_first::<3>(pairs, args),
+    }
 }
 
-impl Solver {
-    fn new(args: &Args) -> Result<Self, Box<dyn std::error::Error>> {
-        match (args.backend, args.method) {
-            (Backend::Cpu, method) => Ok(Self::Cpu(method)),
-            (Backend::Gpu, Method::Advancement) => {
-                let gpu = GpuDevice::request()?;
-                eprintln!("GPU: {}", gpu.name());
-                Ok(Self::Gpu(GpuImpacts::new(&gpu)?))
-            }
-            (Backend::Gpu, Method::Alternating) => Err("the GPU knows no other method than advancement".into()),
+fn solve_first<const N: usize>(pairs: &[&Pair], args: &Args) -> (Vec<Touch>, f64) {
+    match pairs[0].second {
+        Second::Primitive(Primitive::Sphere(_)) => solve_hulls::<N, 1>(pairs, args),
+        Second::Primitive(Primitive::Cone(_)) => solve_hulls::<N, 2>(pairs, args),
+        Second::Primitive(Primitive::Slab(_)) => solve_hulls::<N, 3>(pairs, args),
+        Second::Box { .. } => {
+            let pairs: Vec<(Moving<N>, Cuboid)> = pairs::against_boxes(pairs.iter().copied());
+            fastest(args, || pairs.iter().map(|(a, b)| touch(&time_of_impact(black_box(a), b, 1.0))).collect())
         }
     }
+}
 
-    fn solve(&mut self, pairs: &[(usize, Pair)]) -> Result<Vec<TimeOfImpact>, GpuError> {
-        match self {
-            Self::Cpu(method) => Ok(pairs.iter().map(|(_, pair)| solve(pair, *method)).collect()),
-            Self::Gpu(impacts) => impacts.run(&pairs.iter().map(|(_, pair)| for_gpu(pair)).collect::<Vec<_>>()),
+fn solve_hulls<const N: usize, const M: usize>(pairs: &[&Pair], args: &Args) -> (Vec<Touch>, f64) {
+    let pairs = pairs::of_kind::<N, M>(pairs.iter().copied());
+    match args.method {
+        Method::Advancement => fastest(args, || times_of_impact(black_box(&pairs), 1.0)),
+        Method::Single => {
+            fastest(args, || pairs.iter().map(|(a, b)| touch(&time_of_impact(black_box(a), b, 1.0))).collect())
+        }
+        Method::Alternating => {
+            fastest(args, || pairs.iter().map(|(a, b)| touch(&alternating(black_box(a), b))).collect())
         }
     }
+}
+
+fn solve_on_gpu(pairs: &[&Pair], args: &Args, impacts: &mut GpuImpacts) -> Result<(Vec<Touch>, f64), GpuError> {
+    let pairs: Vec<MovingPair> = pairs.iter().map(|pair| for_gpu(pair)).collect();
+    let mut failure = None;
+    let found = fastest(args, || match impacts.run(&pairs) {
+        Ok(found) => found.iter().map(touch).collect(),
+        Err(error) => {
+            failure = Some(error);
+            Vec::new()
+        }
+    });
+    failure.map_or(Ok(found), Err)
 }
 
 fn for_gpu(pair: &Pair) -> MovingPair {
@@ -146,22 +170,18 @@ fn with_second<const N: usize>(first: &Moving<N>, second: &Second) -> MovingPair
     }
 }
 
-fn solve(pair: &Pair, method: Method) -> TimeOfImpact {
-    match &pair.first {
-        Primitive::Sphere(first) => solve_first(first, &pair.second, method),
-        Primitive::Cone(first) => solve_first(first, &pair.second, method),
-        Primitive::Slab(first) => solve_first(first, &pair.second, method),
-    }
+fn touch(found: &TimeOfImpact) -> Touch {
+    Touch { status: found.status, fraction: found.fraction }
 }
 
-fn solve_first<const N: usize>(first: &Moving<N>, second: &Second, method: Method) -> TimeOfImpact {
-    match (second, method) {
-        (Second::Box { half }, _) => time_of_impact(first, &Cuboid { half: *half }, 1.0),
-        (Second::Primitive(Primitive::Sphere(second)), Method::Advancement) => time_of_impact(first, second, 1.0),
-        (Second::Primitive(Primitive::Cone(second)), Method::Advancement) => time_of_impact(first, second, 1.0),
-        (Second::Primitive(Primitive::Slab(second)), Method::Advancement) => time_of_impact(first, second, 1.0),
-        (Second::Primitive(Primitive::Sphere(second)), Method::Alternating) => alternating(first, second),
-        (Second::Primitive(Primitive::Cone(second)), Method::Alternating) => alternating(first, second),
-        (Second::Primitive(Primitive::Slab(second)), Method::Alternating) => alternating(first, second),
+/// What each pass gives, and the seconds of the fastest.
+fn fastest(args: &Args, mut pass: impl FnMut() -> Vec<Touch>) -> (Vec<Touch>, f64) {
+    let mut best = f64::INFINITY;
+    let mut touches = Vec::new();
+    for _ in 0..args.repeat.max(1) {
+        let start = Instant::now();
+        touches = pass();
+        best = best.min(start.elapsed().as_secs_f64());
     }
+    (touches, best)
 }

@@ -19,6 +19,9 @@ pub const ILL_CONDITIONED: f32 = 1.0e-3;
 /// Rounds of conservative advancement before the search takes trial steps. All but grazing and sliding pairs are done by then.
 pub const MAX_ADVANCES: u32 = 12;
 
+/// The same where many pairs are searched side by side, and a round costs less.
+pub const MAX_LANE_ADVANCES: f32 = 20.0;
+
 /// Rounds after which the search gives up and says so.
 pub const MAX_ROUNDS: u32 = 1024;
 

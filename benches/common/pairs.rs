@@ -2,7 +2,10 @@
 
 use std::fmt;
 
-use bevy_medial::{geometry::Sphere, query::Moving};
+use bevy_medial::{
+    geometry::Sphere,
+    query::{Cuboid, Moving, MovingPair},
+};
 use glam::{DQuat, DVec3, Quat, Vec3};
 
 /// A moving primitive.
@@ -26,6 +29,36 @@ pub struct Pair {
     pub labels: [String; 2],
     pub first: Primitive,
     pub second: Second,
+}
+
+impl Primitive {
+    /// The primitive, if it is of `N` spheres.
+    fn moving<const N: usize>(&self) -> Option<Moving<N>> {
+        let (start, motion): (&[Sphere], &[Vec3]) = match self {
+            Primitive::Sphere(moving) => (&moving.start, &moving.motion),
+            Primitive::Cone(moving) => (&moving.start, &moving.motion),
+            Primitive::Slab(moving) => (&moving.start, &moving.motion),
+        };
+        Some(Moving { start: start.try_into().ok()?, motion: motion.try_into().ok()? })
+    }
+}
+
+/// Those of the pairs that are of `N` and `M` spheres.
+pub fn of_kind<'a, const N: usize, const M: usize>(pairs: impl IntoIterator<Item = &'a Pair>) -> Vec<MovingPair<N, M>> {
+    let moving = |pair: &Pair| match pair.second {
+        Second::Primitive(second) => Some((pair.first.moving()?, second.moving()?)),
+        Second::Box { .. } => None,
+    };
+    pairs.into_iter().filter_map(moving).collect()
+}
+
+/// Those of the pairs that are of `N` spheres and a box.
+pub fn against_boxes<'a, const N: usize>(pairs: impl IntoIterator<Item = &'a Pair>) -> Vec<(Moving<N>, Cuboid)> {
+    let against = |pair: &Pair| match pair.second {
+        Second::Box { half } => Some((pair.first.moving()?, Cuboid { half })),
+        Second::Primitive(_) => None,
+    };
+    pairs.into_iter().filter_map(against).collect()
 }
 
 /// The pairs of a file's text. What is wrong with a line comes with its number.

@@ -8,10 +8,13 @@
 //! Everything rests on one fact: the distance of two primitives is the least value of the convex function
 //! `|c2(w2) - c1(w1)| - r1(w1) - r2(w2)` of the barycentric weights, and for *any* unit direction `n` the gap between
 //! the two support planes, `min_j (c2_j . n - r2_j) - max_i (c1_i . n + r1_i)`, is a lower bound of it that the best
-//! direction attains. [`separation`] looks for the weights, [`time_of_impact`] moves along the gap.
+//! direction attains. [`separation`] looks for the weights, [`time_of_impact`] moves along the gap; [`times_of_impact`] does so for many pairs
+//! side by side.
 
 mod alternating;
+mod batch;
 mod nearest;
+mod number;
 mod ray;
 mod rigid;
 mod separation;
@@ -19,6 +22,7 @@ mod support;
 mod time_of_impact;
 
 pub use alternating::alternating;
+pub use batch::{MovingPair, Touch, times_of_impact};
 pub use ray::{RayHit, ray_cast};
 pub use rigid::{Chords, Rigid, RigidStart, rigid_impact, rigid_start};
 pub use separation::{Convex, Cuboid, Separation, separation};

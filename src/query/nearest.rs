@@ -5,7 +5,11 @@
 
 use glam::Vec3;
 
+use super::number::{Ball, Number, Vector};
 use crate::{constants::ILL_CONDITIONED, geometry::Sphere};
+
+/// Below this one there is none.
+const PARALLEL: f32 = 1.0e-12;
 
 /// Distance of a point to a sphere's surface.
 fn gap(point: Vec3, sphere: &Sphere) -> f32 {
@@ -17,62 +21,227 @@ fn nearer(point: Vec3, a: Sphere, b: Sphere) -> Sphere {
     if gap(point, &b) < gap(point, &a) { b } else { a }
 }
 
-/// The sphere of the medial cone `a`-`b` that is nearest to `point`.
-///
-/// The foot of the perpendicular on the axis, shifted towards the larger end by the slope of the mantle:
-/// with `h` the distance to the axis, by `h tan`, where `sin = (r_b - r_a) / length`.
-#[inline]
-pub(super) fn on_cone(point: Vec3, [a, b]: [Sphere; 2]) -> Sphere {
-    let axis = b.center - a.center;
-    let growth = b.radius - a.radius;
-    let length_squared = axis.length_squared();
-    let mantle_squared = length_squared - growth * growth;
-    if mantle_squared <= 0.0 {
-        return if growth > 0.0 { b } else { a };
-    }
-    let to_point = point - a.center;
-    let foot = to_point.dot(axis) / length_squared;
-    let height = (to_point - axis * foot).length();
-    let t = foot + height * growth / (length_squared * mantle_squared).sqrt();
-    a.lerp(&b, t.clamp(0.0, 1.0))
+/// A medial cone, or an edge of a slab: what does not depend on the other side.
+#[derive(Clone, Copy)]
+pub(super) struct Edge<R: Number> {
+    start: Ball<R>,
+    axis: Vector<R>,
+    growth: R,
+    length_squared: R,
+    inverse: R,
+    /// By how many axes the sphere nearest to a point is farther along, for each metre of the point's height above the axis.
+    slope: R,
+    /// False if one of the spheres holds the other.
+    proper: R::Mask,
 }
 
-/// The sphere of the medial slab that is nearest to `point`.
-///
-/// With `g` the in-plane gradient of the radius, the foot of the perpendicular on the centres' plane shifted by
-/// `h g / sqrt(1 - |g|^2)`, `h` being the height above the plane; where that falls outside of the triangle, the
-/// nearest of the cones that face it.
+impl<R: Number> Edge<R> {
+    #[inline(always)]
+    pub fn new(start: Ball<R>, end: Ball<R>) -> Self {
+        let axis = end.center - start.center;
+        let growth = end.radius - start.radius;
+        let length_squared = axis.length_squared();
+        let mantle_squared = length_squared - growth * growth;
+        Self {
+            start,
+            axis,
+            growth,
+            length_squared,
+            inverse: growth.like(1.0) / length_squared,
+            slope: growth / (length_squared * mantle_squared).sqrt(),
+            proper: growth.like(0.0).less(mantle_squared),
+        }
+    }
+
+    #[inline(always)]
+    pub fn at(&self, t: R) -> Ball<R> {
+        Ball { center: self.start.center + self.axis * t, radius: self.start.radius + self.growth * t }
+    }
+
+    /// Where along the cone, from 0 to 1, the sphere is that is nearest to `point`; and whether it is one inside.
+    ///
+    /// The foot of the perpendicular on the axis, shifted towards the larger end by the slope of the mantle:
+    /// with `h` the distance to the axis, by `h tan`, where `sin = (r_b - r_a) / length`.
+    #[inline(always)]
+    pub fn nearest(&self, point: Vector<R>) -> (R, R::Mask) {
+        let to_point = point - self.start.center;
+        let foot = to_point.dot(self.axis) * self.inverse;
+        let height = (to_point - self.axis * foot).length();
+        let (zero, one) = (foot.like(0.0), foot.like(1.0));
+        let larger = R::select(zero.less(self.growth), one, zero);
+        let t = foot + height * self.slope;
+        (R::select(self.proper, t.saturate(), larger), self.proper & zero.at_most(t) & t.at_most(one))
+    }
+
+    /// Gap of a point to the nearest sphere, and a vector along the normal there, towards the point.
+    #[inline(always)]
+    pub fn gap(&self, point: Vector<R>) -> (R, Vector<R>) {
+        let (t, inside) = self.nearest(point);
+        let ball = self.at(t);
+        let apart = point - ball.center;
+        let length = apart.length();
+        // However near the axis the point is, along it the normal leans as the mantle does.
+        let lean = (apart.dot(self.axis) + self.growth * length) * self.inverse;
+        let lean = R::select(inside, lean, lean.like(0.0));
+        (length - ball.radius, apart - self.axis * lean)
+    }
+
+    /// Where two edges' spheres are nearest to each other if that is inside of both.
+    ///
+    /// With `u`, `v` the axes and `alpha`, `beta` the growth of the radii along them, the unit direction `n` from the second
+    /// to the first satisfies `n . u = alpha`, `n . v = -beta` at an optimum inside both; its part in the plane of `u`
+    /// and `v` follows, and the distance of the axes' lines gives the rest.
+    #[inline(always)]
+    pub fn crossing(&self, other: &Self) -> Crossing<R> {
+        let (u, v) = (self.axis, other.axis);
+        let (alpha, beta) = (self.growth, other.growth);
+        let (uu, uv, vv) = (self.length_squared, u.dot(v), other.length_squared);
+        let offset = self.start.center - other.start.center;
+        let across = u.cross(v);
+        let det = across.length_squared();
+        let inverse = det.like(1.0) / det;
+        let x = (alpha * vv + beta * uv) * inverse;
+        let y = -(beta * uu + alpha * uv) * inverse;
+        let flat = det.like(1.0) - (x * alpha - y * beta);
+        let height = offset.dot(across);
+        let steep = det.like(1.0) / (det * flat).sqrt();
+        let distance = height.abs() * steep;
+        let p = distance * alpha - offset.dot(u);
+        let q = -(distance * beta) - offset.dot(v);
+        let s = (p * vv - q * uv) * inverse;
+        let t = (p * uv - q * uu) * inverse;
+        let rise = flat * steep;
+        let rise = R::select(height.less(height.like(0.0)), -rise, rise);
+        Crossing { s, t, normal: u * x + v * y + across * rise, det, proper: flat.like(0.0).less(flat) }
+    }
+}
+
+/// See [`Edge::crossing`].
+pub(super) struct Crossing<R: Number> {
+    /// Where along the two edges, from 0 to 1 if inside.
+    s: R,
+    t: R,
+    /// Unit direction from the second to the first.
+    normal: Vector<R>,
+    /// The squares of both lengths and of the sine of the angle between them.
+    det: R,
+    /// False if there is none, as one sphere outdoes the others in every direction.
+    proper: R::Mask,
+}
+
+impl<R: Number> Crossing<R> {
+    /// The gap, the normal, and whether it is inside of both.
+    #[inline(always)]
+    pub fn gap(&self, edge1: &Edge<R>, edge2: &Edge<R>) -> (R, Vector<R>, R::Mask) {
+        let (ball1, ball2) = (edge1.at(self.s), edge2.at(self.t));
+        let (zero, one) = (self.s.like(0.0), self.s.like(1.0));
+        let inside = zero.at_most(self.s) & self.s.at_most(one) & zero.at_most(self.t) & self.t.at_most(one);
+        ((ball2.center - ball1.center).length() - ball1.radius - ball2.radius, self.normal, inside & self.proper)
+    }
+}
+
+/// The face of a medial slab: what does not depend on the other side.
+#[derive(Clone, Copy)]
+pub(super) struct Face<R: Number> {
+    start: Ball<R>,
+    sides: [Vector<R>; 2],
+    growth: [R; 2],
+    /// Of the two sides: the first's square, their product, the second's square.
+    products: [R; 3],
+    across: Vector<R>,
+    det: R,
+    inverse: R,
+    /// In-plane gradient of the radius, in sides.
+    gradient: [R; 2],
+    /// By how many gradients the sphere nearest to a point is farther on, for each length of `across` in the point's height above the plane.
+    steep: R,
+    /// False if there is no face: one sphere outdoes the others in every direction.
+    proper: R::Mask,
+    flat: R,
+}
+
+impl<R: Number> Face<R> {
+    #[inline(always)]
+    pub fn new(a: Ball<R>, b: Ball<R>, c: Ball<R>) -> Self {
+        let sides = [b.center - a.center, c.center - a.center];
+        let growth = [b.radius - a.radius, c.radius - a.radius];
+        let across = sides[0].cross(sides[1]);
+        let products = [sides[0].length_squared(), sides[0].dot(sides[1]), sides[1].length_squared()];
+        let det = across.length_squared();
+        let inverse = det.like(1.0) / det;
+        let gradient = [
+            (growth[0] * products[2] - growth[1] * products[1]) * inverse,
+            (growth[1] * products[0] - growth[0] * products[1]) * inverse,
+        ];
+        let flat = det.like(1.0) - (growth[0] * gradient[0] + growth[1] * gradient[1]);
+        let steep = det.like(1.0) / (det * flat).sqrt();
+        let proper = det.like(0.0).less(det) & det.like(0.0).less(flat);
+        Self { start: a, sides, growth, products, across, det, inverse, gradient, steep, proper, flat }
+    }
+
+    /// The sphere of the face's plane that is nearest to `point`: the weights of the corners.
+    ///
+    /// With `g` the in-plane gradient of the radius, the foot of the perpendicular on the centres' plane shifted by
+    /// `h g / sqrt(1 - |g|^2)`, `h` being the height above the plane.
+    #[inline(always)]
+    pub fn nearest(&self, point: Vector<R>) -> [R; 3] {
+        let to_point = point - self.start.center;
+        let [d22, d23, d33] = self.products;
+        let (p2, p3) = (to_point.dot(self.sides[0]), to_point.dot(self.sides[1]));
+        let shift = to_point.dot(self.across).abs() * self.steep;
+        let w2 = (p2 * d33 - p3 * d23) * self.inverse + shift * self.gradient[0];
+        let w3 = (p3 * d22 - p2 * d23) * self.inverse + shift * self.gradient[1];
+        [w2.like(1.0) - w2 - w3, w2, w3]
+    }
+
+    #[inline(always)]
+    pub fn at(&self, [_, w2, w3]: [R; 3]) -> Ball<R> {
+        Ball {
+            center: self.start.center + self.sides[0] * w2 + self.sides[1] * w3,
+            radius: self.start.radius + self.growth[0] * w2 + self.growth[1] * w3,
+        }
+    }
+
+    /// Gap of a point to the nearest sphere, the unit normal there, towards the point, and whether there is such a sphere inside the face.
+    #[inline(always)]
+    pub fn gap(&self, point: Vector<R>) -> (R, Vector<R>, R::Mask) {
+        let weights = self.nearest(point);
+        let ball = self.at(weights);
+        let apart = point - ball.center;
+        let rise = self.flat * self.steep;
+        let rise = R::select(apart.dot(self.across).less(rise.like(0.0)), -rise, rise);
+        let normal = self.across * rise - (self.sides[0] * self.gradient[0] + self.sides[1] * self.gradient[1]);
+        let zero = rise.like(0.0);
+        let [w1, w2, w3] = weights.map(|w| zero.at_most(w));
+        (apart.length() - ball.radius, normal, self.proper & w1 & w2 & w3)
+    }
+}
+
+/// The sphere of the medial cone that is nearest to `point`.
+#[inline(always)]
+pub(super) fn on_cone(point: Vec3, [a, b]: [Sphere; 2]) -> Sphere {
+    let edge = Edge::new(a.into(), b.into());
+    let (t, _) = edge.nearest(point.into());
+    edge.at(t).into()
+}
+
+/// The sphere of the medial slab that is nearest to `point`: inside the face, or where that falls outside of the triangle, on the nearest of the
+/// cones that face it.
 #[inline]
 pub(super) fn on_slab(point: Vec3, slab: [Sphere; 3]) -> Sphere {
-    let [a, b, c] = slab;
-    let (e2, e3) = (b.center - a.center, c.center - a.center);
-    let (growth2, growth3) = (b.radius - a.radius, c.radius - a.radius);
-    let normal = e2.cross(e3);
-    let (d22, d23, d33) = (e2.length_squared(), e2.dot(e3), e3.length_squared());
-    let det = normal.length_squared();
-    if det <= 0.0 {
+    let [a, b, c] = slab.map(Ball::from);
+    let face = Face::new(a, b, c);
+    if !face.proper {
         return nearest_edge(point, &slab, [true; 3]);
     }
-    // g = g2 e2 + g3 e3.
-    let g2 = (growth2 * d33 - growth3 * d23) / det;
-    let g3 = (growth3 * d22 - growth2 * d23) / det;
-    let slope_squared = growth2 * g2 + growth3 * g3;
-    if slope_squared >= 1.0 {
-        return nearest_edge(point, &slab, [true; 3]);
-    }
-    let to_point = point - a.center;
-    let (p2, p3) = (to_point.dot(e2), to_point.dot(e3));
-    let shift = to_point.dot(normal).abs() / (det * (1.0 - slope_squared)).sqrt();
-    let w2 = (p2 * d33 - p3 * d23) / det + shift * g2;
-    let w3 = (p3 * d22 - p2 * d23) / det + shift * g3;
-    let w1 = 1.0 - w2 - w3;
-    let outside = [w1 < 0.0, w2 < 0.0, w3 < 0.0];
-    let inside = Sphere::new(a.center + e2 * w2 + e3 * w3, a.radius + growth2 * w2 + growth3 * w3);
-    if det < ILL_CONDITIONED * d22 * d33 {
+    let weights = face.nearest(point.into());
+    let outside = weights.map(|w| w < 0.0);
+    let [d22, _, d33] = face.products;
+    if face.det < ILL_CONDITIONED * d22 * d33 {
         let edge = nearest_edge(point, &slab, [true; 3]);
-        return if outside == [false; 3] { nearer(point, inside, edge) } else { edge };
+        return if outside == [false; 3] { nearer(point, face.at(weights).into(), edge) } else { edge };
     }
-    if outside == [false; 3] { inside } else { nearest_edge(point, &slab, outside) }
+    if outside == [false; 3] { face.at(weights).into() } else { nearest_edge(point, &slab, outside) }
 }
 
 /// Nearest sphere on those edges of the slab that lie opposite to the marked vertices.
@@ -89,43 +258,28 @@ fn nearest_edge(point: Vec3, slab: &[Sphere; 3], opposite: [bool; 3]) -> Sphere 
 
 /// The spheres of two medial cones, one of each, that are nearest to each other.
 ///
-/// With `u`, `v` the axes and `alpha`, `beta` the growth of the radii along them, the unit direction `n` from the second
-/// to the first satisfies `n . u = alpha`, `n . v = -beta` at an optimum inside both; its part in the plane of `u`
-/// and `v` follows, and the distance of the axes' lines gives the rest. Outside of the unit square the function is
-/// convex, so the optimum lies on an edge that faces the unconstrained one: an end sphere against a cone.
+/// Where their edges' [`Crossing`] is outside of the unit square: the function is convex, so the optimum lies on an edge of the square that faces the
+/// unconstrained one, which is an end sphere against a cone.
 #[inline]
 pub(super) fn between_cones(cone1: [Sphere; 2], cone2: [Sphere; 2]) -> (Sphere, Sphere) {
     let [a0, a1] = cone1;
     let [b0, b1] = cone2;
-    let (u, v) = (a1.center - a0.center, b1.center - b0.center);
-    let (alpha, beta) = (a1.radius - a0.radius, b1.radius - b0.radius);
-    let offset = a0.center - b0.center;
-    let normal = u.cross(v);
-    let (uu, uv, vv) = (u.length_squared(), u.dot(v), v.length_squared());
-    let det = normal.length_squared();
+    let edges = [Edge::new(a0.into(), a1.into()), Edge::new(b0.into(), b1.into())];
+    let lengths_squared = edges[0].length_squared * edges[1].length_squared;
+    let crossing = edges[0].crossing(&edges[1]);
     let mut facing = [true; 4];
     let mut best = None;
-    if det > 1.0e-12 * uu * vv {
-        let x = (alpha * vv + beta * uv) / det;
-        let y = -(beta * uu + alpha * uv) / det;
-        let slope_squared = x * alpha - y * beta;
-        if slope_squared < 1.0 {
-            let distance = offset.dot(normal).abs() / (det * (1.0 - slope_squared)).sqrt();
-            let p = distance * alpha - offset.dot(u);
-            let q = -distance * beta - offset.dot(v);
-            let s = (p * vv - q * uv) / det;
-            let t = (p * uv - q * uu) / det;
-            let outside = [s < 0.0, s > 1.0, t < 0.0, t > 1.0];
-            let inside = outside == [false; 4];
-            if inside {
-                best = Some((a0.lerp(&a1, s), b0.lerp(&b1, t)));
+    if crossing.det > PARALLEL * lengths_squared && crossing.proper {
+        let Crossing { s, t, .. } = crossing;
+        let outside = [s < 0.0, s > 1.0, t < 0.0, t > 1.0];
+        if outside == [false; 4] {
+            best = Some((edges[0].at(s).into(), edges[1].at(t).into()));
+        }
+        if crossing.det > ILL_CONDITIONED * lengths_squared {
+            if let Some(pair) = best {
+                return pair;
             }
-            if det > ILL_CONDITIONED * uu * vv {
-                if let Some(pair) = best {
-                    return pair;
-                }
-                facing = outside;
-            }
+            facing = outside;
         }
     }
     let mut least = best.map_or(f32::INFINITY, |(a, b)| gap(a.center, &b) - a.radius);

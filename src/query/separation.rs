@@ -160,7 +160,7 @@ fn nearest<const N: usize>(point: Vec3, spheres: &[Sphere; N]) -> Sphere {
 }
 
 /// Edges of a primitive.
-const fn edges(n: usize) -> usize {
+pub(super) const fn edges(n: usize) -> usize {
     match n {
         1 => 0,
         2 => 1,

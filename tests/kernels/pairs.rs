@@ -4,7 +4,7 @@ use std::fmt;
 
 use bevy_medial::{
     geometry::Sphere,
-    query::{Cuboid, Moving, TimeOfImpact, TimeOfImpactStatus},
+    query::{Cuboid, Moving, TimeOfImpactStatus, Touch},
 };
 use glam::{DQuat, DVec3, Quat, Vec3};
 
@@ -169,7 +169,7 @@ impl Pair {
     }
 
     /// The greater extent of the two, and the greatest relative speed of two vertices.
-    fn size_and_speed(&self) -> (f64, f64) {
+    pub fn size_and_speed(&self) -> (f64, f64) {
         let extent = |spheres: &[(Sphere, Vec3)]| {
             let first = spheres[0].0.center.as_dvec3();
             spheres.iter().map(|(s, _)| s.center.as_dvec3().distance(first)).fold(0.0, f64::max)
@@ -271,7 +271,7 @@ const ROUNDING: f64 = 2e-6;
 ///
 /// Where centres cross, the reference's depth ends at minus the radii, which is nothing for sharp edges. So a miss also counts where
 /// moving the bodies apart takes a translation as long as the tolerance.
-pub fn judge(pair: &Pair, answer: &TimeOfImpact) -> (Truth, Verdict) {
+pub fn judge(pair: &Pair, answer: &Touch) -> (Truth, Verdict) {
     let difference = pair.difference();
     let (size, speed) = pair.size_and_speed();
     let start = difference.distance();

@@ -182,7 +182,7 @@ const CHANGES: [Change; 9] = [
     ),
     (
         "settings",
-        |app, _| app.insert_resource(MedialSettings { stop_at_impact: false, brute_force: true }).update(),
+        |app, _| app.insert_resource(MedialSettings { stop_at_impact: false, brute_force: true, ..default() }).update(),
         |app, _| app.insert_resource(MedialSettings::default()).update(),
         false,
     ),

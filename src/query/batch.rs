@@ -1,0 +1,509 @@
+//! Times of impact of many pairs at once, sixteen side by side.
+
+use fearless_simd::{Level, Simd, dispatch, f32x16, f64x8, mask32x16, prelude::*};
+
+use super::{
+    nearest::{Edge, Face},
+    number::{Ball, Number, Vector},
+    separation::edges,
+    time_of_impact::{Moving, TimeOfImpactStatus, time_of_impact},
+};
+use crate::constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING};
+
+/// Pairs side by side.
+const LANES: usize = 16;
+
+/// Two moving primitives.
+pub type MovingPair<const N: usize, const M: usize> = (Moving<N>, Moving<M>);
+
+/// When two primitives touch first: a [`TimeOfImpact`](super::TimeOfImpact) without the contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Touch {
+    /// How the search ended.
+    pub status: TimeOfImpactStatus,
+    /// Fraction of the step; the greatest one if they stay apart.
+    pub fraction: f32,
+}
+
+/// The first touch of each pair in `[0, max_fraction]`, in order: what [`time_of_impact`](super::time_of_impact) finds but for rounding, in a
+/// fraction of its time.
+///
+/// Each pair is on its own: its result is the same bits whatever other pairs there are, and on every machine.
+pub fn times_of_impact<const N: usize, const M: usize>(pairs: &[MovingPair<N, M>], max_fraction: f32) -> Vec<Touch> {
+    at_level(Level::new(), pairs, max_fraction)
+}
+
+/// With the vectors of one kind of machine.
+fn at_level<const N: usize, const M: usize>(level: Level, pairs: &[MovingPair<N, M>], max_fraction: f32) -> Vec<Touch> {
+    let mut touches = vec![Touch { status: TimeOfImpactStatus::Separated, fraction: max_fraction }; pairs.len()];
+    dispatch!(level, simd => run(simd, pairs, max_fraction, &mut touches));
+    touches
+}
+
+/// Advances the pairs in lanes, and fills each lane that is done with the next pair. `touches`: separated, as far as nothing else is found.
+#[inline(always)]
+fn run<S: Simd, const N: usize, const M: usize>(
+    simd: S,
+    pairs: &[MovingPair<N, M>],
+    max_fraction: f32,
+    touches: &mut [Touch],
+) {
+    let mut lanes = Lanes::<N, M>::new();
+    let mut owners = [0; LANES];
+    let mut busy = 0u64;
+    // The next pairs, and which of them are still to go to a lane.
+    let mut waiting = Lanes::<N, M>::new();
+    let (mut first_waiting, mut left) = (0, 0u64);
+    let mut rest = pairs;
+    loop {
+        while busy != (1 << LANES) - 1 {
+            if left == 0 {
+                if rest.is_empty() {
+                    break;
+                }
+                let (now, later) = rest.split_at(rest.len().min(LANES));
+                first_waiting = pairs.len() - rest.len();
+                rest = later;
+                waiting.load(simd, now);
+                left = ((1 << now.len()) - 1) & !waiting.depart(simd, max_fraction);
+                continue;
+            }
+            let (lane, from) = (busy.trailing_ones() as usize, left.trailing_zeros() as usize);
+            lanes.copy(lane, &waiting, from);
+            owners[lane] = first_waiting + from;
+            busy |= 1 << lane;
+            left &= left - 1;
+        }
+        if busy == 0 {
+            return;
+        }
+        let ends = lanes.advance(simd, max_fraction);
+        let mut done = busy & (ends.touch | ends.unclear | ends.apart);
+        busy &= !done;
+        while done != 0 {
+            let lane = done.trailing_zeros() as usize;
+            done &= done - 1;
+            let (index, fraction) = (owners[lane], lanes.fraction[lane]);
+            if ends.touch & (1 << lane) != 0 {
+                let status = if fraction == 0.0 { TimeOfImpactStatus::Overlapping } else { TimeOfImpactStatus::Hit };
+                touches[index] = Touch { status, fraction };
+            } else if ends.unclear & (1 << lane) != 0 {
+                touches[index] = alone(&pairs[index], max_fraction);
+            }
+        }
+    }
+}
+
+/// The search anew, by the scalar kernel.
+#[inline(never)]
+fn alone<const N: usize, const M: usize>((first, second): &MovingPair<N, M>, max_fraction: f32) -> Touch {
+    let found = time_of_impact(first, second, max_fraction);
+    let fraction = if found.status == TimeOfImpactStatus::Separated { max_fraction } else { found.fraction };
+    Touch { status: found.status, fraction }
+}
+
+/// Which searches end in a round; a bit for each lane.
+struct Ends {
+    touch: u64,
+    apart: u64,
+    /// Those for the scalar kernel: they take many rounds, or rounding hides how far they are apart.
+    unclear: u64,
+}
+
+/// Sixteen spheres on their way.
+#[derive(Clone, Copy)]
+struct Spheres {
+    /// Centres at the start of the step relative to the first sphere of the first side there, in f64: sums and products of the f32 input are all
+    /// but exact.
+    start: [[f64; LANES]; 3],
+    /// Displacements over the step relative to that sphere's.
+    motion: [[f64; LANES]; 3],
+    radius: [f32; LANES],
+}
+
+impl Spheres {
+    const ZERO: Self = Self { start: [[0.0; LANES]; 3], motion: [[0.0; LANES]; 3], radius: [0.0; LANES] };
+
+    #[inline(always)]
+    fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
+        for axis in 0..3 {
+            self.start[axis][lane] = from.start[axis][from_lane];
+            self.motion[axis][lane] = from.motion[axis][from_lane];
+        }
+        self.radius[lane] = from.radius[from_lane];
+    }
+
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, [early, late]: [f64x8<S>; 2]) -> Ball<f32x16<S>> {
+        let [x, y, z] = each(
+            #[inline(always)]
+            |axis| {
+                let (start, motion) = (halves(simd, &self.start[axis]), halves(simd, &self.motion[axis]));
+                simd.narrow_f64x8(start[0] + motion[0] * early, start[1] + motion[1] * late)
+            },
+        );
+        Ball { center: Vector { x, y, z }, radius: f32x16::load_array(simd, self.radius) }
+    }
+
+    #[inline(always)]
+    fn motion<S: Simd>(&self, simd: S) -> Vector<f32x16<S>> {
+        let [x, y, z] = each(
+            #[inline(always)]
+            |axis| {
+                let [early, late] = halves(simd, &self.motion[axis]);
+                simd.narrow_f64x8(early, late)
+            },
+        );
+        Vector { x, y, z }
+    }
+}
+
+#[inline(always)]
+fn halves<S: Simd>(simd: S, numbers: &[f64; LANES]) -> [f64x8<S>; 2] {
+    let (a, b) = numbers.split_at(LANES / 2);
+    [f64x8::from_slice(simd, a), f64x8::from_slice(simd, b)]
+}
+
+/// An array of what `make` gives for each index: `std::array::from_fn`, inlined for certain.
+#[inline(always)]
+fn each<T: Copy, const N: usize>(make: impl Fn(usize) -> T) -> [T; N] {
+    let mut made = [make(0); N];
+    for (i, slot) in made.iter_mut().enumerate().skip(1) {
+        *slot = make(i);
+    }
+    made
+}
+
+/// Sixteen pairs on their way.
+struct Lanes<const N: usize, const M: usize> {
+    first: [Spheres; N],
+    second: [Spheres; M],
+    /// Extents of both sides.
+    extents: [[f32; LANES]; 2],
+    /// Until when nothing touches, and the rounds that it took.
+    fraction: [f32; LANES],
+    rounds: [f32; LANES],
+}
+
+impl<const N: usize, const M: usize> Lanes<N, M> {
+    fn new() -> Self {
+        Self {
+            first: [Spheres::ZERO; N],
+            second: [Spheres::ZERO; M],
+            extents: [[0.0; LANES]; 2],
+            fraction: [0.0; LANES],
+            rounds: [0.0; LANES],
+        }
+    }
+
+    /// Puts up to sixteen pairs at their start.
+    #[inline(always)]
+    fn load<S: Simd>(&mut self, simd: S, pairs: &[MovingPair<N, M>]) {
+        let mut first = [[[0.0; LANES]; 7]; N];
+        let mut second = [[[0.0; LANES]; 7]; M];
+        for (lane, pair) in pairs.iter().enumerate() {
+            transpose(&mut first, lane, &pair.0);
+            transpose(&mut second, lane, &pair.1);
+        }
+        let origin = first[0];
+        for (into, from) in [(&mut self.first[..], &first[..]), (&mut self.second[..], &second[..])] {
+            for (into, from) in into.iter_mut().zip(from) {
+                for axis in 0..3 {
+                    into.start[axis] = difference(simd, from[axis], origin[axis]);
+                    into.motion[axis] = difference(simd, from[4 + axis], origin[4 + axis]);
+                }
+                into.radius = from[3];
+            }
+        }
+        self.extents = [extent(simd, &first).into(), extent(simd, &second).into()];
+        self.fraction = [0.0; LANES];
+        self.rounds = [0.0; LANES];
+    }
+
+    #[inline(always)]
+    fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
+        for (into, from) in self.first.iter_mut().zip(&from.first) {
+            into.copy(lane, from, from_lane);
+        }
+        for (into, from) in self.second.iter_mut().zip(&from.second) {
+            into.copy(lane, from, from_lane);
+        }
+        for (into, from) in self.extents.iter_mut().zip(&from.extents) {
+            into[lane] = from[from_lane];
+        }
+        self.fraction[lane] = from.fraction[from_lane];
+        self.rounds[lane] = from.rounds[from_lane];
+    }
+
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, fraction: f32x16<S>) -> ([Ball<f32x16<S>>; N], [Ball<f32x16<S>>; M]) {
+        let (early, late) = simd.widen_f32x16(fraction);
+        (
+            each(
+                #[inline(always)]
+                |i| self.first[i].at(simd, [early, late]),
+            ),
+            each(
+                #[inline(always)]
+                |i| self.second[i].at(simd, [early, late]),
+            ),
+        )
+    }
+
+    /// Goes as far as two directions show that nothing touches: that between the middles of both sides at the start, and that when the middles are
+    /// nearest to each other. A bit for each pair that stays apart.
+    #[inline(always)]
+    fn depart<S: Simd>(&mut self, simd: S, max_fraction: f32) -> u64 {
+        let zero = f32x16::splat(simd, 0.0);
+        let (first, second) = self.at(simd, zero);
+        let from = middle(&second) - middle(&first);
+        let (last1, last2) = self.at(simd, zero.like(max_fraction));
+        let way = middle(&last2) - middle(&last1) - from;
+        let nearest = from + way * (-(from.dot(way)) / way.length_squared()).saturate();
+        let [extent1, extent2] = self.extents.map(|extent| f32x16::load_array(simd, extent));
+        let rounding = (extent1 + extent2 + from.length() + way.length()) * zero.like(CONTACT_ROUNDING);
+        let mut cleared = zero;
+        for direction in [from, nearest] {
+            let normal = direction * (zero.like(1.0) / direction.length());
+            let (gap, until) = self.cleared(simd, &first, &second, normal, rounding);
+            cleared = cleared.greater(f32x16::select(zero.less(gap), until, zero));
+        }
+        self.fraction = cleared.into();
+        zero.like(max_fraction).less(cleared).to_bitmask()
+    }
+
+    /// The gap of both sides along a direction, less `rounding`, and how much time goes by until it is closed; nothing of either if the direction is
+    /// not a unit vector.
+    #[inline(always)]
+    fn cleared<S: Simd>(
+        &self,
+        simd: S,
+        first: &[Ball<f32x16<S>>; N],
+        second: &[Ball<f32x16<S>>; M],
+        normal: Vector<f32x16<S>>,
+        rounding: f32x16<S>,
+    ) -> (f32x16<S>, f32x16<S>) {
+        let high: [_; N] = each(
+            #[inline(always)]
+            |i| (first[i].center.dot(normal) + first[i].radius + rounding, self.first[i].motion(simd).dot(normal)),
+        );
+        let zero = rounding.like(0.0);
+        let mut least = rounding.like(f32::INFINITY);
+        let mut until = least;
+        for (ball, moving) in second.iter().zip(&self.second) {
+            let low = ball.center.dot(normal) - ball.radius;
+            let low_motion = moving.motion(simd).dot(normal);
+            for (high, high_motion) in high {
+                let (gap, closing) = (low - high, high_motion - low_motion);
+                least = least.lesser(gap);
+                let time = zero.greater(gap) / closing;
+                until = f32x16::select(zero.less(closing), until.lesser(time), until);
+            }
+        }
+        let sound = rounding.like(0.5).less(normal.length_squared());
+        (f32x16::select(sound, least, zero), f32x16::select(sound, until, zero))
+    }
+
+    /// One round of conservative advancement.
+    #[inline(always)]
+    fn advance<S: Simd>(&mut self, simd: S, max_fraction: f32) -> Ends {
+        let fraction = f32x16::load_array(simd, self.fraction);
+        let (first, second) = self.at(simd, fraction);
+        let (upper, normal) = nearest(&first, &second);
+        let zero = upper.like(0.0);
+        let (lower, until) = self.cleared(simd, &first, &second, normal, zero);
+        let [extent1, extent2] = self.extents.map(|extent| f32x16::load_array(simd, extent));
+        let tolerance = f32x16::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
+        let touching = extent1.greater(extent2) * tolerance;
+        let near = lower.at_most(touching);
+        let touch = upper.at_most(touching);
+        let next = fraction + until;
+        let apart = zero.like(max_fraction).less(next);
+        let rounds = f32x16::load_array(simd, self.rounds) + zero.like(1.0);
+        let many = zero.like(MAX_LANE_ADVANCES).at_most(rounds);
+        self.rounds = rounds.into();
+        self.fraction = f32x16::select(touch | near, fraction, next).into();
+        let [touch, near, apart, many] = [touch, near, apart, many].map(mask32x16::to_bitmask);
+        Ends { touch, unclear: near | (many & !apart), apart }
+    }
+}
+
+/// Puts a primitive into its lane: places, radii and motions of its spheres.
+#[inline(always)]
+fn transpose<const N: usize>(into: &mut [[[f32; LANES]; 7]; N], lane: usize, moving: &Moving<N>) {
+    for ((into, sphere), motion) in into.iter_mut().zip(&moving.start).zip(&moving.motion) {
+        let (c, m) = (sphere.center, motion);
+        for (into, number) in into.iter_mut().zip([c.x, c.y, c.z, sphere.radius, m.x, m.y, m.z]) {
+            into[lane] = number;
+        }
+    }
+}
+
+#[inline(always)]
+fn difference<S: Simd>(simd: S, a: [f32; LANES], b: [f32; LANES]) -> [f64; LANES] {
+    let [a, b] = [a, b].map(|numbers| simd.widen_f32x16(f32x16::load_array(simd, numbers)));
+    let mut difference = [0.0; LANES];
+    let (early, late) = difference.split_at_mut(LANES / 2);
+    (a.0 - b.0).store_slice(early);
+    (a.1 - b.1).store_slice(late);
+    difference
+}
+
+/// As [`Convex::extent`](super::Convex::extent).
+#[inline(always)]
+fn extent<S: Simd, const N: usize>(simd: S, spheres: &[[[f32; LANES]; 7]; N]) -> f32x16<S> {
+    let balls: [Ball<f32x16<S>>; N] = each(
+        #[inline(always)]
+        |i| {
+            let [x, y, z, radius] = each(
+                #[inline(always)]
+                |k| f32x16::load_array(simd, spheres[i][k]),
+            );
+            Ball { center: Vector { x, y, z }, radius }
+        },
+    );
+    let first = balls[0];
+    let (mut spread, mut radius) = (first.radius.like(0.0), first.radius);
+    for ball in balls {
+        spread = spread.greater((ball.center - first.center).length_squared());
+        radius = radius.greater(ball.radius);
+    }
+    Number::sqrt(spread) + radius
+}
+
+/// The middle of a primitive's centres.
+#[inline(always)]
+fn middle<R: Number, const N: usize>(balls: &[Ball<R>; N]) -> Vector<R> {
+    let mut sum = balls[0].center;
+    for ball in &balls[1..] {
+        sum = sum + ball.center;
+    }
+    sum * balls[0].radius.like(1.0 / N as f32)
+}
+
+/// The least distance of two primitives, or more, and the unit direction from the first to the second where they are that near.
+#[inline(always)]
+fn nearest<R: Number, const N: usize, const M: usize>(first: &[Ball<R>; N], second: &[Ball<R>; M]) -> (R, Vector<R>) {
+    let apart = second[0].center - first[0].center;
+    let mut best = Best { upper: apart.x.like(f32::INFINITY), normal: apart };
+    if N == 1 && M == 1 {
+        best.take(apart.length() - first[0].radius - second[0].radius, apart);
+    }
+    let edges1: [Edge<R>; N] = each(
+        #[inline(always)]
+        |i| Edge::new(first[i], first[(i + 1) % N]),
+    );
+    let edges2: [Edge<R>; M] = each(
+        #[inline(always)]
+        |i| Edge::new(second[i], second[(i + 1) % M]),
+    );
+    for ball in first {
+        for edge in &edges2[..edges(M)] {
+            let (gap, normal) = edge.gap(ball.center);
+            best.take(gap - ball.radius, -normal);
+        }
+    }
+    for ball in second {
+        for edge in &edges1[..edges(N)] {
+            let (gap, normal) = edge.gap(ball.center);
+            best.take(gap - ball.radius, normal);
+        }
+    }
+    for edge1 in &edges1[..edges(N)] {
+        for edge2 in &edges2[..edges(M)] {
+            let (gap, normal, inside) = edge1.crossing(edge2).gap(edge1, edge2);
+            best.take_if(inside, gap, -normal);
+        }
+    }
+    if M == 3 {
+        let face = Face::new(second[0], second[1 % M], second[2 % M]);
+        for ball in first {
+            let (gap, normal, inside) = face.gap(ball.center);
+            best.take_if(inside, gap - ball.radius, -normal);
+        }
+    }
+    if N == 3 {
+        let face = Face::new(first[0], first[1 % N], first[2 % N]);
+        for ball in second {
+            let (gap, normal, inside) = face.gap(ball.center);
+            best.take_if(inside, gap - ball.radius, normal);
+        }
+    }
+    (best.upper, best.normal * (best.upper.like(1.0) / best.normal.length()))
+}
+
+/// The nearest so far.
+struct Best<R> {
+    upper: R,
+    normal: Vector<R>,
+}
+
+impl<R: Number> Best<R> {
+    #[inline(always)]
+    fn take(&mut self, upper: R, normal: Vector<R>) {
+        let nearer = upper.less(self.upper);
+        self.upper = R::select(nearer, upper, self.upper);
+        self.normal = Vector::select(nearer, normal, self.normal);
+    }
+
+    #[inline(always)]
+    fn take_if(&mut self, mask: R::Mask, upper: R, normal: Vector<R>) {
+        let nearer = mask & upper.less(self.upper);
+        self.upper = R::select(nearer, upper, self.upper);
+        self.normal = Vector::select(nearer, normal, self.normal);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::geometry::Sphere;
+
+    /// Random pairs of about unit size, of which some meet.
+    fn pairs<const N: usize, const M: usize>() -> Vec<MovingPair<N, M>> {
+        let mut state = 1u64;
+        let mut signed = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 40) as f32) / (1u64 << 23) as f32 - 1.0
+        };
+        let mut vector = || Vec3::new(signed(), signed(), signed());
+        let mut pair = || {
+            let (offset, aim) = (vector() * 3.0, vector());
+            let start1 = std::array::from_fn(|_| Sphere::new(offset + vector() * 0.5, 0.1 * vector().x.abs()));
+            let motion1 = std::array::from_fn(|_| aim - offset * 1.2 + vector() * 0.3);
+            let start2 = std::array::from_fn(|_| Sphere::new(vector() * 0.5, 0.1 * vector().x.abs()));
+            let motion2 = std::array::from_fn(|_| vector() * 0.3);
+            (Moving { start: start1, motion: motion1 }, Moving { start: start2, motion: motion2 })
+        };
+        (0..2000).map(|_| pair()).collect()
+    }
+
+    fn check<const N: usize, const M: usize>(levels: &[Level]) {
+        let pairs = pairs::<N, M>();
+        let bits = |touch: &Touch| (touch.status, touch.fraction.to_bits());
+        let expected: Vec<_> = at_level(Level::baseline(), &pairs, 1.0).iter().map(bits).collect();
+        for status in [TimeOfImpactStatus::Hit, TimeOfImpactStatus::Separated] {
+            assert!(expected.iter().any(|(found, _)| *found == status), "no pair is {status:?}");
+        }
+        for &level in levels {
+            let found: Vec<_> = at_level(level, &pairs, 1.0).iter().map(bits).collect();
+            assert_eq!(found, expected, "{level:?}");
+        }
+    }
+
+    #[test]
+    fn every_machine_gives_the_same_bits() {
+        let best = Level::new();
+        #[cfg(target_arch = "x86_64")]
+        let levels = [best.as_sse4_2().map(Level::Sse4_2), best.as_avx2().map(Level::Avx2), Some(best)];
+        #[cfg(not(target_arch = "x86_64"))]
+        let levels = [Some(best)];
+        let levels: Vec<Level> = levels.into_iter().flatten().collect();
+        check::<1, 1>(&levels);
+        check::<2, 2>(&levels);
+        check::<2, 3>(&levels);
+        check::<3, 3>(&levels);
+    }
+}
