@@ -155,9 +155,10 @@ impl Plugin for MedialPhysicsPlugin {
         diagnostics::register(app);
         (self.add_systems)(app, self.schedule);
         #[cfg(feature = "gpu")]
-        {
-            app.init_resource::<crate::gpu::GpuCapacity>().register_type::<crate::gpu::GpuCapacity>();
-            app.add_systems(Startup, gpu::adopt_renderer);
+        if app.get_sub_app(bevy::render::RenderApp).is_some() {
+            app.init_resource::<crate::gpu::GpuCapacity>()
+                .register_type::<crate::gpu::GpuCapacity>()
+                .add_systems(Startup, gpu::adopt_renderer);
             pipelined::add(app);
         }
         #[cfg(feature = "debug")]
