@@ -100,7 +100,7 @@ impl GpuImpacts {
     pub fn run(&mut self, pairs: &[MovingPair]) -> Result<Vec<TimeOfImpact>, GpuError> {
         let (gpu, limits) = (&self.gpu, self.gpu.device.limits());
         let bytes = size_of_val(pairs) as u64;
-        gpu.require("bytes in a storage buffer", limits.max_storage_buffer_binding_size.into(), bytes)?;
+        gpu.require("bytes in a storage buffer", limits.max_storage_buffer_binding_size, bytes)?;
         let groups = pairs.len().div_ceil(64) as u32;
         gpu.require("workgroups", limits.max_compute_workgroups_per_dimension.into(), groups.into())?;
         if pairs.is_empty() {
