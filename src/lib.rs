@@ -96,8 +96,9 @@ pub mod prelude {
     pub use crate::{
         medial_axis::MedialAxis,
         plugin::{
-            MedialBackend, MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialLevel, MedialMesh,
-            MedialPhysicsPlugin, MedialSettings, MedialStep, MedialSystems, StaticObb, TouchPoint,
+            MedialBackend, MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialFocus,
+            MedialImportance, MedialLevel, MedialMesh, MedialPhysicsPlugin, MedialSettings, MedialStep, MedialSystems,
+            StaticObb, TouchPoint,
         },
     };
 }

@@ -21,10 +21,10 @@
 //!
 //! Not covered, and an error: bodies that are neither medial nor boxes, and moving ones that nothing stops, such as kinematic ones.
 
-mod aabb;
-mod obb;
-mod sphere;
-mod tree;
+pub mod aabb;
+pub mod obb;
+pub mod sphere;
+pub mod tree;
 
 use std::{ptr, time::Instant};
 

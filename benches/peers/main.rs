@@ -22,6 +22,8 @@ mod measure;
 mod overlap;
 mod report;
 mod shapes;
+#[path = "../common/tables.rs"]
+mod tables;
 mod world;
 
 use std::{

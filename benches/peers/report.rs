@@ -4,7 +4,11 @@ use std::{fmt::Write, fs, path::Path};
 
 use serde::Serialize;
 
-use crate::{compare::Report, measure::Row};
+use crate::{
+    compare::Report,
+    measure::Row,
+    tables::{csv, machine, write},
+};
 
 /// A scene with the hybrid culling, and beside it another.
 pub struct Culling {
@@ -45,42 +49,15 @@ struct CullingRow<'a> {
     candidates: f64,
 }
 
-/// Writes rows under a line of their fields' names. Text is in quotes.
-fn write_csv<T: Serialize>(path: &Path, rows: impl IntoIterator<Item = T>) -> Result<(), String> {
-    let mut text = String::new();
-    for row in rows {
-        let Ok(serde_json::Value::Object(fields)) = serde_json::to_value(row) else { continue };
-        if text.is_empty() {
-            text += &fields.keys().map(String::as_str).collect::<Vec<_>>().join(",");
-            text.push('\n');
-        }
-        text += &fields.values().map(ToString::to_string).collect::<Vec<_>>().join(",");
-        text.push('\n');
-    }
-    write(path, &text)
-}
-
-fn write(path: &Path, text: &str) -> Result<(), String> {
-    fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
-}
-
 /// Writes all tables to a folder.
 ///
 /// # Errors
 /// If a file cannot be written; the message names it.
 pub fn write_all(folder: &Path, command: &str, peers: &[Row], culling: &[Culling]) -> Result<(), String> {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    write_csv(&folder.join("peers.csv"), peers)?;
-    write_csv(&folder.join("culling.csv"), culling.iter().flat_map(Culling::rows))?;
+    write(&folder.join("peers.csv"), &csv(peers))?;
+    write(&folder.join("culling.csv"), &csv(culling.iter().flat_map(Culling::rows)))?;
     write(&folder.join("README.md"), &markdown(command, peers, culling))
-}
-
-/// The processor, and how many threads it has.
-fn machine() -> String {
-    let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    let name = model.map_or("a processor of unknown name", |(_, name)| name.trim());
-    format!("{name}, {} {}", std::env::consts::ARCH, std::env::consts::OS)
 }
 
 const HEAD: &str = "\

@@ -16,6 +16,7 @@
 mod broad_phase;
 pub mod contact;
 mod first_impact;
+mod first_touch;
 mod mid_phase;
 mod motion;
 mod moving_boxes;
@@ -54,6 +55,7 @@ pub(crate) use broad_phase::{Widening, near_sides};
 use moving_boxes::BodyBoxes;
 
 pub use contact::{Contact, Manifold, Second};
+pub use first_touch::first_touch;
 pub use parts::{ConvexParts, Core, Part};
 pub(crate) use shape::with_spheres;
 pub use shape::{Hull, Shape};

@@ -41,6 +41,14 @@ impl MedialBudget {
         axis.level_within(error)
     }
 
+    /// The budget of what is so many times as important.
+    pub(super) fn over(self, importance: f32) -> Self {
+        match self {
+            Self::Metres(metres) => Self::Metres(metres / importance),
+            Self::Percent(percent) => Self::Percent(percent / importance),
+        }
+    }
+
     fn is_valid(self) -> bool {
         let (Self::Metres(value) | Self::Percent(value)) = self;
         value >= 0.0

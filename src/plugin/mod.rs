@@ -7,6 +7,7 @@
 //! | [`StaticObb`] | component: a static box, or what makes a medial mesh static |
 //! | [`MedialCcd`] | component: whether a body stops at its first impact |
 //! | [`MedialBudget`], [`MedialLevel`] | components: the error that a shape may have, and the level of detail that is used |
+//! | [`MedialImportance`], [`MedialFocus`] | components: a body that has to be more exact than others, or less; a point from which far bodies may be coarser |
 //! | [`MedialSettings`], [`MedialBackend`] | resource: what holds for all; where pairs are culled |
 //! | [`MedialContactStarted`], [`MedialContactEnded`] | messages, and events for observers of the entities |
 //! | `MedialBuildPlugin` | with the feature `bevy_mesh`: builds the medial meshes of entities with a `BuildMedialMesh` from their `Mesh3d` |
@@ -23,6 +24,7 @@ mod diagnostics;
 mod gizmos;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod importance;
 mod levels;
 mod loader;
 mod messages;
@@ -50,6 +52,10 @@ pub use components::{MedialCcd, MedialMesh, StaticObb};
 pub use diagnostics::paths as diagnostic_paths;
 #[cfg(feature = "debug")]
 pub use gizmos::MedialGizmos;
+pub(crate) use importance::Detail;
+#[cfg(not(feature = "rapier"))]
+use importance::DetailItem;
+pub use importance::{MedialFocus, MedialImportance};
 pub use levels::{MedialBudget, MedialLevel};
 pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
@@ -144,13 +150,20 @@ impl Plugin for MedialPhysicsPlugin {
             .register_type::<MedialCcd>()
             .register_type::<MedialBudget>()
             .register_type::<MedialLevel>()
+            .register_type::<MedialImportance>()
+            .register_type::<MedialFocus>()
             .register_type::<MedialSettings>()
             .register_type::<MedialBackend>()
             .init_resource::<MedialSettings>()
             .init_resource::<MedialStep>()
             .add_message::<MedialContactStarted>()
             .add_message::<MedialContactEnded>()
-            .add_systems(self.schedule, levels::check_budgets)
+            .add_systems(
+                self.schedule,
+                (levels::check_budgets, importance::look_from_focuses)
+                    .before(MedialSystems::Attach)
+                    .before(MedialSystems::Detect),
+            )
             .add_systems(self.schedule, (report::tell_contacts, diagnostics::measure).in_set(MedialSystems::Report));
         diagnostics::register(app);
         (self.add_systems)(app, self.schedule);

@@ -8,7 +8,8 @@ use bevy::{
 };
 
 use super::{
-    BodyInfo, MedialBudget, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep, MedialSystems, StaticObb,
+    BodyInfo, Detail, DetailItem, MedialBudget, MedialCcd, MedialImportance, MedialLevel, MedialMesh, MedialSettings,
+    MedialStep, MedialSystems, StaticObb,
 };
 use crate::{
     constants::DEFAULT_PREDICTION,
@@ -30,18 +31,18 @@ fn pose_of(transform: &GlobalTransform) -> (Pose3, Vec3) {
     (Pose3::from_parts(translation, rotation), scale)
 }
 
-/// A body's budget, and the level of detail that it has been told.
-type Detail = (Option<&'static MedialBudget>, Option<&'static MedialLevel>);
+/// How exact a body has to be, and the level of detail that it has been told.
+type Told = (Detail, Option<&'static MedialLevel>);
 
 /// The shape at its level of detail, of which the entity is told.
 fn shape_of(
     commands: &mut Commands,
     entity: Entity,
     axis: &MedialAxis,
-    (budget, told): (Option<&MedialBudget>, Option<&MedialLevel>),
+    (detail, told): (DetailItem, Option<&MedialLevel>),
     scale: f32,
 ) -> Shape {
-    let level = budget.copied().unwrap_or_default().level(axis, scale);
+    let level = detail.level(axis, scale);
     if told != Some(&MedialLevel(level)) {
         commands.entity(entity).try_insert(MedialLevel(level));
     }
@@ -55,15 +56,21 @@ fn gather_statics(
         (),
         (
             With<StaticObb>,
-            Or<(Changed<GlobalTransform>, Changed<StaticObb>, Changed<MedialMesh>, Changed<MedialBudget>)>,
+            Or<(
+                Changed<GlobalTransform>,
+                Changed<StaticObb>,
+                Changed<MedialMesh>,
+                Changed<MedialBudget>,
+                Changed<MedialImportance>,
+            )>,
         ),
     >,
-    mut removed: RemovedComponents<MedialBudget>,
-    statics: Query<(Entity, &StaticObb, Option<&MedialMesh>, Detail, &GlobalTransform)>,
+    mut removed: (RemovedComponents<MedialBudget>, RemovedComponents<MedialImportance>),
+    statics: Query<(Entity, &StaticObb, Option<&MedialMesh>, Told, &GlobalTransform)>,
     axes: Res<Assets<MedialAxis>>,
 ) {
     let known = step.static_infos.len();
-    if changed.is_empty() && removed.read().count() == 0 && statics.iter().len() == known {
+    if changed.is_empty() && removed.0.read().count() + removed.1.read().count() == 0 && statics.iter().len() == known {
         return;
     }
     let mut infos = Vec::new();
@@ -90,7 +97,7 @@ fn detect(
     settings: Res<MedialSettings>,
     time: Res<Time>,
     axes: Res<Assets<MedialAxis>>,
-    bodies: Query<(Entity, &MedialMesh, Detail, &GlobalTransform, Option<&MedialCcd>), Without<StaticObb>>,
+    bodies: Query<(Entity, &MedialMesh, Told, &GlobalTransform, Option<&MedialCcd>), Without<StaticObb>>,
     mut poses: Local<HashMap<Entity, Pose3>>,
 ) {
     let step = step.as_mut();

@@ -17,7 +17,7 @@ use super::shape::MedialShape;
 use crate::{
     medial_axis::MedialAxis,
     pipeline::Shape,
-    plugin::{MedialBudget, MedialLevel, MedialMesh, StaticObb, modified},
+    plugin::{Detail, MedialLevel, MedialMesh, StaticObb, modified},
 };
 
 /// Which shape an entity's collider was made from, or could not be.
@@ -42,7 +42,7 @@ fn is_same_scale(scale: Vec3, wanted: Vec3) -> bool {
 /// Gives every entity with a loaded [`MedialMesh`] its collider, and a new one when shape, level of detail or scale change.
 pub(super) fn attach_shapes(
     mut commands: Commands,
-    meshes: Query<(NameOrEntity, &MedialMesh, Option<&MedialBudget>, &Transform, Has<ChildOf>, Option<&Attached>)>,
+    meshes: Query<(NameOrEntity, &MedialMesh, Detail, &Transform, Has<ChildOf>, Option<&Attached>)>,
     assets: Res<Assets<MedialAxis>>,
     server: Option<Res<AssetServer>>,
     mut events: MessageReader<AssetEvent<MedialAxis>>,
@@ -52,7 +52,7 @@ pub(super) fn attach_shapes(
 ) {
     let changed = modified(&mut events);
     shared.retain(|(asset, ..), primitives| !changed.contains(asset) && primitives.strong_count() > 0);
-    for (name, mesh, budget, transform, is_child, attached) in &meshes {
+    for (name, mesh, detail, transform, is_child, attached) in &meshes {
         let scale = if is_child {
             hierarchy.compute_global_transform(name.entity).map_or(transform.scale, |global| global.scale())
         } else {
@@ -62,7 +62,7 @@ pub(super) fn attach_shapes(
         let known = attached.filter(|attached| is_same_scale(attached.scale, scale));
         let scale = known.map_or(scale, |known| known.scale);
         let asset = mesh.0.id();
-        let leveled = assets.get(asset).map(|axis| (axis, budget.copied().unwrap_or_default().level(axis, scale.x)));
+        let leveled = assets.get(asset).map(|axis| (axis, detail.level(axis, scale.x)));
         let wanted = Attached { asset, level: leveled.map(|(_, level)| level), scale };
         if known.is_some_and(|known| (known.asset, known.level) == (asset, wanted.level)) && !changed.contains(&asset) {
             continue;

@@ -238,6 +238,47 @@ fn a_file_of_levels_loads_and_a_damaged_one_is_named() {
 }
 
 #[test]
+fn important_bodies_are_finer_and_far_ones_coarser() {
+    let mut app = app();
+    let mesh = mesh(&mut app, ring());
+    // 1 % allows 12 segments with their 27 mm, half of that 24 with 9 mm, four times as much 6 with 120 mm.
+    let body = |app: &mut App, x: f32, importance: Option<f32>| {
+        let mut body = app.world_mut().spawn((RigidBody::Fixed, mesh.clone(), Transform::from_xyz(x, 0.0, 0.0)));
+        if let Some(importance) = importance {
+            body.insert(MedialImportance(importance));
+        }
+        body.id()
+    };
+    let cases = [
+        (0.0, None),
+        (0.0, Some(2.0)),
+        (0.0, Some(0.2)),
+        (0.0, Some(-1.0)),
+        (39.0, None),
+        (42.0, None),
+        (42.0, Some(5.0)),
+    ];
+    let bodies = cases.map(|(x, importance)| body(&mut app, x, importance));
+    let check = |app: &mut App, wanted: [usize; 7]| {
+        app.update();
+        app.update();
+        assert_eq!(bodies.map(|body| spheres(app, body)), wanted);
+    };
+    check(&mut app, [12, 24, 6, 12, 12, 12, 24]);
+    let focus = app.world_mut().spawn((MedialFocus::default(), Transform::default())).id();
+    check(&mut app, [12, 24, 6, 12, 6, 6, 12]);
+    // A little nearer or farther changes nothing, or bodies at the border would change all the time.
+    app.world_mut().get_mut::<Transform>(focus).unwrap().translation.x = 4.0;
+    check(&mut app, [12, 24, 6, 12, 6, 6, 12]);
+    app.world_mut().get_mut::<Transform>(focus).unwrap().translation.x = 34.0;
+    check(&mut app, [12, 12, 6, 12, 12, 12, 24]);
+    app.world_mut().get_mut::<Transform>(focus).unwrap().translation.x = 0.0;
+    check(&mut app, [12, 24, 6, 12, 6, 6, 12]);
+    app.world_mut().despawn(focus);
+    check(&mut app, [12, 24, 6, 12, 12, 12, 24]);
+}
+
+#[test]
 fn what_sleeps_on_a_shape_wakes_when_that_gets_another_level() {
     let mut app = app();
     spawn_ground(&mut app);

@@ -1,0 +1,150 @@
+//! Speed against accuracy: exact first touches of moving triangle meshes, and what each method tells of them in what time.
+//!
+//! ```text
+//! cargo run --release --example speed_accuracy -- [--out DIR] [--quick]
+//! ```
+//!
+//! Writes `queries.csv`, `scenes.csv`, charts as SVG, `speed_accuracy.md` and a page by itself, `speed_accuracy.html`.
+
+#[path = "../../benches/common/activity.rs"]
+mod activity;
+mod approach;
+#[path = "../../benches/baselines/mod.rs"]
+#[allow(dead_code, reason = "the trees alone are asked here, of one pair")]
+mod baselines;
+mod charts;
+#[path = "../../benches/peers/engines/mod.rs"]
+#[allow(dead_code, reason = "not every engine and setting")]
+mod engines;
+#[path = "../../benches/common/hulls.rs"]
+mod hulls;
+#[path = "../../benches/peers/measure.rs"]
+mod measure;
+mod methods;
+mod models;
+#[path = "../../benches/peers/overlap.rs"]
+mod overlap;
+mod pairs;
+mod queries;
+mod report;
+mod scenes;
+#[path = "../../benches/peers/shapes.rs"]
+#[allow(dead_code, reason = "not every kind")]
+mod shapes;
+mod spheres;
+#[path = "../../benches/common/tables.rs"]
+mod tables;
+mod truth;
+#[path = "../../benches/peers/world.rs"]
+mod world;
+
+use std::{path::PathBuf, process::ExitCode};
+
+use approach::{Class, approaches};
+use bevy_medial::scenes::load_models;
+use clap::Parser;
+use indicatif::ProgressBar;
+use methods::{DECOMPOSITIONS, Method};
+use models::Model;
+use queries::Case;
+use shapes::Kind;
+
+#[derive(Parser)]
+#[command(about = "Speed against accuracy of collision queries and of the demo scenes")]
+struct Args {
+    /// Few approaches and coarse shapes: shows within a minute or two that all of it works.
+    #[arg(long)]
+    quick: bool,
+    /// Folder for what is written.
+    #[arg(long, default_value = "target/speed_accuracy")]
+    out: PathBuf,
+    /// Folder of meshes with medial meshes beside them.
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/models"))]
+    models: PathBuf,
+    /// Approaches of each pair of models.
+    #[arg(long)]
+    approaches: Option<usize>,
+    /// Only the queries.
+    #[arg(long)]
+    no_scenes: bool,
+}
+
+/// Who meets whom.
+const PAIRS: [[&str; 2]; 6] = [
+    ["bear", "deer"],
+    ["bunny", "torus"],
+    ["cow", "dolphin"],
+    ["dinosaur", "armadillo"],
+    ["spider", "bug"],
+    ["torus", "torus"],
+];
+
+/// Sizes of medial meshes, up to about 500 primitives.
+const MEDIAL: [usize; 9] = [1, 2, 4, 8, 15, 30, 60, 120, 240];
+
+/// Sizes of sets of spheres.
+const SPHERES: [usize; 6] = [4, 16, 64, 256, 1024, 4096];
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
+    let (pairs, medial, spheres, decompositions, count) = match args.quick {
+        true => (&PAIRS[..2], &MEDIAL[3..6], &SPHERES[1..3], 1, 20),
+        false => (&PAIRS[..], &MEDIAL[..], &SPHERES[..], DECOMPOSITIONS.len(), 500),
+    };
+    let count = args.approaches.unwrap_or(count);
+    let mut names: Vec<&str> = pairs.iter().flatten().copied().collect();
+    names.sort_unstable();
+    names.dedup();
+    let progress = ProgressBar::new(names.len() as u64).with_message("medial meshes");
+    let load = |name: &&str| Model::load(&args.models.join(name).with_extension("obj"), medial);
+    let models = progress.wrap_iter(names.iter()).map(load).collect::<Result<Vec<Model>, String>>()?;
+    progress.finish_and_clear();
+
+    let named = |name: &str| models.iter().find(|model| model.name == name).ok_or_else(|| format!("{name} is missing"));
+    let mut cases = Vec::new();
+    for (seed, pair) in (1..).zip(pairs) {
+        let models = [named(pair[0])?, named(pair[1])?];
+        cases.push(Case { models, approaches: approaches(models, count, seed)? });
+    }
+    let of = |class| cases.iter().flat_map(|case| &case.approaches).filter(|a| a.class == class).count();
+    println!("{} hits, {} grazes, {} near misses", of(Class::Hit), of(Class::Graze), of(Class::Miss));
+
+    let plan = queries::Plan { sphere_counts: spheres, decompositions };
+    let mut rows = Vec::new();
+    for method in Method::ALL {
+        let found = queries::rows(method, &models, &cases, &plan)?;
+        found.iter().for_each(|row| println!("{}", report::line(row)));
+        rows.extend(found);
+    }
+
+    let mut scene_rows = Vec::new();
+    if !args.no_scenes {
+        let known = load_models(&args.models)?;
+        let (budgets, kinds, steps): (&[f32], &[Kind], usize) = match args.quick {
+            true => (&[2.0, 0.0], &[Kind::Hull], 40),
+            false => {
+                (&[8.0, 4.0, 2.0, 1.0, 0.0], &[Kind::Hull, Kind::Decomposition, Kind::FineDecomposition], usize::MAX)
+            }
+        };
+        for name in ["rods", "tori", "stairs", "dinosaur"] {
+            let plan = measure::Plan { steps, runs: if args.quick { 1 } else { 2 } };
+            let found = scenes::rows(name, &known, &args.models, (budgets, kinds), plan)?;
+            found.iter().for_each(|row| println!("{}", report::scene_line(row)));
+            scene_rows.extend(found);
+        }
+    }
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let command = format!("cargo run --release --example speed_accuracy -- {}", words.join(" "));
+    report::write_all(&args.out, &command, &models, &rows, &scene_rows)?;
+    println!("written to {}", args.out.display());
+    Ok(())
+}

@@ -1,0 +1,218 @@
+//! What is written: tables, charts, and a page of them.
+
+use std::{fmt::Write, fs, path::Path};
+
+use crate::{
+    charts::{Chart, Curve},
+    models::{Medial, Model},
+    queries::Row,
+    scenes::{METHODS, SceneRow},
+    tables::{csv, machine, write},
+};
+
+type Written = Result<(), Box<dyn std::error::Error>>;
+
+/// A row of queries in short.
+pub fn line(row: &Row) -> String {
+    format!(
+        "{:28} {:7.0} parts: {:9.2} us, error {:8.4} % (95 %: {:8.4}), grazes {:8.4} %, normal {:5.1} deg; missed {:5.2} + {:5.2} %, phantoms {:5.1} %",
+        row.method,
+        row.parts,
+        row.microseconds,
+        row.hit_error_median_percent,
+        row.hit_error_p95_percent,
+        row.graze_error_median_percent,
+        row.normal_error_median_degrees,
+        row.missed_hits_percent,
+        row.missed_grazes_percent,
+        row.phantom_hits_percent
+    )
+}
+
+/// A row of scenes in short.
+pub fn scene_line(row: &SceneRow) -> String {
+    format!(
+        "{:9} {:15} {:>5}: surface {:6.2} %, collision {:7.3} ms, step {:7.3} ms, overlap {:5.2} %",
+        row.scene,
+        row.method,
+        row.budget_percent.map_or_else(|| "-".into(), |percent| percent.to_string()),
+        row.surface_error_percent,
+        row.collision_ms,
+        row.step_ms,
+        row.overlap_max_percent
+    )
+}
+
+/// Writes all of it to a folder.
+///
+/// # Errors
+/// If a file cannot be written or a chart not drawn.
+pub fn write_all(folder: &Path, command: &str, models: &[Model], rows: &[Row], scenes: &[SceneRow]) -> Written {
+    fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    write(&folder.join("queries.csv"), &csv(rows))?;
+    write(&folder.join("scenes.csv"), &csv(scenes))?;
+    let mut charts = vec![
+        ("error_time", by(rows, "Error against time of a query", "microseconds per query", |row| row.microseconds)?),
+        ("error_bytes", by(rows, "Error against size", "bytes per shape", |row| row.bytes)?),
+        ("levels", levels(models)?),
+    ];
+    for rows in scenes.chunk_by(|a, b| a.scene == b.scene) {
+        charts.push((rows[0].scene, of_scene(rows)?));
+    }
+    for (name, svg) in &charts {
+        write(&folder.join(name).with_extension("svg"), svg)?;
+    }
+    let text = markdown(command, rows, scenes, charts.iter().map(|(name, _)| *name));
+    write(&folder.join("speed_accuracy.md"), &text)?;
+    write(
+        &folder.join("speed_accuracy.html"),
+        &page(command, rows, scenes, charts.iter().map(|(_, svg)| svg.as_str())),
+    )?;
+    Ok(())
+}
+
+/// The error of queries against something else.
+fn by(rows: &[Row], title: &str, x: &str, value: fn(&Row) -> f64) -> Result<String, Box<dyn std::error::Error>> {
+    let curve = |rows: &[Row]| Curve {
+        name: rows[0].method,
+        points: rows.iter().map(|row| [value(row), row.hit_error_median_percent]).collect(),
+    };
+    let curves = rows.chunk_by(|a, b| a.method == b.method).map(curve).collect();
+    Chart { title, x, y: "median error of hits, % of the size", curves, front: true }.svg()
+}
+
+/// Primitives that a budget takes, of each model's chain of sizes.
+fn levels(models: &[Model]) -> Result<String, Box<dyn std::error::Error>> {
+    fn curve(model: &Model) -> Curve<'_> {
+        let of = |medial: &Medial| [f64::from(medial.error.max), medial.axis.primitives().len() as f64];
+        Curve { name: &model.name, points: model.medial.iter().map(of).collect() }
+    }
+    let curves = models.iter().map(curve).collect();
+    let (title, x) = ("What a budget takes", "greatest error of the surface, % of the diagonal");
+    Chart { title, x, y: "primitives", curves, front: false }.svg()
+}
+
+/// Time of a step against the error of the surface.
+fn of_scene(rows: &[SceneRow]) -> Result<String, Box<dyn std::error::Error>> {
+    let curve = |name| Curve {
+        name,
+        points: rows
+            .iter()
+            .filter(|row| row.method == name)
+            .map(|row| [row.step_ms, f64::from(row.surface_error_percent)])
+            .collect(),
+    };
+    let title = format!("Scene `{}`", rows[0].scene);
+    let (x, y) = ("milliseconds per active step", "greatest error of the surface, %");
+    Chart { title: &title, x, y, curves: METHODS.map(curve).into(), front: true }.svg()
+}
+
+const HEAD: &str = "\
+Two bodies approach each other within a step; when do they touch? The truth is that of the exact triangle meshes, by conservative advancement in f64, confirmed by
+bisection. Steps are 2 to 100 % of a body's size long, with turns of up to a radian; three of five approaches are hits, one a graze (the way of the point that touches
+is within 12 degrees of the surface), one a near miss (by less than 2 % of the size).
+
+- *error*: how far the point that touches goes between the true time and the one that was told, in percent of the smaller body's diagonal;
+- *missed*: hits, and grazes, of which a method tells nothing; *phantoms*: near misses that it tells as hits;
+- *time*: of a query, least of three, in the mean of all approaches, on one thread;
+- *bytes*: corners, spheres and lists of indices, without hierarchies; *preparation*: time to make the shape of a mesh.
+
+Convex decomposition, convex hulls and triangle meshes are asked by parry's nonlinear shape cast, the one that rapier's CCD uses. \"Spheres only\" are as many inscribed spheres, asked as medial
+meshes are. \"Alternating TOI\" is the published scheme on the same medial meshes, on pairs that a BVH of spheres leaves.
+";
+
+fn queries_table(rows: &[Row]) -> Vec<Vec<String>> {
+    let head = [
+        "method",
+        "parts",
+        "surface, %",
+        "error, %",
+        "95 %",
+        "grazes, %",
+        "normal, degrees",
+        "missed, %",
+        "phantoms, %",
+        "time, us",
+        "bytes",
+        "preparation, s",
+    ];
+    let row = |row: &Row| {
+        vec![
+            row.method.into(),
+            format!("{:.0}", row.parts),
+            format!("{:.2}", row.surface_error_percent),
+            format!("{:.3}", row.hit_error_median_percent),
+            format!("{:.3}", row.hit_error_p95_percent),
+            format!("{:.3}", row.graze_error_median_percent),
+            format!("{:.1}", row.normal_error_median_degrees),
+            format!("{:.1}, {:.1}", row.missed_hits_percent, row.missed_grazes_percent),
+            format!("{:.1}", row.phantom_hits_percent),
+            format!("{:.2}", row.microseconds),
+            format!("{:.0}", row.bytes),
+            format!("{:.2}", row.preparation_s),
+        ]
+    };
+    std::iter::once(head.map(String::from).into()).chain(rows.iter().map(row)).collect()
+}
+
+fn scenes_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
+    let head =
+        ["scene", "shapes", "budget, %", "surface, %", "collision, ms", "step, ms", "deepest overlap, %", "lost"];
+    let row = |row: &SceneRow| {
+        vec![
+            row.scene.into(),
+            row.method.into(),
+            row.budget_percent.map_or_else(String::new, |budget| budget.to_string()),
+            format!("{:.2}", row.surface_error_percent),
+            format!("{:.3}", row.collision_ms),
+            format!("{:.3}", row.step_ms),
+            format!("{:.2}", row.overlap_max_percent),
+            row.lost.to_string(),
+        ]
+    };
+    std::iter::once(head.map(String::from).into()).chain(rows.iter().map(row)).collect()
+}
+
+fn markdown<'a>(command: &str, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
+    let mut text = format!("# Speed against accuracy\n\n{HEAD}\nMachine: {}. Command: `{command}`.\n", machine());
+    for name in charts {
+        let _ = writeln!(text, "\n![{name}]({name}.svg)");
+    }
+    for (title, table) in [("Queries", queries_table(rows)), ("Scenes", scenes_table(scenes))] {
+        let _ = writeln!(text, "\n## {title}\n");
+        for (i, row) in table.iter().enumerate() {
+            let _ = writeln!(text, "| {} |", row.join(" | "));
+            if i == 0 {
+                let _ = writeln!(text, "|{}", "---|".repeat(row.len()));
+            }
+        }
+    }
+    text
+}
+
+/// The same as a page by itself.
+fn page<'a>(command: &str, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
+    let mut text = String::from(
+        "<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width, initial-scale=1'>\
+         <title>Speed against accuracy</title>\
+         <style>body{font:16px/1.5 sans-serif;max-width:60em;margin:auto;padding:1em}svg{width:100%;height:auto}\
+         div{overflow-x:auto}table{border-collapse:collapse;font-size:14px}td,th{padding:.2em .6em;text-align:right;border-bottom:1px solid #ddd}\
+         td:first-child,th:first-child{text-align:left}</style><h1>Speed against accuracy</h1>",
+    );
+    let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;");
+    for part in HEAD.split("\n\n") {
+        let _ = write!(text, "<p>{}</p>", escaped(part).replace("\n- ", "<br>- "));
+    }
+    let _ = write!(text, "<p>Machine: {}. Command: <code>{}</code></p>", escaped(&machine()), escaped(command));
+    charts.for_each(|svg| text += svg);
+    for (title, table) in [("Queries", queries_table(rows)), ("Scenes", scenes_table(scenes))] {
+        let _ = write!(text, "<h2>{title}</h2><div><table>");
+        for (i, row) in table.iter().enumerate() {
+            let cell = if i == 0 { "th" } else { "td" };
+            let cells: String = row.iter().map(|value| format!("<{cell}>{}</{cell}>", escaped(value))).collect();
+            let _ = write!(text, "<tr>{cells}</tr>");
+        }
+        text += "</table></div>";
+    }
+    text
+}

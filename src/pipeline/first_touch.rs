@@ -1,0 +1,26 @@
+//! When two bodies touch first, asked of one pair by itself.
+
+use glam::Vec3;
+
+use super::{
+    Body, Culling, Impact, Side, Statics, StepInput, broad_phase::BodyPair, first_impact::first_impact,
+    mid_phase::Candidates, motion::PairMotion,
+};
+
+/// The first impact of two bodies on their ways, with no overlap allowed: where they touch, or where an overlap that they have from the
+/// start on grows. None if neither happens, or if the first is not medial.
+///
+/// Found as in a step, but for the slop: no farther than the chords stray from the true motion before it, and never after it but for rounding.
+/// Whether the bodies may collide at all is not asked.
+///
+/// `primitives` of the first and the second, in any order, that may meet, if culling is done elsewhere. The second has to be medial as well then.
+pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u32; 2]]>) -> Option<Impact> {
+    let input = StepInput { bodies: bodies.into(), culling, ..Default::default() };
+    let statics = Statics::default();
+    let pair = BodyPair { first: Side::Body(0), second: Side::Body(1), stops: true };
+    let mut motions = PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep);
+    motions.iter_mut().for_each(|motion| motion.slop = 0.0);
+    let candidates = primitives.map(|pairs| [Candidates::all(pairs.iter().copied(), None)]);
+    let candidates = candidates.as_ref().map(|candidates| &candidates[..]);
+    first_impact(culling, motions, candidates, [None; 2], 0.0, Vec3::ZERO).impact
+}

@@ -1,0 +1,96 @@
+use bevy::{ecs::query::QueryData, prelude::*};
+
+use super::{MedialBudget, MedialMesh, StaticObb};
+use crate::medial_axis::MedialAxis;
+
+/// How exact an entity's shape has to be beside others of the same budget: its error may be [`MedialBudget`] over this.
+///
+/// 2 halves the error that it may have, 0.1 allows ten times as much. What is not a positive number counts as 1, the default.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Component, Default, Clone, PartialEq)]
+pub struct MedialImportance(pub f32);
+
+impl Default for MedialImportance {
+    fn default() -> Self {
+        Self(1.0)
+    }
+}
+
+/// A point of interest, as a camera or a player is: dynamic medial bodies beyond `near` metres from every such point may have an error that is larger
+/// in proportion to their distance, as it looks the same from there.
+///
+/// A body takes another level of detail, never more than once it has come nearer or gone farther by a fifth. It needs no
+/// [`MedialImportance`]; with one, both count.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Component, Default, Clone, PartialEq)]
+#[require(Transform)]
+pub struct MedialFocus {
+    /// Distance in metres up to which bodies have the error that their budget says. Default: 10.
+    pub near: f32,
+}
+
+impl Default for MedialFocus {
+    fn default() -> Self {
+        Self { near: 10.0 }
+    }
+}
+
+/// What of its importance a body has where it is, from 0 to 1.
+#[derive(Component, Clone, Copy, Debug)]
+pub(crate) struct Nearness(f32);
+
+/// Nearer or farther by this factor, and a body counts as somewhere else.
+const HYSTERESIS: f32 = 1.2;
+
+/// How exact an entity's shape has to be.
+#[derive(QueryData)]
+pub(crate) struct Detail {
+    budget: Option<&'static MedialBudget>,
+    importance: Option<&'static MedialImportance>,
+    nearness: Option<&'static Nearness>,
+}
+
+impl DetailItem<'_, '_> {
+    /// The number of the level of detail to use for a body of a scale.
+    pub fn level(&self, axis: &MedialAxis, scale: f32) -> usize {
+        let weight = self.importance.map_or(1.0, |importance| importance.0);
+        let weight = if weight > 0.0 && weight.is_finite() { weight } else { 1.0 };
+        let nearness = self.nearness.map_or(1.0, |nearness| nearness.0);
+        self.budget.copied().unwrap_or_default().over(weight * nearness).level(axis, scale)
+    }
+}
+
+/// Tells how near bodies are to points of interest.
+pub(crate) fn look_from_focuses(
+    mut commands: Commands,
+    focuses: Query<(Entity, &MedialFocus)>,
+    bodies: Query<(Entity, &GlobalTransform, Option<&Nearness>), (With<MedialMesh>, Without<StaticObb>)>,
+    hierarchy: TransformHelper,
+) {
+    // What is new has not been told its place yet.
+    let place = |entity| hierarchy.compute_global_transform(entity).map_or(Vec3::ZERO, |place| place.translation());
+    let focuses: Vec<(f32, Vec3)> = focuses.iter().map(|(entity, focus)| (focus.near, place(entity))).collect();
+    for (entity, known_place, known) in &bodies {
+        if focuses.is_empty() && known.is_none() {
+            continue;
+        }
+        let at = if known.is_some() { known_place.translation() } else { place(entity) };
+        let nearness = focuses
+            .iter()
+            .map(|(near, from)| near / from.distance(at).max(*near))
+            .fold(None, |best: Option<f32>, nearness| Some(best.map_or(nearness, |best| best.max(nearness))))
+            .filter(|nearness| *nearness > 0.0);
+        match (nearness, known) {
+            (Some(now), Some(Nearness(before))) if (now / before).max(before / now) < HYSTERESIS && now < 1.0 => {}
+            (Some(now), known) if known.is_none_or(|known| known.0 != now) => {
+                commands.entity(entity).try_insert(Nearness(now));
+            }
+            (None, Some(_)) => {
+                commands.entity(entity).try_remove::<Nearness>();
+            }
+            _ => {}
+        }
+    }
+}
