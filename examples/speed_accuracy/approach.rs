@@ -43,7 +43,8 @@ const GRAZING: f64 = 0.2;
 /// As a part of the smaller body's diagonal.
 const NEAR: f64 = 0.02;
 
-/// Approaches of two models: steps of 2 to 100 % of their size, with turns of up to a radian, that begin somewhere before the touch.
+/// Approaches of two models: steps of 10 to 100 % of their size, with turns of up to a radian. The touch is in their first half or little after, so
+/// that shapes which are less than exact meet within the step as well.
 ///
 /// # Errors
 /// If bisection does not find the touch of one where it was found.
@@ -96,8 +97,8 @@ fn approach(models: [&Model; 2], random: &mut Rng) -> Option<Approach> {
     let touch = first_touch(meshes, &flown, 0.0, 1.0);
     let middle = touch.or_else(|| first_touch(meshes, &flown, near, 1.0))?.fraction as f32;
 
-    let step = size * 0.02 * 50f32.powf(random.f32());
-    let before = 0.1 + 0.8 * random.f32();
+    let step = size * 0.1 * 10f32.powf(random.f32());
+    let before = 0.1 + 0.5 * random.f32();
     let share = random.f32();
     let sweeps = [0, 1].map(|side: usize| {
         let (flown, share) = if side == 0 { (way * length * middle, share) } else { (Vec3::ZERO, share - 1.0) };

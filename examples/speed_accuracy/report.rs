@@ -109,12 +109,12 @@ fn of_scene(rows: &[SceneRow]) -> Result<String, Box<dyn std::error::Error>> {
 
 const HEAD: &str = "\
 Two bodies approach each other within a step; when do they touch? The truth is that of the exact triangle meshes, by conservative advancement in f64, confirmed by
-bisection. Steps are 2 to 100 % of a body's size long, with turns of up to a radian; three of five approaches are hits, one a graze (the way of the point that touches
+bisection. Steps are 10 to 100 % of a body's size long, with turns of up to a radian; three of five approaches are hits, one a graze (the way of the point that touches
 is within 12 degrees of the surface), one a near miss (by less than 2 % of the size).
 
 - *error*: how far the point that touches goes between the true time and the one that was told, in percent of the smaller body's diagonal;
 - *missed*: hits, and grazes, of which a method tells nothing; *phantoms*: near misses that it tells as hits;
-- *time*: of a query, least of three, in the mean of all approaches, on one thread;
+- *time*: of a query, least of three, in the mean of all approaches, on one thread; a triangle mesh takes so long that it is asked about every tenth approach, once;
 - *bytes*: corners, spheres and lists of indices, without hierarchies; *preparation*: time to make the shape of a mesh.
 
 Convex decomposition, convex hulls and triangle meshes are asked by parry's nonlinear shape cast, the one that rapier's CCD uses. \"Spheres only\" are as many inscribed spheres, asked as medial

@@ -174,7 +174,13 @@ impl Plugin for MedialPhysicsPlugin {
                 .add_systems(Startup, gpu::adopt_renderer);
             pipelined::add(app);
         }
-        #[cfg(feature = "debug")]
-        gizmos::add(app);
+    }
+
+    /// Gizmos are drawn in apps that have any: which is known when all plugins are there.
+    #[cfg(feature = "debug")]
+    fn finish(&self, app: &mut App) {
+        if app.is_plugin_added::<bevy::gizmos::GizmoPlugin>() {
+            gizmos::add(app);
+        }
     }
 }
