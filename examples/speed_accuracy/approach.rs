@@ -108,7 +108,8 @@ fn approach(models: [&Model; 2], random: &mut Rng) -> Option<Approach> {
         motion(center, rotation, centers[side], translation, turn)
     });
     let motions = sweeps.each_ref().map(Motion::new);
-    first_touch(meshes, &motions.map(|m| m.frozen(0.0)), 0.0, 1.0).is_none().then_some(())?;
+    // Turned back, they may overlap where they begin.
+    first_touch(meshes, &motions.map(|m| m.frozen(0.0)), 0.25 * near, 1.0).is_none().then_some(())?;
     let truth = first_touch(meshes, &motions, 0.0, 1.0);
     let (class, speed) = match &truth {
         Some(touch) => {

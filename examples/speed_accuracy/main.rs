@@ -1,7 +1,7 @@
 //! Speed against accuracy: exact first touches of moving triangle meshes, and what each method tells of them in what time.
 //!
 //! ```text
-//! cargo run --release --example speed_accuracy -- [--out DIR] [--quick]
+//! cargo run --release --example speed_accuracy -- [--out DIR] [--quick] [--approaches N] [--method NAME]
 //! ```
 //!
 //! Writes `queries.csv`, `scenes.csv`, charts as SVG, `speed_accuracy.md` and a page by itself, `speed_accuracy.html`.
@@ -64,9 +64,9 @@ struct Args {
     /// Approaches of each pair of models.
     #[arg(long)]
     approaches: Option<usize>,
-    /// Only the queries.
+    /// Only methods whose name contains this, and no scenes.
     #[arg(long)]
-    no_scenes: bool,
+    method: Option<String>,
 }
 
 /// Who meets whom.
@@ -120,14 +120,15 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
 
     let plan = queries::Plan { sphere_counts: spheres, decompositions };
     let mut rows = Vec::new();
-    for method in Method::ALL {
+    let is_wanted = |method: &Method| args.method.as_deref().is_none_or(|part| method.name().contains(part));
+    for method in Method::ALL.into_iter().filter(is_wanted) {
         let found = queries::rows(method, &models, &cases, &plan)?;
         found.iter().for_each(|row| println!("{}", report::line(row)));
         rows.extend(found);
     }
 
     let mut scene_rows = Vec::new();
-    if !args.no_scenes {
+    if args.method.is_none() {
         let known = load_models(&args.models)?;
         let (budgets, kinds, steps): (&[f32], &[Kind], usize) = match args.quick {
             true => (&[2.0, 0.0], &[Kind::Hull], 40),

@@ -151,7 +151,8 @@ impl PartialOrd for Entry {
 
 impl Ord for Entry {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.from.total_cmp(&other.from).then(self.nodes.cmp(&other.nodes))
+        // Of those at one time the lower ones first: they come to triangles soonest.
+        self.from.total_cmp(&other.from).then(other.nodes.cmp(&self.nodes))
     }
 }
 
@@ -161,7 +162,7 @@ pub fn first_touch([mesh1, mesh2]: [&ExactMesh; 2], motions: &[Motion; 2], margi
     let mut queue = BinaryHeap::from([Reverse(Entry { from: 0.0, nodes: [0, 0] })]);
     while let Some(Reverse(Entry { from, nodes: [i, j] })) = queue.pop() {
         let limit = best.map_or(limit, |touch| touch.fraction);
-        if from > limit {
+        if best.is_some() && from >= limit {
             break;
         }
         let (a, b) = (&mesh1.nodes[i], &mesh2.nodes[j]);
@@ -224,7 +225,10 @@ fn triangles_touch(
     let acceleration = [0, 1].map(|side| motions[side].spin.length_squared() * arm(side)).iter().sum::<f64>();
     let mut time = from;
     loop {
-        let placed = [0, 1].map(|side: usize| triangles[side].map(|p| motions[side].point(time, p)));
+        let placed = [0, 1].map(|side: usize| {
+            let (rotation, center) = motions[side].frame(time);
+            triangles[side].map(|p| center + rotation * (p - motions[side].local_center))
+        });
         let [point1, point2] = closest_points(&placed[0], &placed[1]);
         let distance = point1.distance(point2);
         let gap = distance - margin;
@@ -305,7 +309,7 @@ pub fn is_confirmed(meshes: [&ExactMesh; 2], motions: &[Motion; 2], touch: &Touc
         return false;
     }
     let [mut before, mut after] = [0.0, touch.fraction];
-    for _ in 0..50 {
+    for _ in 0..30 {
         let middle = 0.5 * (before + after);
         if within(middle) { after = middle } else { before = middle }
     }

@@ -126,7 +126,7 @@ impl Search {
     /// Searches a part of the step, of so many.
     fn run(&mut self, motions: &[PairMotion], candidates: &[Candidates], [part, parts]: [usize; 2]) {
         let result = &mut self.result;
-        let mut approaching = Vec::new();
+        let (mut sides, mut approaching) = (Vec::new(), Vec::new());
         let mut nearest = f32::INFINITY;
         for (index, (motion, candidates)) in motions.iter().zip(candidates).enumerate() {
             result.slop = result.slop.max(motion.slop);
@@ -142,7 +142,7 @@ impl Search {
                 normal => motion.to_chords(normal),
             };
             let mut parting = (count > FEW_PRIMITIVES).then(|| Parting::new(motion, &chords, direction)).flatten();
-            let mut starts = Vec::new();
+            let side = sides.len();
             for &Candidate { primitives: pair, normal, .. } in candidates.within(nearing) {
                 if parting.as_mut().is_some_and(|parting| parting.is_apart(pair, normal)) {
                     continue;
@@ -163,38 +163,37 @@ impl Search {
                 }
                 if !start.stay_apart() {
                     result.in_touch |= part == 0 && start.distance() <= TOUCH_DISTANCE;
-                    starts.push((pair, start));
+                    approaching.push((side, pair, start));
                 }
             }
-            if !starts.is_empty() {
-                approaching.push((index, motion, chords, starts));
-            }
+            sides.push((index, motion, chords));
         }
-        for (index, motion, chords, starts) in &approaching {
-            for (pair, start) in starts {
-                let limit = result.impact.map_or(1.0, |impact| impact.fraction);
-                let own = self.overlaps.iter().find(|(key, _)| *key == (*index, *pair));
-                let overlap = own.map_or(self.carried, |(_, own)| own.max(self.carried));
-                let toi = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
-                    rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop])
-                });
-                result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
-                let earlier = result.impact.is_none_or(|first| toi.fraction < first.fraction);
-                let left = (parts - part) as f32 - toi.fraction;
-                if toi.status == TimeOfImpactStatus::Separated || !earlier || left * motion.way() <= motion.slop {
-                    continue;
-                }
-                let frame = motion.frame_at(toi.fraction);
-                let normal = frame.rotation * toi.contact.normal;
-                let primitive2 = match &motion.facing {
-                    Facing::Shape(_) => pair[1],
-                    Facing::Part(part) => part.id,
-                };
-                let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
-                let point = middle - normal * motion.facing.rounding();
-                self.met = Some((*index, *pair, start.overlap() > 0.0));
-                result.impact = Some(Impact { fraction: toi.fraction, point, normal, primitive1: pair[0], primitive2 });
+        // The nearest are likely to meet first, and what is farther off than they leave time for is not looked at.
+        approaching.sort_by(|a, b| a.2.distance().total_cmp(&b.2.distance()));
+        for (side, pair, start) in &approaching {
+            let (index, motion, chords) = &sides[*side];
+            let limit = result.impact.map_or(1.0, |impact| impact.fraction);
+            let own = self.overlaps.iter().find(|(key, _)| *key == (*index, *pair));
+            let overlap = own.map_or(self.carried, |(_, own)| own.max(self.carried));
+            let toi = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
+                rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop])
+            });
+            result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
+            let earlier = result.impact.is_none_or(|first| toi.fraction < first.fraction);
+            let left = (parts - part) as f32 - toi.fraction;
+            if toi.status == TimeOfImpactStatus::Separated || !earlier || left * motion.way() <= motion.slop {
+                continue;
             }
+            let frame = motion.frame_at(toi.fraction);
+            let normal = frame.rotation * toi.contact.normal;
+            let primitive2 = match &motion.facing {
+                Facing::Shape(_) => pair[1],
+                Facing::Part(part) => part.id,
+            };
+            let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
+            let point = middle - normal * motion.facing.rounding();
+            self.met = Some((*index, *pair, start.overlap() > 0.0));
+            result.impact = Some(Impact { fraction: toi.fraction, point, normal, primitive1: pair[0], primitive2 });
         }
         if let Some(impact) = &mut result.impact {
             impact.fraction = (part as f32 + impact.fraction) / parts as f32;

@@ -175,6 +175,10 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
     let depth = overlap + slop * (1.0 - overlap / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
     let count = chords.count() as f32;
     let max_fraction = max_fraction.min(1.0);
+    if start.distance() > chords.way * count * max_fraction {
+        let status = TimeOfImpactStatus::Separated;
+        return TimeOfImpact { status, fraction: max_fraction, contact: start.separation, rounds: 0 };
+    }
     let along = |i: usize| chords.along(i, first, second);
     let mut chord = 0;
     let mut rounds = 0;
