@@ -102,7 +102,20 @@ pub mod prelude {
     };
 }
 
-/// The README's program compiles.
+/// The programs of the README and of the guide compile.
 #[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;
+mod pages {
+    macro_rules! compile {
+        ($($page:ident: $file:literal,)*) => { $(#[doc = include_str!($file)] struct $page;)* };
+    }
+    compile! {
+        Readme: "../README.md",
+        Shape: "../docs/choosing-a-shape.md",
+        Budget: "../docs/choosing-a-budget.md",
+        ContinuousCollision: "../docs/ccd.md",
+        BackEnds: "../docs/back-ends.md",
+        Rapier: "../docs/rapier.md",
+        Determinism: "../docs/determinism.md",
+        Troubleshooting: "../docs/troubleshooting.md",
+    }
+}
