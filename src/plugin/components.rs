@@ -24,8 +24,9 @@ pub struct MedialMesh(pub Handle<MedialAxis>);
 /// A static box, centred at the entity. Any scale will do.
 ///
 /// Alone it is a solid box: a wall, a floor, a stair. On an entity that also has a [`MedialMesh`] it makes that shape
-/// static: the shape's own box goes into the hierarchy of statics, and the extents given here do not count. With rapier it is the `RigidBody` that says
-/// so: a box alone gets `RigidBody::Fixed`, and where there is another one, or a [`MedialMesh`], that holds.
+/// static: the shape's own box goes into the hierarchy of statics, and the extents given here do not count.
+///
+/// With rapier it is the `RigidBody` that says what is static: a box alone gets a fixed one, and an entity with another one goes by that.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]

@@ -64,7 +64,8 @@ pub use step::{BodyInfo, MedialBackend, MedialSettings, MedialStep};
 /// ```
 ///
 /// Adds `RapierPhysicsPlugin` in the same schedule if it has not been added before; add your own, say in another schedule, *before* this
-/// one, and tell this one the schedule and the hooks. `AssetPlugin` has to be there already, and so has the renderer, if the GPU is to cull on its device.
+/// one, and tell this one the schedule and the hooks. `AssetPlugin` has to be there already, and so has the renderer, if its GPU is to be
+/// used.
 ///
 /// # Panics
 /// When it is added, if there is no `AssetPlugin`, or if rapier is there with hooks that this plugin has not been told of.
