@@ -48,7 +48,7 @@
 //! | [`medial_axis`] | the asset: `.ma` files, clean-up, mass, packed form, surface |
 //! | [`pipeline`] | one step on plain data |
 //! | `gpu` | culling on the GPU, with the shaders in `shaders/` |
-//! | [`builder`] | triangle meshes: files, flaws, the error of a medial mesh |
+//! | [`builder`] | from triangle meshes to medial meshes: files, flaws, building, levels of detail, errors |
 //! | [`plugin`] | components, messages, settings, diagnostics, gizmos |
 //! | [`rapier`] | custom shape, dispatcher, contact table, scene queries |
 //! | [`scenes`] | the demo scenes, for examples, tests and benchmarks |
