@@ -51,7 +51,7 @@ impl Default for StaticObb {
 
 /// Whether a body stops at its first impact within a step. Without this component it does.
 ///
-/// A pair stops only if both sides have it enabled. Without it a fast body can pass through others; contacts and messages stay. It belongs on the
+/// A pair stops only if both sides have it enabled. Otherwise a fast body can pass through the other; contacts and messages stay. It belongs on the
 /// entity of the collider: of a body of several shapes, on each child that it is meant for.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
