@@ -48,7 +48,7 @@
 //! | [`medial_axis`] | the asset: `.ma` files, clean-up, mass, packed form, surface |
 //! | [`pipeline`] | one step on plain data |
 //! | `gpu` | culling on the GPU, with the shaders in `shaders/` |
-//! | [`builder`] | triangle meshes: files, flaws, the error of a medial mesh |
+//! | [`builder`] | from triangle meshes to medial meshes: files, flaws, building, levels of detail, errors |
 //! | [`plugin`] | components, messages, settings, diagnostics, gizmos |
 //! | [`rapier`] | custom shape, dispatcher, contact table, scene queries |
 //! | [`scenes`] | the demo scenes, for examples, tests and benchmarks |
@@ -103,7 +103,20 @@ pub mod prelude {
     };
 }
 
-/// The README's program compiles.
+/// The programs of the README and of the guide compile.
 #[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;
+mod pages {
+    macro_rules! compile {
+        ($($page:ident: $file:literal,)*) => { $(#[doc = include_str!($file)] struct $page;)* };
+    }
+    compile! {
+        Readme: "../README.md",
+        Shape: "../docs/choosing-a-shape.md",
+        Budget: "../docs/choosing-a-budget.md",
+        ContinuousCollision: "../docs/ccd.md",
+        BackEnds: "../docs/back-ends.md",
+        Rapier: "../docs/rapier.md",
+        Determinism: "../docs/determinism.md",
+        Troubleshooting: "../docs/troubleshooting.md",
+    }
+}

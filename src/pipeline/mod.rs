@@ -374,21 +374,21 @@ pub struct Pair {
     pub impact: Option<Impact>,
 }
 
-/// A body that stops within the step.
+/// A body that does not end the step where its motion would take it: it stops at an impact, slides on along what it touches, or is carried along.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     /// The body.
     pub body: u32,
-    /// When, as a fraction of the step.
+    /// When it has left its way, as a fraction of the step; 1 if it slides, and so loses no time.
     pub fraction: f32,
-    /// Its pose from then on.
+    /// Its pose at the end of the step.
     pub pose: Pose3,
 }
 
 /// What a step yields, sorted by body indices.
 #[derive(Clone, Debug, Default)]
 pub struct StepOutput {
-    /// Bodies that stop at an impact.
+    /// Bodies that stop at an impact, slide on or are carried along.
     pub stops: Vec<Stop>,
     /// Pairs with something to tell.
     pub pairs: Vec<Pair>,

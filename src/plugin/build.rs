@@ -28,7 +28,8 @@ use crate::{
 /// Entities with the same mesh asset and options share one build and one asset. Taking the component away, or the `Mesh3d`, or despawning the
 /// entity breaks the build off unless another entity waits for it; a `MedialMesh` that is there stays. [`MedialBuildStatus`] tells how it goes.
 ///
-/// The mesh must be closed, and in main memory while the build starts: `RenderAssetUsages::MAIN_WORLD`, which is part of the default.
+/// The mesh must enclose a volume, and be in main memory while the build starts: `RenderAssetUsages::MAIN_WORLD`, which is part of the default.
+/// It should be closed: where it has holes, its inside is guessed.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;

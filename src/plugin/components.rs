@@ -5,8 +5,8 @@ use crate::medial_axis::MedialAxis;
 /// Makes an entity collide by its medial mesh: a handle to the shape that all instances share, of a `.ma` file, or of a `.medial` file with its
 /// levels of detail.
 ///
-/// Beside a `RigidBody` nothing else is needed: collider, mass and inertia appear when the asset has loaded. The `Transform` may
-/// scale it uniformly.
+/// Beside a `RigidBody` nothing else is needed: collider, mass and inertia appear when the asset has loaded. Without one it is a fixed collider, or,
+/// on a child of a body, one of that body's shapes. The `Transform` may scale it uniformly.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -25,6 +25,8 @@ pub struct MedialMesh(pub Handle<MedialAxis>);
 ///
 /// Alone it is a solid box: a wall, a floor, a stair. On an entity that also has a [`MedialMesh`] it makes that shape
 /// static: the shape's own box goes into the hierarchy of statics, and the extents given here do not count.
+///
+/// With rapier it is the `RigidBody` that says what is static: a box alone gets a fixed one, and an entity with another one goes by that.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
@@ -49,7 +51,8 @@ impl Default for StaticObb {
 
 /// Whether a body stops at its first impact within a step. Without this component it does.
 ///
-/// A pair stops only if both sides have it enabled. Without it a fast body can pass through others.
+/// A pair stops only if both sides have it enabled. Otherwise a fast body can pass through the other; contacts and messages stay. It belongs on the
+/// entity of the collider: of a body of several shapes, on each child that it is meant for.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]

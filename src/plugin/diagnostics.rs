@@ -43,7 +43,7 @@ pub mod paths {
     /// How many steps late the GPU's answer was that the step went by.
     #[cfg(feature = "gpu")]
     pub const GPU_LATENCY: DiagnosticPath = DiagnosticPath::const_new("medial/gpu/latency_steps");
-    /// Bodies stopped at an impact.
+    /// Bodies that have stopped at an impact, or slid on, or were carried along.
     pub const STOPPED: DiagnosticPath = DiagnosticPath::const_new("medial/stopped");
 }
 

@@ -15,7 +15,7 @@ pub struct TouchPoint {
     pub approach_speed: f32,
     /// Which primitive of the first entity's shape touches.
     pub primitive1: u32,
-    /// Which primitive of the second's; 0 for a box.
+    /// Which primitive of the second's; of a collider that is not medial which part, such as a triangle, and 0 for one of a single part.
     pub primitive2: u32,
 }
 
@@ -55,10 +55,10 @@ impl TouchPoint {
 /// ```
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Reflect)]
 pub struct MedialContactStarted {
-    /// The first entity: a body with a medial mesh. To an observer: the entity that it observes.
+    /// The first entity: that of a collider with a medial mesh, on a body or fixed. To an observer: the entity that it observes.
     #[event_target]
     pub entity1: Entity,
-    /// The second: another such body, or a static. To an observer: the other one.
+    /// The second: that of another such collider, or of any other. To an observer: the other one.
     pub entity2: Entity,
     /// Where and how.
     pub touch: TouchPoint,

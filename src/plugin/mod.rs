@@ -70,7 +70,11 @@ pub use step::{BodyInfo, MedialBackend, MedialSettings, MedialStep};
 /// ```
 ///
 /// Adds `RapierPhysicsPlugin` in the same schedule if it has not been added before; add your own, say in another schedule, *before* this
-/// one, and tell this one the schedule and the hooks.
+/// one, and tell this one the schedule and the hooks. `AssetPlugin` has to be there already, and so has the renderer, if its GPU is to be
+/// used.
+///
+/// # Panics
+/// When it is added, if there is no `AssetPlugin`, or if rapier is there with hooks that this plugin has not been told of.
 #[derive(Clone, Copy, Debug)]
 pub struct MedialPhysicsPlugin {
     schedule: Interned<dyn ScheduleLabel>,
@@ -112,7 +116,7 @@ impl MedialPhysicsPlugin {
     }
 }
 
-/// The plugin's systems within a step, in this order.
+/// The plugin's systems within a step, in this order. Without the feature `rapier` there are the last two only, after Bevy has propagated transforms.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MedialSystems {
     /// Colliders of loaded shapes are made. Before rapier takes over changes.

@@ -34,9 +34,9 @@ pub enum MedialBackend {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub struct MedialSettings {
-    /// Bodies stop at their first impact within a step. Default: true.
+    /// Bodies stop at their first impact within a step. Without the feature `rapier` none does. Default: true.
     pub stop_at_impact: bool,
-    /// Skip all culling and test every primitive pair, to measure what culling gains. Default: false.
+    /// Skip all culling and test every primitive pair, on the CPU, to measure what culling gains. Default: false.
     pub brute_force: bool,
     /// Where the pairs that may meet are found. Default: [`MedialBackend::Auto`].
     pub backend: MedialBackend,
