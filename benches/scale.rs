@@ -1,0 +1,223 @@
+//! How collision grows with the number of bodies, what a second thread gains, and what a body and a step take of memory.
+//!
+//! ```text
+//! cargo bench --bench scale -- [--quick] [--out DIR]
+//! ```
+//!
+//! - **rain**: 100, 1,000 and 10,000 tori of 180 primitives fall on a ground with boxes, as many of each to the square metre; medians over the steps
+//!   from the first touches on;
+//! - **fall**: 10,000 such bodies that fall and are near nothing;
+//! - **threads**: the steps of 1,000 bodies in the rain once more, on one thread and on two, in turns, least of several;
+//! - **memory**: bytes of a step's input for each body, and allocations of a step, as a counting allocator tells them.
+
+#[path = "common/activity.rs"]
+#[expect(dead_code, reason = "the median alone is asked for")]
+mod activity;
+#[path = "common/tables.rs"]
+mod tables;
+
+use std::{
+    path::PathBuf,
+    process::ExitCode,
+    time::{Duration, Instant},
+};
+
+use activity::median;
+use allocation_counter::measure;
+use bevy::{
+    prelude::*,
+    tasks::{TaskPool, TaskPoolBuilder},
+};
+use bevy_medial::{
+    geometry::{Pose3, Sweep},
+    pipeline::{Body, Shape, Statics, StepInput, step},
+    plugin::MedialStep,
+    prelude::*,
+    scenes::headless_app,
+};
+use bevy_rapier3d::prelude::RigidBody;
+use clap::Parser;
+use indicatif::ProgressBar;
+use serde::Serialize;
+
+#[derive(Parser)]
+struct Args {
+    /// Few bodies and steps, to try it.
+    #[arg(long)]
+    quick: bool,
+    /// Folder for `scale.csv`.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// What `cargo bench` adds.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// A figure.
+#[derive(Serialize)]
+struct Row {
+    what: &'static str,
+    bodies: usize,
+    value: f64,
+    unit: &'static str,
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
+    // The plugin's own pool: whoever waits for it works as well.
+    let two = pool(1);
+    let one = pool(0);
+    let torus = MedialAxis::torus(0.2, 0.05, 180)?;
+    let (counts, steps): (&[usize], usize) = if args.quick { (&[20, 100], 60) } else { (&[100, 1000, 10_000], 200) };
+    let mut rows = Vec::new();
+    let mut tell = |what, bodies, value, unit| {
+        println!("{what:34} {bodies:6} bodies {value:12.3} {unit}");
+        rows.push(Row { what, bodies, value, unit });
+    };
+
+    let (mut ends, mut recorded) = (Vec::new(), Vec::new());
+    for &count in counts {
+        let rain = rain(&torus, count, steps, count == counts[counts.len().min(2) - 1]);
+        let collision = median(rain.steps.iter().map(|step| step.collision.as_secs_f64() * 1e3));
+        let pairs = median(rain.steps.iter().map(|step| step.contact_pairs as f64));
+        tell("rain: collision", count, collision, "ms");
+        tell("rain: pairs in contact", count, pairs, "");
+        tell("rain: collision of a pair", count, collision * 1e3 / pairs, "us");
+        ends.push(((count as f64).ln(), collision.ln()));
+        if !rain.recorded.is_empty() {
+            recorded = rain.recorded;
+        }
+    }
+    if let (Some(first), Some(last)) = (ends.first(), ends.last()) {
+        tell("rain: exponent of time", counts[counts.len() - 1], (last.1 - first.1) / (last.0 - first.0), "");
+    }
+
+    let count = counts[counts.len() - 1];
+    let (input, statics) = (fall(&torus, count), Statics::default());
+    let times = (0..21).map(|_| step(&input, &statics, &one).times.total().as_secs_f64() * 1e3);
+    tell("fall: collision", count, median(times), "ms");
+
+    let bodies = recorded.first().map_or(0, |(input, _): &(StepInput, Statics)| input.bodies.len());
+    let mut totals = [Duration::ZERO; 2];
+    for (input, statics) in &recorded {
+        let mut least = [Duration::MAX; 2];
+        for _ in 0..if args.quick { 1 } else { 7 } {
+            let outputs = [&one, &two].map(|pool| {
+                let clock = Instant::now();
+                let output = step(input, statics, pool);
+                (output, clock.elapsed())
+            });
+            least = [0, 1].map(|i: usize| least[i].min(outputs[i].1));
+            let [(first, _), (second, _)] = &outputs;
+            if first.pairs != second.pairs || first.manifolds != second.manifolds || first.stops != second.stops {
+                return Err("two threads find something else than one".into());
+            }
+        }
+        totals = [0, 1].map(|i: usize| totals[i] + least[i]);
+    }
+    tell("threads: one over two", bodies, totals[0].as_secs_f64() / totals[1].as_secs_f64(), "");
+
+    if let Some((input, statics)) = recorded.last() {
+        let copied = measure(|| drop(std::hint::black_box(input.clone())));
+        tell("memory: input of a body", bodies, copied.bytes_total as f64 / bodies as f64, "bytes");
+        let taken = measure(|| drop(std::hint::black_box(step(input, statics, &one))));
+        tell("memory: most at a time, of a body", bodies, taken.bytes_max as f64 / bodies as f64, "bytes");
+        tell("memory: allocations of a step", bodies, taken.count_total as f64, "");
+    }
+    let falling = measure(|| drop(std::hint::black_box(step(&input, &statics, &one))));
+    tell("memory: allocations of a fall", count, falling.count_total as f64, "");
+
+    println!("{}", tables::machine());
+    if let Some(folder) = &args.out {
+        std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        tables::write(&folder.join("scale.csv"), &tables::csv(&rows))?;
+    }
+    Ok(())
+}
+
+/// So many threads besides the one that waits.
+fn pool(threads: usize) -> TaskPool {
+    TaskPoolBuilder::new().num_threads(threads).build()
+}
+
+/// A step of the rain.
+struct Step {
+    collision: Duration,
+    contact_pairs: usize,
+}
+
+struct Rain {
+    /// From the first touches on.
+    steps: Vec<Step>,
+    /// Some of the inputs.
+    recorded: Vec<(StepInput, Statics)>,
+}
+
+/// Bodies of a layer lie so far apart, in metres.
+const SPACING: f32 = 0.55;
+/// Of bodies above each other.
+const LAYERS: usize = 5;
+
+fn rain(torus: &MedialAxis, count: usize, steps: usize, record: bool) -> Rain {
+    let mut app = headless_app(1.0 / 60.0);
+    let mesh = MedialMesh(app.world_mut().resource_mut::<Assets<MedialAxis>>().add(torus.clone()));
+    let side = ((count / LAYERS) as f32).sqrt().ceil() as usize;
+    let extent = side as f32 * SPACING;
+    let world = app.world_mut();
+    let middle = Vec3::new(0.5 * extent, 0.0, 0.5 * extent);
+    world.spawn((StaticObb::new(extent, 0.5, extent), Transform::from_translation(middle - Vec3::Y * 0.5)));
+    for x in (0..side).step_by(2) {
+        for z in (0..side).step_by(2) {
+            let place = Vec3::new(x as f32 + 0.5, 0.0, z as f32 + 0.5) * SPACING;
+            let turn = Quat::from_rotation_y((x * 7 + z * 3) as f32);
+            world.spawn((StaticObb::new(0.15, 0.3, 0.15), Transform::from_translation(place).with_rotation(turn)));
+        }
+    }
+    for index in 0..count {
+        let (column, layer) = (index / LAYERS, index % LAYERS);
+        let cell = Vec3::new((column % side) as f32, layer as f32 * 0.8 + 1.2, (column / side) as f32);
+        let angle = index as f32;
+        let turn = Quat::from_rotation_y(angle) * Quat::from_rotation_x(0.5 * angle.sin());
+        let place = Transform::from_translation(cell * SPACING).with_rotation(turn);
+        world.spawn((RigidBody::Dynamic, mesh.clone(), place));
+    }
+    let mut rain = Rain { steps: Vec::new(), recorded: Vec::new() };
+    let progress = ProgressBar::new(steps as u64).with_message(format!("{count} bodies"));
+    for number in 0..steps {
+        app.update();
+        progress.inc(1);
+        let step = app.world().resource::<MedialStep>();
+        let contact_pairs = step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count();
+        if contact_pairs * 2 >= count {
+            rain.steps.push(Step { collision: step.output.times.total(), contact_pairs });
+            if record && number % 8 == 0 {
+                rain.recorded.push((step.input.clone(), step.statics.clone()));
+            }
+        }
+    }
+    progress.finish_and_clear();
+    rain
+}
+
+/// Bodies that are a metre apart, all on their way down.
+fn fall(torus: &MedialAxis, count: usize) -> StepInput {
+    let shape = Shape::new(torus.clone());
+    let side = (count as f32).cbrt().ceil() as usize;
+    let body = |index: usize| {
+        let cell = [index % side, index / side % side, index / (side * side)].map(|i| i as f32);
+        let start = Pose3::from_parts(Vec3::from(cell), Quat::from_rotation_y(index as f32));
+        let turn = Vec3::new(0.01, 0.02, 0.0);
+        let end = Pose3::from_parts(start.translation - Vec3::Y * 0.1, Quat::from_scaled_axis(turn) * start.rotation);
+        Body::new(shape.clone(), Sweep::between(start, end, shape.center_of_mass(), turn))
+    };
+    StepInput { bodies: (0..count).map(body).collect(), prediction: 0.02, ..default() }
+}
