@@ -4,8 +4,8 @@
 //! cargo bench --bench scale -- [--quick] [--out DIR]
 //! ```
 //!
-//! - **rain**: 100, 1,000 and 10,000 tori of 180 primitives fall on a ground with boxes, as many of each to the square metre; medians over the steps
-//!   from the first touches on;
+//! - **rain**: 100, 1,000 and 10,000 deer of about 180 primitives, a metre in size, fall on a ground with boxes, as many of each to the square metre; medians
+//!   over the steps from the first touches on;
 //! - **fall**: 10,000 such bodies that fall and are near nothing;
 //! - **threads**: the steps of 1,000 bodies in the rain once more, on one thread and on two, in turns, least of several;
 //! - **memory**: bytes of a step's input for each body, and allocations of a step, as a counting allocator tells them.
@@ -17,7 +17,8 @@ mod activity;
 mod tables;
 
 use std::{
-    path::PathBuf,
+    ops::ControlFlow,
+    path::{Path, PathBuf},
     process::ExitCode,
     time::{Duration, Instant},
 };
@@ -29,6 +30,7 @@ use bevy::{
     tasks::{TaskPool, TaskPoolBuilder},
 };
 use bevy_medial::{
+    builder::{BuildOptions, build, load::load},
     geometry::{Pose3, Sweep},
     pipeline::{Body, Shape, Statics, StepInput, step},
     plugin::MedialStep,
@@ -76,8 +78,9 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     // The plugin's own pool: whoever waits for it works as well.
     let two = pool(1);
     let one = pool(0);
-    let torus = MedialAxis::torus(0.2, 0.05, 180)?;
-    let (counts, steps): (&[usize], usize) = if args.quick { (&[20, 100], 60) } else { (&[100, 1000, 10_000], 200) };
+    let deer = deer()?;
+    println!("a deer of {} primitives", deer.axis.primitives().len());
+    let (counts, steps): (&[usize], usize) = if args.quick { (&[20, 100], 60) } else { (&[100, 1000, 10_000], 60) };
     let mut rows = Vec::new();
     let mut tell = |what, bodies, value, unit| {
         println!("{what:34} {bodies:6} bodies {value:12.3} {unit}");
@@ -86,7 +89,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
 
     let (mut ends, mut recorded) = (Vec::new(), Vec::new());
     for &count in counts {
-        let rain = rain(&torus, count, steps, count == counts[counts.len().min(2) - 1]);
+        let rain = rain(&deer, count, steps, count == counts[counts.len().min(2) - 1]);
         let collision = median(rain.steps.iter().map(|step| step.collision.as_secs_f64() * 1e3));
         let pairs = median(rain.steps.iter().map(|step| step.contact_pairs as f64));
         tell("rain: collision", count, collision, "ms");
@@ -102,7 +105,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     }
 
     let count = counts[counts.len() - 1];
-    let (input, statics) = (fall(&torus, count), Statics::default());
+    let (input, statics) = (fall(&deer, count), Statics::default());
     let times = (0..21).map(|_| step(&input, &statics, &one).times.total().as_secs_f64() * 1e3);
     tell("fall: collision", count, median(times), "ms");
 
@@ -144,6 +147,15 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
+/// The body, a metre in size.
+fn deer() -> Result<Shape, Box<dyn std::error::Error>> {
+    let mesh = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models/deer.obj"))?;
+    let options = BuildOptions { spheres: SPHERES, searches: Some(1), ..default() };
+    let axis = build(&mesh, &options, &|_| ControlFlow::Continue(()))?.axis;
+    let scale = 0.5 / axis.bounding_sphere().radius;
+    Ok(Shape { axis, scale })
+}
+
 /// So many threads besides the one that waits.
 fn pool(threads: usize) -> TaskPool {
     TaskPoolBuilder::new().num_threads(threads).build()
@@ -162,14 +174,16 @@ struct Rain {
     recorded: Vec<(StepInput, Statics)>,
 }
 
+/// Of a shape of about 180 primitives.
+const SPHERES: usize = 140;
 /// Bodies of a layer lie so far apart, in metres.
-const SPACING: f32 = 0.55;
+const SPACING: f32 = 1.0;
 /// Of bodies above each other.
 const LAYERS: usize = 5;
 
-fn rain(torus: &MedialAxis, count: usize, steps: usize, record: bool) -> Rain {
+fn rain(deer: &Shape, count: usize, steps: usize, record: bool) -> Rain {
     let mut app = headless_app(1.0 / 60.0);
-    let mesh = MedialMesh(app.world_mut().resource_mut::<Assets<MedialAxis>>().add(torus.clone()));
+    let mesh = MedialMesh(app.world_mut().resource_mut::<Assets<MedialAxis>>().add(deer.axis.clone()));
     let side = ((count / LAYERS) as f32).sqrt().ceil() as usize;
     let extent = side as f32 * SPACING;
     let world = app.world_mut();
@@ -179,15 +193,15 @@ fn rain(torus: &MedialAxis, count: usize, steps: usize, record: bool) -> Rain {
         for z in (0..side).step_by(2) {
             let place = Vec3::new(x as f32 + 0.5, 0.0, z as f32 + 0.5) * SPACING;
             let turn = Quat::from_rotation_y((x * 7 + z * 3) as f32);
-            world.spawn((StaticObb::new(0.15, 0.3, 0.15), Transform::from_translation(place).with_rotation(turn)));
+            world.spawn((StaticObb::new(0.25, 0.4, 0.25), Transform::from_translation(place).with_rotation(turn)));
         }
     }
     for index in 0..count {
         let (column, layer) = (index / LAYERS, index % LAYERS);
-        let cell = Vec3::new((column % side) as f32, layer as f32 * 0.8 + 1.2, (column / side) as f32);
+        let cell = Vec3::new((column % side) as f32, layer as f32 + 0.9, (column / side) as f32);
         let angle = index as f32;
         let turn = Quat::from_rotation_y(angle) * Quat::from_rotation_x(0.5 * angle.sin());
-        let place = Transform::from_translation(cell * SPACING).with_rotation(turn);
+        let place = Transform::from_translation(cell * SPACING).with_rotation(turn).with_scale(Vec3::splat(deer.scale));
         world.spawn((RigidBody::Dynamic, mesh.clone(), place));
     }
     let mut rain = Rain { steps: Vec::new(), recorded: Vec::new() };
@@ -199,7 +213,7 @@ fn rain(torus: &MedialAxis, count: usize, steps: usize, record: bool) -> Rain {
         let contact_pairs = step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count();
         if contact_pairs * 2 >= count {
             rain.steps.push(Step { collision: step.output.times.total(), contact_pairs });
-            if record && number % 8 == 0 {
+            if record && number % 4 == 0 {
                 rain.recorded.push((step.input.clone(), step.statics.clone()));
             }
         }
@@ -208,13 +222,14 @@ fn rain(torus: &MedialAxis, count: usize, steps: usize, record: bool) -> Rain {
     rain
 }
 
-/// Bodies that are a metre apart, all on their way down.
-fn fall(torus: &MedialAxis, count: usize) -> StepInput {
-    let shape = Shape::new(torus.clone());
+/// Bodies that are just apart, all on their way down.
+fn fall(shape: &Shape, count: usize) -> StepInput {
     let side = (count as f32).cbrt().ceil() as usize;
     let body = |index: usize| {
         let cell = [index % side, index / side % side, index / (side * side)].map(|i| i as f32);
-        let start = Pose3::from_parts(Vec3::from(cell), Quat::from_rotation_y(index as f32));
+        let rotation = Quat::from_rotation_y(index as f32);
+        let center = Vec3::from(cell) * 1.1;
+        let start = Pose3::from_parts(center - rotation * shape.bounding_sphere().center, rotation);
         let turn = Vec3::new(0.01, 0.02, 0.0);
         let end = Pose3::from_parts(start.translation - Vec3::Y * 0.1, Quat::from_scaled_axis(turn) * start.rotation);
         Body::new(shape.clone(), Sweep::between(start, end, shape.center_of_mass(), turn))

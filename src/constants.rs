@@ -141,6 +141,17 @@ pub const MAX_SUBSTEPS: usize = 1000;
 /// distances of cones and slabs are made, are finite up to here.
 pub const MAX_MAGNITUDE: f32 = 1.0e9;
 
+/// Largest number of contacts of a pair that the reduction looks at. Larger, and fine shapes that lie on each other cost more; smaller, and what is
+/// covered by what is told less well.
+pub const MANY_CONTACTS: usize = 96;
+
+/// Cells to the extent of a pair's contacts, each way, into which they are sorted first where there are more; then half as many, until there are
+/// no more. A power of two.
+pub const THIN_CELLS: f32 = 32.0;
+
+/// Steps of a normal's coordinates that tell contacts of a cell apart: about 15 degrees each.
+pub const THIN_NORMALS: f32 = 4.0;
+
 /// How far around a contact, in metres, the surfaces of other parts are looked at: several times what rapier lets bodies overlap.
 pub const SEAM_REACH: f32 = 4.0e-3;
 

@@ -66,6 +66,11 @@ impl Aabb {
         self.min.distance_squared(self.max)
     }
 
+    /// True if a point is within it or on its faces.
+    pub fn contains_point(&self, point: Vec3) -> bool {
+        point.cmpge(self.min).all() && point.cmple(self.max).all()
+    }
+
     /// True if the boxes share a point.
     pub fn overlaps(&self, other: &Aabb) -> bool {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()

@@ -12,7 +12,9 @@ use super::{
     ConvexParts, Core, Hull, Part, Shape,
     near::{Directions, near_part, near_shape},
     reduce::reduce,
-    seams, with_spheres,
+    seams,
+    thin::thin,
+    with_spheres,
 };
 use crate::{
     constants::{FLUSH, VERTEX_NORMAL_COSINE},
@@ -106,10 +108,8 @@ pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, con
             for part in &parts {
                 collect_part(shape1, part, pose12, prediction, contacts);
             }
-            let second = |id: u32, point: Vec3, normal: Vec3, height: f32| {
-                parts.iter().find(|part| part.id == id).map(|part| part.separation_from(point, normal * height))
-            };
-            seams::remove(contacts, pose12.rotation, [&primitives(shape1), &second], FLUSH);
+            thin(contacts);
+            seams::remove(contacts, pose12.rotation, [shape1, &parts], FLUSH);
         }
     }
 }
@@ -191,14 +191,30 @@ pub(super) fn of_shapes(
         Some(known) => known.into_iter().for_each(|pair| collect(pair, shape1.hull(pair[0]).placed(&to_second))),
         None => near_shape(shape1, shape2, pose12, prediction, collect),
     }
-    seams::remove(contacts, pose12.rotation, [&primitives(shape1), &primitives(shape2)], 0.0);
+    thin(contacts);
+    seams::remove(contacts, pose12.rotation, [shape1, shape2], 0.0);
 }
 
-fn primitives(shape: &Shape) -> impl Fn(u32, Vec3, Vec3, f32) -> Option<Separation> {
-    |id, point, normal, height| {
-        let hull = shape.hull(id);
+impl seams::Side for Shape {
+    fn aabb(&self, primitive: u32) -> Aabb {
+        self.hull(primitive).aabb()
+    }
+
+    fn separation(&self, primitive: u32, point: Vec3, normal: Vec3, height: f32) -> Option<Separation> {
+        let hull = self.hull(primitive);
         let reaches = hull.height(point, normal) >= -FLUSH;
         reaches.then(|| hull.separation_from(point, [Sphere::new(normal * height, 0.0)]))
+    }
+}
+
+impl seams::Side for Vec<Part<'_>> {
+    fn aabb(&self, id: u32) -> Aabb {
+        let part = self.iter().find(|part| part.id == id);
+        part.map_or(Aabb::EMPTY, |part| part.aabb().transformed(&part.pose, 1.0))
+    }
+
+    fn separation(&self, id: u32, point: Vec3, normal: Vec3, height: f32) -> Option<Separation> {
+        self.iter().find(|part| part.id == id).map(|part| part.separation_from(point, normal * height))
     }
 }
 

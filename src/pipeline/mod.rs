@@ -29,6 +29,7 @@ mod reduce;
 mod seams;
 mod shape;
 mod stop;
+mod thin;
 
 use std::{
     collections::HashSet,

@@ -9,30 +9,45 @@ use glam::{Quat, Vec3};
 use super::contact::Contact;
 use crate::{
     constants::{FLUSH, SEAM_COSINE, SEAM_REACH},
+    geometry::Aabb,
     query::Separation,
 };
 
-/// One side of a pair: how the point `point + normal * height` and a part of it lie to each other, in that side's frame. None if there is no
-/// such part, or if it stays more than [`FLUSH`] beneath the plane through `point` across `normal`, a unit vector.
-pub(super) type Side<'a> = &'a dyn Fn(u32, Vec3, Vec3, f32) -> Option<Separation>;
+/// One side of a pair, in its own frame.
+pub(super) trait Side {
+    /// The box around a part.
+    fn aabb(&self, part: u32) -> Aabb;
+
+    /// How the point `point + normal * height` and a part lie to each other. None if the part stays more than [`FLUSH`] beneath the plane through
+    /// `point` across `normal`, a unit vector, or if there is no such part.
+    fn separation(&self, part: u32, point: Vec3, normal: Vec3, height: f32) -> Option<Separation>;
+}
 
 /// Removes contacts with edges and sides of parts that other parts cover, which are in deeper contact or about as deep; leaves the others
-/// sorted by depth.
+/// sorted by depth, as they have to be.
 ///
 /// `rotation12`: rotation of body 2 in the frame of body 1. `carrying`: overlap in metres from which on a contact that leans only a little
 /// carries the body as well, and stays.
-pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side; 2], carrying: f32) {
-    contacts.sort_by(Contact::order);
+pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [&dyn Side; 2], carrying: f32) {
     let rotation21 = rotation12.inverse();
+    // What covers a place is nearer than this to a point above it.
+    let reach = |side: usize, part: u32| sides[side].aabb(part).inflated(SEAM_REACH + 2.0 * FLUSH);
     let touches = |contact: &Contact| {
         let Contact { point1, point2, normal1, distance, primitive1, primitive2 } = *contact;
         let carries = distance <= -carrying;
         [
-            Touch { part: primitive1, point: point1, normal: normal1, distance, carries },
-            Touch { part: primitive2, point: point2, normal: rotation21 * -normal1, distance, carries },
+            Touch { part: primitive1, point: point1, normal: normal1, distance, carries, reach: reach(0, primitive1) },
+            Touch {
+                part: primitive2,
+                point: point2,
+                normal: rotation21 * -normal1,
+                distance,
+                carries,
+                reach: reach(1, primitive2),
+            },
         ]
     };
-    let mut kept: Vec<Contact> = Vec::with_capacity(contacts.len());
+    let mut kept: Vec<(Contact, [Touch; 2])> = Vec::with_capacity(contacts.len());
     // The deepest touch of each part of either side.
     let mut parts: [Vec<Touch>; 2] = Default::default();
     for contact in contacts.iter() {
@@ -45,27 +60,28 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side
         let is_covered = |i: usize| parts[i].iter().any(|other| touches[i].is_covered(other, sides[i]));
         // The deepest is there to stay, as is what has to be pushed out first, and what pushes the same way does no harm.
         let harmless =
-            kept.is_empty() || contact.distance < -SEAM_REACH || kept.iter().any(|other| contact.pushes_as(other));
+            kept.is_empty() || contact.distance < -SEAM_REACH || kept.iter().any(|(other, _)| contact.pushes_as(other));
         if harmless || !(is_covered(0) || is_covered(1)) {
-            kept.push(*contact);
+            kept.push((*contact, touches));
         }
     }
     // Of contacts about as deep, rounding says which comes first.
     for i in (0..kept.len()).rev() {
-        let (contact, touched) = (kept[i], touches(&kept[i]));
+        let (contact, touched) = kept[i];
         if contact.distance < -SEAM_REACH {
             break;
         }
-        let is_covered = kept.iter().any(|other| {
+        let is_covered = kept.iter().any(|(other, touches)| {
             !contact.pushes_as(other)
                 && other.distance <= contact.distance + 0.25 * SEAM_REACH
-                && touches(other).iter().zip(&touched).zip(sides).any(|((a, b), side)| b.is_covered(a, side))
+                && touches.iter().zip(&touched).zip(sides).any(|((a, b), side)| b.is_covered(a, side))
         });
         if is_covered {
             kept.remove(i);
         }
     }
-    *contacts = kept;
+    contacts.clear();
+    contacts.extend(kept.into_iter().map(|(contact, _)| contact));
 }
 
 impl Contact {
@@ -82,14 +98,19 @@ struct Touch {
     normal: Vec3,
     distance: f32,
     carries: bool,
+    /// The box around the part, and around all that it may cover.
+    reach: Aabb,
 }
 
 impl Touch {
     /// True if the surface of `other`, which may be the same part, passes here with another normal, and the touched part does not rise
     /// above it.
-    fn is_covered(&self, other: &Touch, side: Side) -> bool {
+    fn is_covered(&self, other: &Touch, side: &dyn Side) -> bool {
+        if !other.reach.contains_point(self.point + self.normal * SEAM_REACH) {
+            return false;
+        }
         // Straight above the place: nothing of a part that ends here with this normal is nearer than the place itself.
-        let Some(s) = side(other.part, self.point, self.normal, SEAM_REACH) else { return false };
+        let Some(s) = side.separation(other.part, self.point, self.normal, SEAM_REACH) else { return false };
         // In the plane of a triangle both of its sides are as near; it is known which one is touched.
         let turned = s.distance.abs() < FLUSH && other.normal.dot(s.normal) > 0.5;
         let up = if turned { s.normal } else { -s.normal };
@@ -104,7 +125,7 @@ impl Touch {
         if other.part == self.part {
             return self.distance > 0.25 * SEAM_REACH;
         }
-        let above = side(self.part, self.point, up, 0.5 * SEAM_REACH - height);
+        let above = side.separation(self.part, self.point, up, 0.5 * SEAM_REACH - height);
         above.is_none_or(|s| s.distance > 0.25 * SEAM_REACH)
     }
 }

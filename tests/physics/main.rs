@@ -13,6 +13,7 @@ mod culling;
 mod determinism;
 mod entities;
 mod filters;
+mod first_touch;
 mod impacts;
 mod interplay;
 mod joined;
