@@ -80,6 +80,12 @@ impl Bvh {
         self.nodes.first().map_or(Aabb::EMPTY, Node::aabb)
     }
 
+    /// The boxes that hold others, the outermost first.
+    #[cfg(feature = "debug")]
+    pub(crate) fn inner_boxes(&self) -> impl Iterator<Item = Aabb> {
+        self.nodes.iter().filter(|node| node.item().is_none()).map(Node::aabb)
+    }
+
     /// The node that follows a node's subtree.
     fn end(&self, index: usize) -> usize {
         let node = &self.nodes[index];

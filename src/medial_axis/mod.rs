@@ -28,6 +28,8 @@ use crate::geometry::{Aabb, Bvh, Primitive, Sphere};
 pub use cleanup::CleanupReport;
 pub use mass::MassProperties;
 pub use surface::{Surface, triangulate};
+#[cfg(feature = "debug")]
+pub(crate) use surface::{face_normals, mantle_directions};
 
 /// Largest coordinate or radius of a shape, in metres: up to here no derived value overflows an f32.
 pub const MAX_EXTENT: f32 = 1.0e6;

@@ -10,6 +10,8 @@
 //! | [`MedialSettings`], [`MedialBackend`] | resource: what holds for all; where pairs are culled |
 //! | [`MedialContactStarted`], [`MedialContactEnded`] | messages, and events for observers of the entities |
 //! | `MedialBuildPlugin` | with the feature `bevy_mesh`: builds the medial meshes of entities with a `BuildMedialMesh` from their `Mesh3d` |
+//! | `MedialGizmosPlugin` | with the feature `debug`: draws shapes and what a step did, as `MedialGizmos` and the component `MedialGizmo` say |
+//! | `MedialPickingPlugin` | with the feature `picking`: pointers pick medial bodies |
 //! | [`MedialSystems`] | system sets to order against |
 //! | [`MedialStep`] | resource: input and output of the last step |
 
@@ -26,6 +28,8 @@ mod gpu;
 mod levels;
 mod loader;
 mod messages;
+#[cfg(feature = "picking")]
+mod picking;
 #[cfg(feature = "gpu")]
 mod pipelined;
 mod report;
@@ -49,10 +53,12 @@ pub use build::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
 pub use components::{MedialCcd, MedialMesh, StaticObb};
 pub use diagnostics::paths as diagnostic_paths;
 #[cfg(feature = "debug")]
-pub use gizmos::MedialGizmos;
+pub use gizmos::{MedialGizmo, MedialGizmoLayer, MedialGizmos, MedialGizmosPlugin};
 pub use levels::{MedialBudget, MedialLevel};
 pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
+#[cfg(feature = "picking")]
+pub use picking::{MedialPickingCamera, MedialPickingPlugin, MedialPickingSettings};
 pub use step::{BodyInfo, MedialBackend, MedialSettings, MedialStep};
 
 /// Collision of medial meshes, in the schedule in which rapier steps.
@@ -127,7 +133,7 @@ fn init_medial_axis(app: &mut App) {
 }
 
 /// The assets that have changed since the reader has read.
-#[cfg(any(feature = "rapier", feature = "bevy_mesh"))]
+#[cfg(any(feature = "rapier", feature = "bevy_mesh", feature = "debug"))]
 pub(crate) fn modified<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> Vec<AssetId<A>> {
     let of_event = |event: &AssetEvent<A>| match event {
         AssetEvent::Modified { id } => Some(*id),
@@ -162,6 +168,8 @@ impl Plugin for MedialPhysicsPlugin {
             pipelined::add(app);
         }
         #[cfg(feature = "debug")]
-        gizmos::add(app);
+        if !app.is_plugin_added::<MedialGizmosPlugin>() {
+            app.add_plugins(MedialGizmosPlugin);
+        }
     }
 }
