@@ -68,13 +68,15 @@ fn dress_bodies(
 
 fn dress_boxes(
     mut commands: Commands,
-    boxes: Query<(Entity, &StaticObb, Option<&Name>), (Without<Mesh3d>, Without<MedialMesh>)>,
+    boxes: Query<(Entity, &StaticObb, Option<&Name>), (Added<StaticObb>, Without<MedialMesh>)>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
     for (entity, obb, name) in &boxes {
         let is_named = |other: &str| name.is_some_and(|name| name.as_str() == other);
         if is_named("wall") {
+            // One looks and reaches through it.
+            commands.entity(entity).insert(Pickable::IGNORE);
             continue;
         }
         let shade = if is_named("ground") { 0.5 } else { 0.62 };

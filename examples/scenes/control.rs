@@ -105,11 +105,16 @@ fn switch(
             clock.single_steps += 1;
         }
         Switch::Speed => clock.speed = next(&SPEEDS, clock.speed),
-        Switch::Restart => commands.queue(restart),
+        Switch::Restart => {
+            commands.queue(restart);
+            // Something to see of it while time stands still.
+            clock.single_steps += 1;
+        }
         Switch::Scene => {
             let at = SCENES.iter().position(|scene| scene.name == show.scene.name).map_or(0, |at| at + 1);
             show.scene = &SCENES[at % SCENES.len()];
             commands.queue(restart);
+            clock.single_steps += 1;
         }
         Switch::Backend => {
             let choices = [MedialBackend::Auto, MedialBackend::Cpu, MedialBackend::Gpu];

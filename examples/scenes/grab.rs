@@ -1,6 +1,6 @@
 //! Bodies are picked and thrown with the mouse: one that is pressed follows the pointer, at the distance at which it was taken, until it is let go.
 
-use bevy::{picking::pointer::PointerButton, prelude::*, window::PrimaryWindow};
+use bevy::{picking::pointer::PointerButton, prelude::*, ui::Pressed, window::PrimaryWindow};
 use bevy_medial::{prelude::*, scenes::SceneEntity};
 use bevy_panorbit_camera::PanOrbitCamera;
 use bevy_rapier3d::prelude::{RapierConfiguration, RigidBody, Velocity};
@@ -23,29 +23,32 @@ struct Held {
 }
 
 pub fn plugin(app: &mut App) {
-    app.add_observer(take).add_systems(Update, (let_go, pull).chain().run_if(resource_exists::<Held>));
+    app.add_observer(take).add_systems(Update, (let_go, (pull.run_if(resource_exists::<Held>), keep_camera)).chain());
 }
 
 fn take(
     press: On<Pointer<Press>>,
     mut commands: Commands,
     bodies: Query<(&RigidBody, &GlobalTransform), (With<SceneEntity>, With<MedialMesh>)>,
-    mut camera: Single<(&GlobalTransform, &mut PanOrbitCamera)>,
+    camera: Single<&GlobalTransform, With<Camera3d>>,
 ) {
     let Some(place) = press.hit.position.filter(|_| press.button == PointerButton::Primary) else { return };
     if let Ok((RigidBody::Dynamic, transform)) = bodies.get(press.entity) {
         let grip = transform.affine().inverse().transform_point3(place);
-        let depth = camera.0.translation().distance(place);
+        let depth = camera.translation().distance(place);
         commands.insert_resource(Held { body: press.entity, grip, depth });
-        camera.1.enabled = false;
     }
 }
 
-fn let_go(mut commands: Commands, buttons: Res<ButtonInput<MouseButton>>, mut camera: Single<&mut PanOrbitCamera>) {
+fn let_go(mut commands: Commands, buttons: Res<ButtonInput<MouseButton>>) {
     if !buttons.pressed(MouseButton::Left) {
         commands.remove_resource::<Held>();
-        camera.enabled = true;
     }
+}
+
+/// The camera keeps still while the mouse holds a body or a button.
+fn keep_camera(held: Option<Res<Held>>, pressed: Query<(), With<Pressed>>, mut camera: Single<&mut PanOrbitCamera>) {
+    camera.enabled = held.is_none() && pressed.is_empty();
 }
 
 fn pull(

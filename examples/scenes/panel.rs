@@ -18,7 +18,7 @@ fn spawn(mut commands: Commands) {
         position_type: PositionType::Absolute,
         top: px(8),
         right: px(8),
-        width: px(150),
+        width: px(180),
         flex_direction: FlexDirection::Column,
         row_gap: px(3),
         ..default()

@@ -75,6 +75,11 @@ impl Bvh {
         bytemuck::cast_slice(&self.nodes)
     }
 
+    /// Bytes of memory that the nodes take.
+    pub(crate) fn memory(&self) -> usize {
+        size_of_val(self.nodes.as_slice())
+    }
+
     /// The box around all items.
     pub fn aabb(&self) -> Aabb {
         self.nodes.first().map_or(Aabb::EMPTY, Node::aabb)

@@ -188,6 +188,13 @@ impl MedialAxis {
         coarser.last().map_or(self, |(level, _)| level)
     }
 
+    /// Bytes of memory that the shape and its coarser levels of detail take, whatever the number of its clones.
+    pub fn memory(&self) -> usize {
+        let Data { spheres, primitives, bvh, coarser, .. } = &*self.0;
+        let own = size_of::<Data>() + size_of_val::<[Sphere]>(spheres) + size_of_val::<[Primitive]>(primitives);
+        own + bvh.memory() + coarser.iter().map(|(level, _)| level.memory()).sum::<usize>()
+    }
+
     /// The medial spheres.
     pub fn spheres(&self) -> &[Sphere] {
         &self.0.spheres
