@@ -113,7 +113,7 @@ fn add_view(app: &mut App, shown: Shown, job: Job, target: RenderTarget) {
         Camera3d::default(),
         IsDefaultUiCamera,
         target,
-        PanOrbitCamera { button_orbit: MouseButton::Left, ..default() },
+        PanOrbitCamera::default(),
         Transform::from_xyz(0.35, 0.4, 1.3).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     app.world_mut().spawn((

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bevy::{camera::RenderTarget, light::GlobalAmbientLight, prelude::*};
+use bevy::{camera::RenderTarget, core_pipeline::tonemapping::DebandDither, light::GlobalAmbientLight, prelude::*};
 use bevy_medial::{
     plugin::{MedialGizmos, MedialPickingPlugin},
     prelude::*,
@@ -74,6 +74,8 @@ pub fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
     app.world_mut().spawn((
         Camera3d::default(),
         IsDefaultUiCamera,
+        // Its noise makes large files of pictures.
+        DebandDither::Disabled,
         target,
         Transform::from_translation(eye).looking_at(focus, Vec3::Y),
     ));

@@ -58,6 +58,7 @@ impl Plugin for MedialPickingPlugin {
 
 /// How [`MedialPickingPlugin`] picks.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub struct MedialPickingSettings {
     /// Only cameras with a [`MedialPickingCamera`] pick, and only entities with a `Pickable` are hit. Default: false.

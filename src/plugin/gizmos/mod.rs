@@ -115,6 +115,7 @@ impl MedialGizmos {
 /// }
 /// ```
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct MedialGizmo {
     /// True: its shape is drawn even where the layers of shapes or all gizmos are off. False: nothing of it is drawn, nor of its pairs.

@@ -72,14 +72,14 @@ pub(super) fn outline(
             }
             lines
         });
-        let outline = commands.spawn((
-            Outline,
-            Gizmo { handle: lines, line_config: group.line.clone(), depth_bias: group.depth_bias },
-            group.render_layers.clone(),
-            ChildOf(entity),
-        ));
-        let outline = outline.id();
-        commands.entity(entity).try_insert(Outlined { drawing, outline });
+        let gizmo = Gizmo { handle: lines, line_config: group.line.clone(), depth_bias: group.depth_bias };
+        let layers = group.render_layers.clone();
+        // One that has gone in the meantime leaves no lines behind.
+        commands.entity(entity).queue_silenced(move |mut body: EntityWorldMut| {
+            let child = (Outline, gizmo, layers, ChildOf(body.id()));
+            let outline = body.world_scope(|world| world.spawn(child).id());
+            body.insert(Outlined { drawing, outline });
+        });
     }
 }
 
