@@ -7,28 +7,23 @@
 //! Reads `assets/models/NAME.obj` and `.ma`, writes `docs/images/medial_NAME.png`. Needs a graphics adapter, software
 //! will do, and no display.
 
+#[path = "common/studio.rs"]
+mod studio;
+
 use std::{env, error::Error, fs, path::Path};
 
 use bevy::{
-    camera::{RenderTarget, ScalingMode},
+    camera::ScalingMode,
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
     light::GlobalAmbientLight,
-    log::LogPlugin,
-    mesh::{Indices, PrimitiveTopology},
     prelude::*,
-    render::{
-        RenderPlugin,
-        render_resource::TextureFormat,
-        view::screenshot::{Screenshot, save_to_disk},
-    },
-    window::ExitCondition,
-    winit::WinitPlugin,
 };
 use bevy_medial::{
     builder::{TriangleMesh, load, measure, vertex_errors},
     geometry::{self, Primitive},
     medial_axis::{MedialAxis, ma, triangulate},
 };
+use studio::Studio;
 
 /// Of a picture, in pixels.
 const SIZE: UVec2 = UVec2::new(1200, 400);
@@ -48,27 +43,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     if names.is_empty() {
         names = NAMES.map(String::from).into();
     }
-    let (mut app, target) = studio();
+    let mut studio = studio();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     for name in names {
         let path = root.join("assets/models").join(&name);
         let mesh = load::load(&path.with_extension("obj"))?;
         let (axis, _) = ma::parse(&fs::read(path.with_extension("ma"))?)?.into_medial_axis()?;
-        show(app.world_mut(), &mesh, &axis);
+        show(studio.app.world_mut(), &mesh, &axis);
         let file = root.join(format!("docs/images/medial_{name}.png"));
-        let _ = fs::remove_file(&file);
         // New meshes and text take a frame or two to reach the renderer.
-        (0..5).for_each(|_| app.update());
-        app.world_mut().spawn(Screenshot::image(target.clone())).observe(save_to_disk(file.clone()));
-        let taken = (0..20).any(|_| {
-            app.update();
-            file.exists()
-        });
-        if !taken {
-            return Err(format!("{}: no picture came back from the renderer", file.display()).into());
-        }
+        (0..5).for_each(|_| studio.app.update());
+        studio.take(&file)?;
+        studio.wait_for(&file)?;
         println!("{}: {} KiB", file.display(), fs::metadata(&file)?.len().div_ceil(1024));
-        let world = app.world_mut();
+        let world = studio.app.world_mut();
         let shown: Vec<Entity> = world.query_filtered::<Entity, With<Shown>>().iter(world).collect();
         for entity in shown {
             world.despawn(entity);
@@ -77,44 +65,32 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// An app with a camera and light, and the image that the camera draws.
-fn studio() -> (App, Handle<Image>) {
-    let mut app = App::new();
-    app.add_plugins(
-        DefaultPlugins
-            .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
-            .set(RenderPlugin { synchronous_pipeline_compilation: true, ..default() })
-            .set(LogPlugin { filter: "error".into(), ..default() })
-            .disable::<WinitPlugin>(),
-    )
-    .insert_resource(ClearColor(Color::WHITE))
-    .insert_resource(GlobalAmbientLight { brightness: 450.0, ..default() });
-    let target = Image::new_target_texture(SIZE.x, SIZE.y, TextureFormat::Rgba8UnormSrgb, None);
-    let target = app.world_mut().resource_mut::<Assets<Image>>().add(target);
-    // A panel is 1 m wide.
-    let scaling_mode = ScalingMode::FixedHorizontal { viewport_width: 3.0 };
-    app.world_mut().spawn((
-        Camera3d::default(),
-        IsDefaultUiCamera,
-        // Plain colors, as in the legend, and none of the noise that makes large files.
-        (Tonemapping::None, DebandDither::Disabled),
-        RenderTarget::Image(target.clone().into()),
-        Projection::Orthographic(OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() }),
-        Transform::from_xyz(0.0, 0.0, 5.0),
-    ));
-    app.world_mut().spawn((
-        DirectionalLight { illuminance: 5500.0, ..default() },
-        Transform::from_xyz(-1.5, 4.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y),
-    ));
-    app.finish();
-    app.cleanup();
-    (app, target)
+/// An app with a camera and light.
+fn studio() -> Studio {
+    Studio::new(SIZE, |app, target| {
+        app.insert_resource(ClearColor(Color::WHITE))
+            .insert_resource(GlobalAmbientLight { brightness: 450.0, ..default() });
+        // A panel is 1 m wide.
+        let scaling_mode = ScalingMode::FixedHorizontal { viewport_width: 3.0 };
+        app.world_mut().spawn((
+            Camera3d::default(),
+            IsDefaultUiCamera,
+            // Plain colors, as in the legend, and none of the noise that makes large files.
+            (Tonemapping::None, DebandDither::Disabled),
+            target,
+            Projection::Orthographic(OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() }),
+            Transform::from_xyz(0.0, 0.0, 5.0),
+        ));
+        app.world_mut().spawn((
+            DirectionalLight { illuminance: 5500.0, ..default() },
+            Transform::from_xyz(-1.5, 4.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y),
+        ));
+    })
 }
 
 /// Draws a model in three panels.
 fn show(world: &mut World, mesh: &TriangleMesh, axis: &MedialAxis) {
-    let positions: Vec<[f32; 3]> = mesh.positions.iter().map(Vec3::to_array).collect();
-    let solid = triangles(positions, mesh.triangles.as_flattened().to_vec());
+    let solid = mesh.to_bevy();
     let faceted = solid.clone().with_duplicated_vertices().with_computed_flat_normals();
     let errors = vertex_errors(mesh, axis);
     let most = errors.iter().fold(0.0, |most: f32, error| most.max(error.abs()));
@@ -187,14 +163,7 @@ fn captions(mesh: &TriangleMesh, axis: &MedialAxis, most: f32) -> impl Bundle {
 
 /// The envelope of primitives.
 fn drawn(spheres: &[geometry::Sphere], primitives: &[Primitive]) -> Mesh {
-    let surface = triangulate(spheres, primitives, 48);
-    triangles(surface.positions, surface.indices).with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, surface.normals)
-}
-
-fn triangles(positions: Vec<[f32; 3]>, indices: Vec<u32>) -> Mesh {
-    Mesh::new(PrimitiveTopology::TriangleList, default())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
-        .with_inserted_indices(Indices::U32(indices))
+    triangulate(spheres, primitives, 48).into()
 }
 
 /// Of an error, as a part of the greatest.

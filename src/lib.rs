@@ -49,7 +49,7 @@
 //! | [`pipeline`] | one step on plain data |
 //! | `gpu` | culling on the GPU, with the shaders in `shaders/` |
 //! | [`builder`] | from triangle meshes to medial meshes: files, flaws, building, levels of detail, errors |
-//! | [`plugin`] | components, messages, settings, diagnostics, gizmos |
+//! | [`plugin`] | components, messages, settings, diagnostics, debug view, picking |
 //! | [`rapier`] | custom shape, dispatcher, contact table, scene queries |
 //! | [`scenes`] | the demo scenes, for examples, tests and benchmarks |
 //!
@@ -64,7 +64,8 @@
 //! | feature | default | what |
 //! |---|---|---|
 //! | `rapier` | yes | response through `bevy_rapier3d`; without it bodies move as their transforms say, and messages tell what they hit |
-//! | `debug` | no | gizmos for spheres, sweeps, boxes and contacts |
+//! | `debug` | no | `MedialGizmos` and `MedialGizmo`: shapes, boxes, swept cones, candidates, contacts and stops as lines |
+//! | `picking` | no | `MedialPickingPlugin`: pointers pick medial bodies |
 //! | `gpu` | no | culling on the GPU |
 //! | `serialize` | no | serde for components, settings and geometry |
 //! | `bevy_mesh` | no | triangle meshes from Bevy's, and medial meshes built of them while the app runs |
@@ -91,6 +92,10 @@ pub mod scenes;
 pub mod prelude {
     #[cfg(feature = "bevy_mesh")]
     pub use crate::plugin::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
+    #[cfg(feature = "debug")]
+    pub use crate::plugin::{MedialGizmo, MedialGizmos};
+    #[cfg(feature = "picking")]
+    pub use crate::plugin::{MedialPickingPlugin, MedialPickingSettings};
     #[cfg(feature = "rapier")]
     pub use crate::rapier::MedialQueries;
     pub use crate::{

@@ -4,15 +4,29 @@
 //! cargo run --release --example scenes -- NAME [--headless] [--steps N] [--dt S] [--seed S] [--models DIR]
 //!                                         [--budget PERCENT] [--backend auto|cpu|gpu]
 //!                                         [--cull hybrid|none|bvh-obb|bvh-sphere|bvh-aabb]
-//!                                         [--csv FILE] [--json FILE] [--list] [--screenshot FILE]
+//!                                         [--csv FILE] [--json FILE] [--list]
+//!                                         [--screenshot FILE] [--frames DIR] [--overlay] [--layers NAME,NAME]
 //! ```
 
 #[path = "../../benches/common/activity.rs"]
 mod activity;
 #[path = "../../benches/baselines/mod.rs"]
 mod baselines;
+#[path = "../common/button.rs"]
+mod button;
 #[path = "../../benches/common/compare.rs"]
 mod compare;
+mod control;
+#[path = "../common/display.rs"]
+mod display;
+#[path = "../common/dress.rs"]
+mod dress;
+mod grab;
+mod offscreen;
+mod overlay;
+mod panel;
+#[path = "../common/studio.rs"]
+mod studio;
 mod view;
 
 use std::{
@@ -28,8 +42,12 @@ use bevy_medial::{
 };
 use clap::{Parser, ValueEnum};
 use compare::{Comparison, Cull};
+use display::has_display;
 use indicatif::ProgressBar;
 use view::Show;
+
+/// Size of pictures, in pixels.
+const PICTURE: UVec2 = UVec2::new(1280, 720);
 
 #[derive(Parser)]
 #[command(about = "Demo scenes of bevy_medial")]
@@ -72,6 +90,15 @@ struct Args {
     /// Run the steps, write a picture of the last one as PNG and exit. Needs a graphics adapter, software will do, and no display.
     #[arg(long)]
     screenshot: Option<PathBuf>,
+    /// Write a picture of every step, `0001.png` and so on, into a folder and exit. Needs what a screenshot needs.
+    #[arg(long, value_name = "DIR", conflicts_with = "screenshot")]
+    frames: Option<PathBuf>,
+    /// Pictures show the figures and the graph that the window shows.
+    #[arg(long)]
+    overlay: bool,
+    /// Layers of the debug view to start with: spheres, cones, slabs, levels, boxes, hierarchy, swept-cones, candidates, contacts, stops.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = view::layer_name)]
+    layers: Vec<String>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -128,10 +155,16 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         seed: args.seed,
         dt: args.dt,
         backend,
-        budget: MedialBudget::Percent(args.budget),
+        budget_percent: args.budget,
+        folder: folder.clone(),
+        overlay: args.overlay,
+        layers: args.layers.clone(),
     };
     if let Some(file) = &args.screenshot {
-        return Ok(view::screenshot(show(), steps, UVec2::new(1280, 720), file)?);
+        return Ok(offscreen::screenshot(show(), steps, PICTURE, file)?);
+    }
+    if let Some(folder) = &args.frames {
+        return Ok(offscreen::frames(show(), steps, PICTURE, folder)?);
     }
     // What asks for figures is meant to end by itself.
     let wants_figures = args.csv.is_some() || args.json.is_some() || args.cull != Cull::Hybrid || args.steps.is_some();
@@ -140,11 +173,6 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     }
     view::window(show());
     Ok(())
-}
-
-/// Whether there is a screen to open a window on. Only on Linux can that be missing without a notice.
-fn has_display() -> bool {
-    !cfg!(target_os = "linux") || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some())
 }
 
 fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn std::error::Error>> {

@@ -1,29 +1,19 @@
-//! The scenes on a screen, or rendered to a picture without one.
+//! The scenes on a screen.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use bevy::{
-    camera::RenderTarget,
-    input::mouse::{AccumulatedMouseMotion, AccumulatedMouseScroll},
-    light::GlobalAmbientLight,
-    mesh::{Indices, PrimitiveTopology},
-    prelude::*,
-    render::{
-        RenderPlugin,
-        render_resource::TextureFormat,
-        view::screenshot::{Screenshot, save_to_disk},
-    },
-    window::ExitCondition,
-    winit::WinitPlugin,
-};
+use bevy::{camera::RenderTarget, core_pipeline::tonemapping::DebandDither, light::GlobalAmbientLight, prelude::*};
 use bevy_medial::{
-    medial_axis::{MedialAxis, triangulate},
+    plugin::{MedialGizmos, MedialPickingPlugin},
     prelude::*,
-    scenes::{Model, Monitor, Scene, SceneEntity, add_monitor, lift_speed_limits, set_budget},
+    scenes::{Model, Scene, SceneEntity, add_monitor, lift_speed_limits},
 };
-use bevy_rapier3d::prelude::{RapierConfiguration, TimestepMode};
+use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
+use bevy_rapier3d::prelude::TimestepMode;
 
-/// What the window shows, for starting again.
+use crate::{control, dress::Dress, grab, overlay, panel};
+
+/// What is shown, for starting again.
 #[derive(Resource, Clone)]
 pub struct Show {
     pub scene: &'static Scene,
@@ -31,210 +21,115 @@ pub struct Show {
     pub seed: u64,
     pub dt: f32,
     pub backend: MedialBackend,
-    pub budget: MedialBudget,
+    /// Error that bodies may have, in percent of their diagonal.
+    pub budget_percent: f32,
+    /// Where the models are.
+    pub folder: PathBuf,
+    /// Pictures show the overlay.
+    pub overlay: bool,
+    /// Layers of the debug view that are on at the start.
+    pub layers: Vec<String>,
 }
 
-/// Whether time runs, and for how many steps if not.
-#[derive(Resource, Default)]
-struct Clock {
-    paused: bool,
-    single_steps: u32,
+/// Name of a layer of the debug view as the command line has it.
+fn dashed(name: &str) -> String {
+    name.replace(' ', "-")
 }
 
-#[derive(Component)]
-struct StatusText;
+/// Checks the name of a layer.
+pub fn layer_name(text: &str) -> Result<String, String> {
+    let mut layers = MedialGizmos::default();
+    let mut names: Vec<String> = layers.layers_mut().iter().map(|(name, _)| dashed(name)).collect();
+    names.push("levels".into());
+    if names.iter().any(|name| name == text) { Ok(text.into()) } else { Err(format!("there are {}", names.join(", "))) }
+}
 
 /// Opens a window and runs until it is closed.
 pub fn window(show: Show) {
-    let title = format!("bevy_medial: {}", show.scene.name);
+    let title = "bevy_medial".into();
     let mut app = App::new();
     app.add_plugins(
         DefaultPlugins.set(WindowPlugin { primary_window: Some(Window { title, ..default() }), ..default() }),
     )
-    .init_resource::<Clock>()
-    .add_systems(Startup, spawn_status)
-    .add_systems(Update, (control, orbit, update_status));
+    .add_plugins((PanOrbitCameraPlugin, MedialPickingPlugin, control::plugin, grab::plugin, panel::plugin))
+    .add_plugins(overlay::plugin)
+    .add_systems(Update, look_at_scene);
     add_scene(&mut app, show, RenderTarget::default());
     app.run();
 }
 
-/// Runs the scene for `steps` and writes what the camera then sees.
-pub fn screenshot(show: Show, steps: u32, size: UVec2, file: &Path) -> Result<(), String> {
-    let mut app = App::new();
-    app.add_plugins(
-        DefaultPlugins
-            .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
-            .set(RenderPlugin { synchronous_pipeline_compilation: true, ..default() })
-            .disable::<WinitPlugin>(),
-    );
-    let target = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
-    let target = app.world_mut().resource_mut::<Assets<Image>>().add(target);
-    // Rendering every step would take most of the time: the camera stays off until the last ones.
-    add_scene(&mut app, show, RenderTarget::Image(target.clone().into()));
-    app.finish();
-    app.cleanup();
-    let set_camera = |app: &mut App, active: bool| {
-        let mut cameras = app.world_mut().query::<&mut Camera>();
-        cameras.iter_mut(app.world_mut()).for_each(|mut camera| camera.is_active = active);
-    };
-    app.update();
-    set_camera(&mut app, false);
-    for _ in 1..steps {
-        app.update();
-    }
-    let mut configurations = app.world_mut().query::<&mut RapierConfiguration>();
-    configurations.iter_mut(app.world_mut()).for_each(|mut rapier| rapier.physics_pipeline_active = false);
-    set_camera(&mut app, true);
-    let path = PathBuf::from(file);
-    app.update();
-    app.world_mut().spawn(Screenshot::image(target)).observe(save_to_disk(path.clone()));
-    for _ in 0..20 {
-        app.update();
-        if path.exists() {
-            return Ok(());
-        }
-    }
-    Err(format!("{}: no picture came back from the renderer", path.display()))
-}
-
-fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
-    let ([eye, focus], budget) = (show.scene.view, show.budget);
-    app.add_plugins(MedialPhysicsPlugin::default())
+/// Adds physics, the scene, a camera and light.
+pub fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
+    let [eye, focus] = show.scene.view;
+    app.add_plugins((MedialPhysicsPlugin::default(), Dress { models: show.folder.clone() }))
         .insert_resource(MedialSettings { backend: show.backend, ..default() })
         .insert_resource(TimestepMode::Fixed { dt: show.dt, substeps: 1 })
         .insert_resource(ClearColor(Color::srgb(0.72, 0.82, 0.92)))
         .insert_resource(GlobalAmbientLight { brightness: 350.0, ..default() })
         .insert_resource(show)
-        .add_systems(Startup, start)
-        .add_systems(Update, (dress_medial, dress_boxes));
-    set_budget(app, budget);
+        .add_systems(Startup, (start, switch_layers))
+        .add_systems(Update, keep_budget);
     add_monitor(app);
     lift_speed_limits(app);
-    app.world_mut().spawn((Camera3d::default(), target, Transform::from_translation(eye).looking_at(focus, Vec3::Y)));
+    app.world_mut().spawn((
+        Camera3d::default(),
+        IsDefaultUiCamera,
+        // Its noise makes large files of pictures.
+        DebandDither::Disabled,
+        target,
+        Transform::from_translation(eye).looking_at(focus, Vec3::Y),
+    ));
     app.world_mut().spawn((
         DirectionalLight { shadow_maps_enabled: true, illuminance: 9000.0, ..default() },
         Transform::from_xyz(4.0, 9.0, 5.0).looking_at(Vec3::ZERO, Vec3::Y),
     ));
 }
 
-fn start(world: &mut World) {
+/// Spawns the scene.
+pub fn start(world: &mut World) {
     let Show { scene, models, seed, .. } = world.resource::<Show>().clone();
     scene.spawn(world, &models, seed);
 }
 
-/// Gives new medial bodies the surface of their shape.
-fn dress_medial(
+/// Turns the layers on that were asked for.
+fn switch_layers(show: Res<Show>, mut store: ResMut<GizmoConfigStore>) {
+    let (group, layers) = store.config_mut::<MedialGizmos>();
+    // In front of the surface that they lie on.
+    group.depth_bias = -0.002;
+    group.line.width = 1.5;
+    if show.layers.is_empty() {
+        return;
+    }
+    group.enabled = true;
+    layers.color_by_level = show.layers.iter().any(|name| name == "levels");
+    for (name, layer) in layers.layers_mut() {
+        layer.enabled = show.layers.contains(&dashed(name));
+    }
+}
+
+/// Gives bodies the budget of the show.
+fn keep_budget(
     mut commands: Commands,
-    bodies: Query<(Entity, &MedialMesh, Has<StaticObb>), (With<SceneEntity>, Without<Mesh3d>)>,
-    axes: Res<Assets<MedialAxis>>,
-    mut meshes: ResMut<Assets<Mesh>>,
-    mut materials: ResMut<Assets<StandardMaterial>>,
-) {
-    for (entity, medial, is_static) in &bodies {
-        let Some(axis) = axes.get(&medial.0) else { continue };
-        let surface = triangulate(axis.spheres(), axis.primitives(), 24);
-        let mesh = Mesh::new(PrimitiveTopology::TriangleList, default())
-            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, surface.positions)
-            .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, surface.normals)
-            .with_inserted_indices(Indices::U32(surface.indices));
-        // The golden angle keeps neighbours apart in hue.
-        let color = match is_static {
-            true => Color::srgb(0.55, 0.57, 0.6),
-            false => Color::hsl((entity.index_u32() as f32 * 137.5) % 360.0, 0.55, 0.58),
-        };
-        let material = StandardMaterial { base_color: color, perceptual_roughness: 0.55, ..default() };
-        commands.entity(entity).insert((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material))));
-    }
-}
-
-/// Gives new static boxes their faces.
-fn dress_boxes(
-    mut commands: Commands,
-    boxes: Query<(Entity, &StaticObb, &Name), (With<SceneEntity>, Without<Mesh3d>, Without<MedialMesh>)>,
-    mut meshes: ResMut<Assets<Mesh>>,
-    mut materials: ResMut<Assets<StandardMaterial>>,
-) {
-    for (entity, obb, name) in &boxes {
-        if name.as_str() == "wall" {
-            continue;
-        }
-        let shade = if name.as_str() == "ground" { 0.5 } else { 0.62 };
-        let material = StandardMaterial {
-            base_color: Color::srgb(shade, shade, shade * 0.95),
-            perceptual_roughness: 0.9,
-            ..default()
-        };
-        let mesh = meshes.add(Cuboid::from_size(obb.half_extents * 2.0));
-        commands.entity(entity).insert((Mesh3d(mesh), MeshMaterial3d(materials.add(material))));
-    }
-}
-
-fn spawn_status(mut commands: Commands) {
-    let node = Node { position_type: PositionType::Absolute, top: px(8), left: px(8), ..default() };
-    commands.spawn((StatusText, Text::default(), TextFont::from_font_size(14.0), node));
-}
-
-fn update_status(
-    mut text: Single<&mut Text, With<StatusText>>,
-    monitor: Res<Monitor>,
-    step: Res<MedialStep>,
-    clock: Res<Clock>,
-) {
-    let times = &step.output.times;
-    let counts = &step.output.counts;
-    text.0 = format!(
-        "step {}{}\ncollision {:.2} ms\n{} body pairs, {} candidates, {} contacts\n\nspace  pause\nN      one step\nR      restart\ndrag   turn, wheel: zoom",
-        monitor.rows.len(),
-        if clock.paused { "  (paused)" } else { "" },
-        times.total().as_secs_f64() * 1e3,
-        counts.body_pairs,
-        counts.candidates,
-        counts.contacts,
-    );
-}
-
-/// Space pauses, N makes one step, R starts again.
-fn control(
-    mut commands: Commands,
-    keys: Res<ButtonInput<KeyCode>>,
-    mut clock: ResMut<Clock>,
-    mut monitor: ResMut<Monitor>,
-    mut rapier: Query<&mut RapierConfiguration>,
-    spawned: Query<Entity, With<SceneEntity>>,
-) {
-    if keys.just_pressed(KeyCode::Space) {
-        clock.paused = !clock.paused;
-    }
-    if keys.just_pressed(KeyCode::KeyN) {
-        clock.paused = true;
-        clock.single_steps += 1;
-    }
-    if keys.just_pressed(KeyCode::KeyR) {
-        spawned.iter().for_each(|entity| commands.entity(entity).despawn());
-        *monitor = Monitor::default();
-        commands.queue(start);
-    }
-    let active = !clock.paused || clock.single_steps > 0;
-    clock.single_steps = clock.single_steps.saturating_sub(1);
-    for mut rapier in &mut rapier {
-        rapier.physics_pipeline_active = active;
-    }
-}
-
-/// Turns the camera about what it looks at.
-fn orbit(
-    mut camera: Single<&mut Transform, With<Camera3d>>,
     show: Res<Show>,
-    buttons: Res<ButtonInput<MouseButton>>,
-    motion: Res<AccumulatedMouseMotion>,
-    scroll: Res<AccumulatedMouseScroll>,
+    bodies: Query<(Entity, Option<&MedialBudget>), (With<SceneEntity>, With<MedialMesh>)>,
 ) {
-    let focus = show.scene.view[1];
-    if buttons.pressed(MouseButton::Left) {
-        let right = camera.right();
-        camera.rotate_around(focus, Quat::from_rotation_y(-motion.delta.x * 0.006));
-        camera.rotate_around(focus, Quat::from_axis_angle(*right, -motion.delta.y * 0.006));
+    let budget = MedialBudget::Percent(show.budget_percent);
+    for (entity, _) in bodies.iter().filter(|(_, own)| *own != Some(&budget)) {
+        commands.entity(entity).try_insert(budget);
     }
-    let offset = camera.translation - focus;
-    camera.translation = focus + offset * (1.0 - 0.1 * scroll.delta.y).clamp(0.5, 2.0);
+}
+
+/// Brings the camera to where the scene is seen best whenever there is another one.
+fn look_at_scene(
+    mut commands: Commands,
+    show: Res<Show>,
+    camera: Single<Entity, With<Camera3d>>,
+    mut shown: Local<Option<&'static str>>,
+) {
+    if shown.replace(show.scene.name) == Some(show.scene.name) {
+        return;
+    }
+    let [eye, focus] = show.scene.view;
+    let place = Transform::from_translation(eye).looking_at(focus, Vec3::Y);
+    commands.entity(*camera).insert((place, PanOrbitCamera { focus, target_focus: focus, ..default() }));
 }

@@ -116,6 +116,17 @@ impl TriangleMesh {
         Ok(Self::new(positions.iter().copied().map(Vec3::from).collect(), triangles)?.welded())
     }
 
+    /// The Bevy mesh of these triangles, without normals.
+    #[cfg(feature = "bevy_mesh")]
+    pub fn to_bevy(&self) -> bevy::mesh::Mesh {
+        use bevy::mesh::{Indices, Mesh, PrimitiveTopology};
+
+        let positions: Vec<[f32; 3]> = self.positions.iter().map(Vec3::to_array).collect();
+        Mesh::new(PrimitiveTopology::TriangleList, Default::default())
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+            .with_inserted_indices(Indices::U32(self.triangles.as_flattened().to_vec()))
+    }
+
     /// The corners of a triangle.
     pub fn corners(&self, triangle: [u32; 3]) -> [Vec3; 3] {
         triangle.map(|i| self.positions[i as usize])

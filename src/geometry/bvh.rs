@@ -75,9 +75,20 @@ impl Bvh {
         bytemuck::cast_slice(&self.nodes)
     }
 
+    /// Bytes of memory that the nodes take.
+    pub(crate) fn memory(&self) -> usize {
+        size_of_val(self.nodes.as_slice())
+    }
+
     /// The box around all items.
     pub fn aabb(&self) -> Aabb {
         self.nodes.first().map_or(Aabb::EMPTY, Node::aabb)
+    }
+
+    /// The boxes that hold others, the outermost first.
+    #[cfg(feature = "debug")]
+    pub(crate) fn inner_boxes(&self) -> impl Iterator<Item = Aabb> {
+        self.nodes.iter().filter(|node| node.item().is_none()).map(Node::aabb)
     }
 
     /// The node that follows a node's subtree.

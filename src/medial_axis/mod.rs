@@ -28,6 +28,8 @@ use crate::geometry::{Aabb, Bvh, Primitive, Sphere};
 pub use cleanup::CleanupReport;
 pub use mass::MassProperties;
 pub use surface::{Surface, triangulate};
+#[cfg(feature = "debug")]
+pub(crate) use surface::{face_normals, mantle_directions};
 
 /// Largest coordinate or radius of a shape, in metres: up to here no derived value overflows an f32.
 pub const MAX_EXTENT: f32 = 1.0e6;
@@ -184,6 +186,13 @@ impl MedialAxis {
     pub fn level(&self, number: usize) -> &MedialAxis {
         let coarser = &self.0.coarser[..number.min(self.0.coarser.len())];
         coarser.last().map_or(self, |(level, _)| level)
+    }
+
+    /// Bytes of memory that the shape and its coarser levels of detail take, whatever the number of its clones.
+    pub fn memory(&self) -> usize {
+        let Data { spheres, primitives, bvh, coarser, .. } = &*self.0;
+        let own = size_of::<Data>() + size_of_val::<[Sphere]>(spheres) + size_of_val::<[Primitive]>(primitives);
+        own + bvh.memory() + coarser.iter().map(|(level, _)| level.memory()).sum::<usize>()
     }
 
     /// The medial spheres.

@@ -32,6 +32,18 @@ pub struct Surface {
     pub indices: Vec<u32>,
 }
 
+#[cfg(feature = "bevy_mesh")]
+impl From<Surface> for bevy::mesh::Mesh {
+    fn from(surface: Surface) -> Self {
+        use bevy::mesh::{Indices, Mesh, PrimitiveTopology};
+
+        Mesh::new(PrimitiveTopology::TriangleList, Default::default())
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, surface.positions)
+            .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, surface.normals)
+            .with_inserted_indices(Indices::U32(surface.indices))
+    }
+}
+
 /// The envelope of `primitives`, with about `segments` (at least 4) vertices around each sphere and cone.
 ///
 /// Each sphere, each cone (also as the side of a slab) and each slab is drawn once. Vertices lie on the true envelope or
@@ -119,15 +131,8 @@ impl Patch {
 
     /// The conical part of a cone, between the two circles on which it touches its spheres.
     fn mantle(spheres: &[Sphere], [i, j]: [u32; 2], segments: u32) -> Option<Self> {
-        let ([c1, c2], [r1, r2]) = exact(spheres, [i, j]);
-        let axis = (c2 - c1).try_normalize()?;
-        let cos = (r1 - r2) / c1.distance(c2);
-        let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let (side, up) = axis.any_orthonormal_pair();
         let mut patch = Self::default();
-        for segment in 0..segments {
-            let (y, x) = (TAU * f64::from(segment) / f64::from(segments)).sin_cos();
-            let direction = axis * cos + (side * x + up * y) * sin;
+        for (segment, direction) in (0..).zip(mantle_directions(spheres, [i, j], segments)?) {
             patch.vertices.extend([(i, direction), (j, direction)]);
             let [from, to] = [segment, (segment + 1) % segments].map(|s| 2 * s as usize);
             patch.triangles.extend([[from, to, to + 1], [from, to + 1, from + 1]]);
@@ -137,16 +142,38 @@ impl Patch {
 
     /// The two flat faces of a slab.
     fn faces(spheres: &[Sphere], corners: [u32; 3]) -> Option<Self> {
-        let ([c1, c2, c3], [r1, r2, r3]) = exact(spheres, corners);
-        let (e2, e3) = (c2 - c1, c3 - c1);
-        let area = e2.cross(e3);
-        let normal = area.try_normalize()?;
-        // In-plane gradient of the radius: g . e2 = r2 - r1 and g . e3 = r3 - r1.
-        let g = (e3.cross(area) * (r2 - r1) - e2.cross(area) * (r3 - r1)) / area.length_squared();
-        let out = normal * (1.0 - g.length_squared()).max(0.0).sqrt();
-        let vertices = [out - g, -out - g].iter().flat_map(|&n| corners.map(|i| (i, n))).collect();
+        let vertices = face_normals(spheres, corners)?.iter().flat_map(|&n| corners.map(|i| (i, n))).collect();
         Some(Self { vertices, triangles: vec![[0, 1, 2], [3, 5, 4]] })
     }
+}
+
+/// The unit vectors, `count` of them around, that are normals of planes which touch both spheres of a cone. None if the centres are one.
+pub(crate) fn mantle_directions(
+    spheres: &[Sphere],
+    cone: [u32; 2],
+    count: u32,
+) -> Option<impl Iterator<Item = DVec3> + use<>> {
+    let ([c1, c2], [r1, r2]) = exact(spheres, cone);
+    let axis = (c2 - c1).try_normalize()?;
+    let cos = (r1 - r2) / c1.distance(c2);
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    let (side, up) = axis.any_orthonormal_pair();
+    Some((0..count).map(move |number| {
+        let (y, x) = (TAU * f64::from(number) / f64::from(count)).sin_cos();
+        axis * cos + (side * x + up * y) * sin
+    }))
+}
+
+/// The unit normals of the two planes that touch all spheres of a slab. None if the centres are on a line.
+pub(crate) fn face_normals(spheres: &[Sphere], slab: [u32; 3]) -> Option<[DVec3; 2]> {
+    let ([c1, c2, c3], [r1, r2, r3]) = exact(spheres, slab);
+    let (e2, e3) = (c2 - c1, c3 - c1);
+    let area = e2.cross(e3);
+    let normal = area.try_normalize()?;
+    // In-plane gradient of the radius: g . e2 = r2 - r1 and g . e3 = r3 - r1.
+    let g = (e3.cross(area) * (r2 - r1) - e2.cross(area) * (r3 - r1)) / area.length_squared();
+    let out = normal * (1.0 - g.length_squared()).max(0.0).sqrt();
+    Some([out - g, -out - g])
 }
 
 /// Centres and radii in f64, in which thin slabs keep their planes.

@@ -71,6 +71,12 @@ impl SweptSphere {
     }
 }
 
+/// The cone that the sphere around a body sweeps: where it is at the start and at the end of the step, in the world.
+#[cfg(feature = "debug")]
+pub(crate) fn swept_cone(body: &Body) -> [Sphere; 2] {
+    SweptSphere::new(body, 0.0).cone(Vec3::ZERO)
+}
+
 pub(super) fn run(
     input: &StepInput,
     statics: &Statics,

@@ -108,7 +108,7 @@ pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, con
             for part in &parts {
                 collect_part(shape1, part, pose12, prediction, contacts);
             }
-            thin(contacts);
+            contacts.sort_by(Contact::order);
             seams::remove(contacts, pose12.rotation, [shape1, &parts], FLUSH);
         }
     }

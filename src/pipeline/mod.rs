@@ -51,6 +51,8 @@ use crate::{
 };
 
 use broad_phase::BodyPair;
+#[cfg(feature = "debug")]
+pub(crate) use broad_phase::swept_cone;
 #[cfg(feature = "gpu")]
 pub(crate) use broad_phase::{Widening, near_sides};
 use moving_boxes::BodyBoxes;
@@ -283,7 +285,7 @@ impl Statics {
     }
 
     /// The hierarchy over their boxes.
-    #[cfg(feature = "gpu")]
+    #[cfg(any(feature = "debug", feature = "gpu"))]
     pub(crate) fn bvh(&self) -> &Bvh {
         &self.bvh
     }
@@ -314,6 +316,8 @@ pub struct StepInput {
     pub stop_at_impact: bool,
     /// Which pairs reach the narrow phase.
     pub culling: Culling,
+    /// The pairs that the mid phase leaves are part of the output.
+    pub report_candidates: bool,
 }
 
 /// One side of a pair.
@@ -395,6 +399,8 @@ pub struct StepOutput {
     pub pairs: Vec<Pair>,
     /// Their manifolds.
     pub manifolds: Vec<Manifold>,
+    /// What the mid phase has left, if it was to be reported. Of a second side that is not medial, the number of the part is not told: it is 0.
+    pub candidates: Vec<Candidates>,
     /// What was counted.
     pub counts: Counts,
     /// What it took.
@@ -550,6 +556,15 @@ fn finish(
         unresolved: results.iter().map(|r| r.unresolved).sum(),
         contacts: 0,
     };
+    if input.report_candidates {
+        let of_pair = |(pair, motions): (&BodyPair, &Vec<mid_phase::Candidates>)| Candidates {
+            sides: [pair.first, pair.second],
+            primitives: Some(
+                motions.iter().flat_map(|motion| motion.pairs.iter().map(|pair| pair.primitives)).collect(),
+            ),
+        };
+        output.candidates = pairs.iter().zip(candidates).map(of_pair).collect();
+    }
     output.stops =
         stops.iter().map(|(body, fraction)| Stop { body, fraction, pose: stops.final_pose(input, body) }).collect();
     let impacts = results.iter().map(|result| result.impact);

@@ -1,10 +1,24 @@
+use std::cell::Cell;
+
 use glam::Vec3;
 
 use crate::{
     geometry::{Aabb, Bvh, Placement, Primitive, Sphere},
     medial_axis::MedialAxis,
-    query::{Separation, separation},
+    query::{RayHit, Separation, ray_cast, separation},
 };
+
+/// Runs an expression with the spheres of a [`Hull`] bound to an array of the right length.
+macro_rules! with_spheres {
+    ($hull:expr, |$spheres:pat_param| $body:expr) => {
+        match $hull {
+            $crate::pipeline::Hull::Sphere($spheres) => $body,
+            $crate::pipeline::Hull::Cone($spheres) => $body,
+            $crate::pipeline::Hull::Slab($spheres) => $body,
+        }
+    };
+}
+pub(crate) use with_spheres;
 
 /// A medial axis at a uniform scale.
 #[derive(Clone, Debug)]
@@ -72,6 +86,38 @@ impl Shape {
             Primitive::Slab(index) => Hull::Slab(index.map(sphere)),
         }
     }
+
+    /// Where the ray `origin + time * direction` first enters the shape for a `time` from 0 to `max_time`, and by which primitive; at 0 if it starts
+    /// inside.
+    pub fn ray_cast(&self, origin: Vec3, direction: Vec3, max_time: f32) -> Option<(RayHit, u32)> {
+        let limit = Cell::new(max_time);
+        let mut first: Option<(RayHit, u32)> = None;
+        self.visit_crossed(origin, direction, &limit, |primitive, hull| {
+            let hit = with_spheres!(&hull, |spheres| ray_cast(spheres, origin, direction, limit.get()));
+            if let Some(hit) = hit
+                && first.is_none_or(|(first, _)| hit.time < first.time)
+            {
+                limit.set(hit.time);
+                first = Some((hit, primitive));
+            }
+        });
+        first
+    }
+
+    /// Calls `visit` with the primitives whose boxes the ray crosses before the time that `limit` holds.
+    pub(crate) fn visit_crossed(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        limit: &Cell<f32>,
+        mut visit: impl FnMut(u32, Hull),
+    ) {
+        let (origin, direction) = (origin / self.scale, direction / self.scale);
+        // Far from the shape, the ray's own coordinates are no more exact.
+        let rounding = f32::EPSILON * origin.length();
+        let crosses = |aabb: &Aabb| aabb.inflated(rounding).crossing(origin, direction, limit.get()).is_some();
+        self.bvh().visit(crosses, |primitive| visit(primitive, self.hull(primitive)));
+    }
 }
 
 /// The spheres of one primitive.
@@ -114,15 +160,3 @@ impl Hull {
         })
     }
 }
-
-/// Runs an expression with the spheres of a [`Hull`] bound to an array of the right length.
-macro_rules! with_spheres {
-    ($hull:expr, |$spheres:pat_param| $body:expr) => {
-        match $hull {
-            $crate::pipeline::Hull::Sphere($spheres) => $body,
-            $crate::pipeline::Hull::Cone($spheres) => $body,
-            $crate::pipeline::Hull::Slab($spheres) => $body,
-        }
-    };
-}
-pub(crate) use with_spheres;

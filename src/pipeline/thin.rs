@@ -1,4 +1,6 @@
-//! Fewer contacts, where fine shapes touch along long ways or over wide areas: the rest of the step takes a few of them, spread out.
+//! Fewer contacts, where fine medial shapes touch along long ways or over wide areas: the rest of the step takes a few of them, spread out.
+//!
+//! Not where a body lies on another collider: its parts may be of any size, and each edge between them has to be told from a true one.
 
 use bevy::platform::collections::HashSet;
 use glam::IVec3;

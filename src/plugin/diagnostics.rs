@@ -5,7 +5,8 @@ use bevy::{
     prelude::*,
 };
 
-use super::MedialStep;
+use super::{MedialLevel, MedialStep};
+use crate::medial_axis::MedialAxis;
 
 /// Paths of the measurements in the `DiagnosticsStore`, one a step.
 pub mod paths {
@@ -45,6 +46,19 @@ pub mod paths {
     pub const GPU_LATENCY: DiagnosticPath = DiagnosticPath::const_new("medial/gpu/latency_steps");
     /// Bodies that have stopped at an impact, or slid on, or were carried along.
     pub const STOPPED: DiagnosticPath = DiagnosticPath::const_new("medial/stopped");
+    /// Entities, moving or not, by their level of detail, the finest first; the last counts all coarser ones as well.
+    pub const LEVELS: [DiagnosticPath; 8] = [
+        DiagnosticPath::const_new("medial/level_0"),
+        DiagnosticPath::const_new("medial/level_1"),
+        DiagnosticPath::const_new("medial/level_2"),
+        DiagnosticPath::const_new("medial/level_3"),
+        DiagnosticPath::const_new("medial/level_4"),
+        DiagnosticPath::const_new("medial/level_5"),
+        DiagnosticPath::const_new("medial/level_6"),
+        DiagnosticPath::const_new("medial/level_7"),
+    ];
+    /// Main memory of all loaded medial meshes with their levels of detail, in bytes.
+    pub const SHAPE_MEMORY: DiagnosticPath = DiagnosticPath::const_new("medial/shape_memory");
 }
 
 const TIMES: [DiagnosticPath; 5] = [paths::BROAD, paths::MID, paths::NARROW, paths::STOP, paths::REDUCE];
@@ -55,9 +69,10 @@ pub(super) fn register(app: &mut App) {
     for path in TIMES {
         app.register_diagnostic(Diagnostic::new(path).with_suffix("ms"));
     }
-    for path in COUNTS {
+    for path in COUNTS.into_iter().chain(paths::LEVELS) {
         app.register_diagnostic(Diagnostic::new(path));
     }
+    app.register_diagnostic(Diagnostic::new(paths::SHAPE_MEMORY).with_suffix("bytes"));
     #[cfg(feature = "gpu")]
     {
         paths::GPU.into_iter().for_each(|path| {
@@ -67,7 +82,12 @@ pub(super) fn register(app: &mut App) {
     }
 }
 
-pub(super) fn measure(step: Res<MedialStep>, mut diagnostics: Diagnostics) {
+pub(super) fn measure(
+    step: Res<MedialStep>,
+    entities: Query<&MedialLevel>,
+    axes: Res<Assets<MedialAxis>>,
+    mut diagnostics: Diagnostics,
+) {
     let (times, counts) = (&step.output.times, &step.output.counts);
     let milliseconds = |duration: Duration| duration.as_secs_f64() * 1e3;
     for (path, time) in TIMES.iter().zip([times.broad, times.mid, times.narrow, times.stop, times.reduce]) {
@@ -77,6 +97,14 @@ pub(super) fn measure(step: Res<MedialStep>, mut diagnostics: Diagnostics) {
     for (path, count) in COUNTS.iter().zip(counts) {
         diagnostics.add_measurement(path, || count as f64);
     }
+    let mut levels = paths::LEVELS.map(|path| (path, 0u32));
+    for MedialLevel(level) in &entities {
+        levels[(*level).min(levels.len() - 1)].1 += 1;
+    }
+    for (path, count) in &levels {
+        diagnostics.add_measurement(path, || (*count).into());
+    }
+    diagnostics.add_measurement(&paths::SHAPE_MEMORY, || axes.iter().map(|(_, axis)| axis.memory() as f64).sum());
     #[cfg(feature = "gpu")]
     {
         for (path, (_, time)) in paths::GPU.iter().zip(step.gpu_times()) {

@@ -11,6 +11,8 @@
 //! | [`MedialSettings`], [`MedialBackend`] | resource: what holds for all; where pairs are culled |
 //! | [`MedialContactStarted`], [`MedialContactEnded`] | messages, and events for observers of the entities |
 //! | `MedialBuildPlugin` | with the feature `bevy_mesh`: builds the medial meshes of entities with a `BuildMedialMesh` from their `Mesh3d` |
+//! | `MedialGizmosPlugin` | with the feature `debug`: draws shapes and what a step did, as `MedialGizmos` and the component `MedialGizmo` say |
+//! | `MedialPickingPlugin` | with the feature `picking`: pointers pick medial bodies |
 //! | [`MedialSystems`] | system sets to order against |
 //! | [`MedialStep`] | resource: input and output of the last step |
 
@@ -28,6 +30,8 @@ mod importance;
 mod levels;
 mod loader;
 mod messages;
+#[cfg(feature = "picking")]
+mod picking;
 #[cfg(feature = "gpu")]
 mod pipelined;
 mod report;
@@ -51,7 +55,7 @@ pub use build::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
 pub use components::{MedialCcd, MedialMesh, StaticObb};
 pub use diagnostics::paths as diagnostic_paths;
 #[cfg(feature = "debug")]
-pub use gizmos::MedialGizmos;
+pub use gizmos::{MedialGizmo, MedialGizmoLayer, MedialGizmos, MedialGizmosPlugin};
 pub(crate) use importance::Detail;
 #[cfg(not(feature = "rapier"))]
 use importance::DetailItem;
@@ -59,6 +63,8 @@ pub use importance::{MedialFocus, MedialImportance};
 pub use levels::{MedialBudget, MedialLevel};
 pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
+#[cfg(feature = "picking")]
+pub use picking::{MedialPickingCamera, MedialPickingPlugin, MedialPickingSettings};
 pub use step::{BodyInfo, MedialBackend, MedialSettings, MedialStep};
 
 /// Collision of medial meshes, in the schedule in which rapier steps.
@@ -137,7 +143,7 @@ fn init_medial_axis(app: &mut App) {
 }
 
 /// The assets that have changed since the reader has read.
-#[cfg(any(feature = "rapier", feature = "bevy_mesh"))]
+#[cfg(any(feature = "rapier", feature = "bevy_mesh", feature = "debug"))]
 pub(crate) fn modified<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> Vec<AssetId<A>> {
     let of_event = |event: &AssetEvent<A>| match event {
         AssetEvent::Modified { id } => Some(*id),
@@ -178,13 +184,9 @@ impl Plugin for MedialPhysicsPlugin {
                 .add_systems(Startup, gpu::adopt_renderer);
             pipelined::add(app);
         }
-    }
-
-    /// Gizmos are drawn in apps that have any: which is known when all plugins are there.
-    #[cfg(feature = "debug")]
-    fn finish(&self, app: &mut App) {
-        if app.is_plugin_added::<bevy::gizmos::GizmoPlugin>() {
-            gizmos::add(app);
+        #[cfg(feature = "debug")]
+        if !app.is_plugin_added::<MedialGizmosPlugin>() {
+            app.add_plugins(MedialGizmosPlugin);
         }
     }
 }

@@ -13,7 +13,8 @@
 //! | `contact_pair`, `intersection_pair`, events | the simulation's, exact | |
 //! | `cast_shape_nonlinear` of rapier's `QueryPipeline` | as `cast_shape` | finds no medial shape |
 //!
-//! Picking is `bevy_rapier3d`'s own backend, its feature `picking-backend`: for each pointer it asks `intersect_ray`.
+//! Picking is `MedialPickingPlugin` of the feature `picking`, which hits medial bodies and static boxes, or `bevy_rapier3d`'s own back end, its feature
+//! `picking-backend`, which asks `intersect_ray` for each pointer and hits all colliders.
 //!
 //! *Exact*: but for rounding, within a ten-thousandth of the shape's size. `move_shape` takes a `RapierQueryPipelineMut`: made with a
 //! [`MedialDispatcher`](super::MedialDispatcher) chained to parry's own, its casts are exact as well.

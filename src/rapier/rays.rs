@@ -46,35 +46,16 @@ impl RayCast for PrimitiveShape {
 }
 
 impl MedialShape {
-    /// Calls `visit` with the primitives whose boxes the ray crosses before the time that `limit` holds.
-    fn visit_crossed(&self, ray: &Ray, limit: &Cell<f32>, mut visit: impl FnMut(u32, Hull)) {
-        let scale = self.shape.scale;
-        let (origin, direction) = (ray.origin / scale, ray.dir / scale);
-        // Far from the shape, the ray's own coordinates are no more exact.
-        let rounding = f32::EPSILON * origin.length();
-        let crosses = |aabb: &Aabb| aabb.inflated(rounding).crossing(origin, direction, limit.get()).is_some();
-        self.shape.bvh().visit(crosses, |primitive| visit(primitive, self.shape.hull(primitive)));
-    }
-
     /// Where the ray enters first; at time 0 if it starts inside.
     fn enter(&self, ray: &Ray, max_time: f32) -> Option<RayIntersection> {
-        let limit = Cell::new(max_time);
-        let mut first: Option<RayIntersection> = None;
-        self.visit_crossed(ray, &limit, |primitive, hull| {
-            if let Some(hit) = enter(&hull, ray, limit.get())
-                && first.is_none_or(|first| hit.time < first.time_of_impact)
-            {
-                limit.set(hit.time);
-                first = Some(RayIntersection::new(hit.time, hit.normal, FeatureId::Face(primitive)));
-            }
-        });
-        first
+        let (hit, primitive) = self.shape.ray_cast(ray.origin, ray.dir, max_time)?;
+        Some(RayIntersection::new(hit.time, hit.normal, FeatureId::Face(primitive)))
     }
 
     /// Where a ray that starts inside leaves: overlapping primitives are gone through one after the other.
     pub(super) fn leave(&self, ray: &Ray, max_time: f32) -> Option<RayIntersection> {
         let mut spans = Vec::new();
-        self.visit_crossed(ray, &Cell::new(f32::MAX), |primitive, hull| {
+        self.shape.visit_crossed(ray.origin, ray.dir, &Cell::new(f32::MAX), |primitive, hull| {
             if let Some(enter) = enter(&hull, ray, f32::MAX) {
                 spans.push(Span { enter, leave: leave(&hull, ray, enter), primitive });
             }

@@ -300,3 +300,32 @@ fn what_sleeps_on_a_shape_wakes_when_that_gets_another_level() {
         assert!(!rigid(&mut app, upper).is_sleeping() && spheres(&app, lower) == 6, "{kind:?}");
     }
 }
+
+#[test]
+fn diagnostics_tell_how_many_are_at_which_level_and_what_shapes_take() {
+    use bevy::diagnostic::{DiagnosticPath, DiagnosticsStore};
+    use bevy_medial::plugin::diagnostic_paths::{LEVELS as COUNTED, SHAPE_MEMORY};
+
+    let mut app = app();
+    let shape = mesh(&mut app, ring());
+    for (i, percent) in [0.0, 1.0, 1.0, 100.0].into_iter().enumerate() {
+        let place = Transform::from_xyz(i as f32 * 4.0, 0.0, 0.0);
+        app.world_mut().spawn((RigidBody::Dynamic, shape.clone(), MedialBudget::Percent(percent), place));
+    }
+    run(&mut app, 3);
+    let value = |app: &App, path: &DiagnosticPath| {
+        app.world().resource::<DiagnosticsStore>().get(path).unwrap().value().unwrap()
+    };
+    let counts: Vec<f64> = COUNTED.iter().map(|path| value(&app, path)).collect();
+    assert_eq!(counts, [1.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    // Spheres alone are 16 bytes each.
+    let least = LEVELS.iter().map(|(spheres, _)| 16 * spheres).sum::<u32>();
+    let memory = value(&app, &SHAPE_MEMORY);
+    assert!(memory > f64::from(least) && memory < 20.0 * f64::from(least), "{memory} for {least} of spheres");
+    let ball = mesh(&mut app, MedialAxis::sphere(1.0).unwrap());
+    run(&mut app, 1);
+    assert!(value(&app, &SHAPE_MEMORY) > memory);
+    drop(ball);
+    run(&mut app, 3);
+    assert_eq!(value(&app, &SHAPE_MEMORY), memory);
+}

@@ -1,0 +1,88 @@
+//! Makes bodies visible: models by the meshes that their shapes were made of, others by the surface of their shape, static boxes by their faces.
+
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+};
+
+use bevy::prelude::*;
+use bevy_medial::{
+    builder::load,
+    medial_axis::{MedialAxis, triangulate},
+    prelude::*,
+};
+
+/// Sides of a sphere or cone.
+const SIDES: u32 = 24;
+
+/// Dresses what comes without a mesh. Of an entity with the name of a model, the folder's `NAME.obj` is its mesh.
+pub struct Dress {
+    pub models: PathBuf,
+}
+
+impl Plugin for Dress {
+    fn build(&self, app: &mut App) {
+        app.insert_resource(Sources { folder: self.models.clone(), meshes: HashMap::new() })
+            .add_systems(Update, (dress_bodies, dress_boxes));
+    }
+}
+
+/// Meshes of models by name; none where there is no such file.
+#[derive(Resource)]
+struct Sources {
+    folder: PathBuf,
+    meshes: HashMap<String, Option<Handle<Mesh>>>,
+}
+
+fn source(folder: &Path, name: &str) -> Option<Mesh> {
+    let path = folder.join(name).with_extension("obj");
+    let mesh = path.exists().then(|| load::load(&path))?;
+    mesh.inspect_err(|error| warn!("{error}")).ok().map(|mesh| mesh.to_bevy().with_computed_area_weighted_normals())
+}
+
+fn dress_bodies(
+    mut commands: Commands,
+    bodies: Query<(Entity, &MedialMesh, Option<&Name>, Has<StaticObb>), Without<Mesh3d>>,
+    axes: Res<Assets<MedialAxis>>,
+    mut sources: ResMut<Sources>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    for (entity, medial, name, is_static) in &bodies {
+        let Some(axis) = axes.get(&medial.0) else { continue };
+        let Sources { folder, meshes: known } = &mut *sources;
+        let source = name.and_then(|name| {
+            let load = || source(folder, name).map(|mesh| meshes.add(mesh));
+            known.entry(name.to_string()).or_insert_with(load).clone()
+        });
+        let mesh = source.unwrap_or_else(|| meshes.add(triangulate(axis.spheres(), axis.primitives(), SIDES)));
+        // The golden angle keeps neighbours apart in hue.
+        let base_color = match is_static {
+            true => Color::srgb(0.55, 0.57, 0.6),
+            false => Color::hsl((entity.index_u32() as f32 * 137.5) % 360.0, 0.55, 0.58),
+        };
+        let material = StandardMaterial { base_color, perceptual_roughness: 0.55, ..default() };
+        commands.entity(entity).insert((Mesh3d(mesh), MeshMaterial3d(materials.add(material))));
+    }
+}
+
+fn dress_boxes(
+    mut commands: Commands,
+    boxes: Query<(Entity, &StaticObb, Option<&Name>), (Added<StaticObb>, Without<MedialMesh>)>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    for (entity, obb, name) in &boxes {
+        let is_named = |other: &str| name.is_some_and(|name| name.as_str() == other);
+        if is_named("wall") {
+            // One looks and reaches through it.
+            commands.entity(entity).insert(Pickable::IGNORE);
+            continue;
+        }
+        let shade = if is_named("ground") { 0.5 } else { 0.62 };
+        let base_color = Color::srgb(shade, shade, shade * 0.95);
+        let material = StandardMaterial { base_color, perceptual_roughness: 0.9, ..default() };
+        let mesh = meshes.add(Cuboid::from_size(obb.half_extents * 2.0));
+        commands.entity(entity).insert((Mesh3d(mesh), MeshMaterial3d(materials.add(material))));
+    }
+}

@@ -1,0 +1,74 @@
+//! Pictures without a window, on any graphics adapter.
+
+use std::{fs, io, path::Path};
+
+use bevy::{
+    camera::RenderTarget,
+    log::LogPlugin,
+    prelude::*,
+    render::{
+        RenderPlugin,
+        render_resource::TextureFormat,
+        view::screenshot::{Screenshot, save_to_disk},
+    },
+    window::ExitCondition,
+    winit::WinitPlugin,
+};
+
+/// Frames after which a picture must have come back from the renderer.
+const PATIENCE: u32 = 20;
+
+/// An app that draws on an image.
+pub struct Studio {
+    pub app: App,
+    target: Handle<Image>,
+}
+
+impl Studio {
+    /// `DefaultPlugins` without a window, and what `build` adds: a camera with the given target.
+    pub fn new(size: UVec2, build: impl FnOnce(&mut App, RenderTarget)) -> Self {
+        let mut app = App::new();
+        app.add_plugins(
+            DefaultPlugins
+                .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
+                .set(RenderPlugin { synchronous_pipeline_compilation: true, ..default() })
+                .set(LogPlugin { filter: "error".into(), ..default() })
+                .disable::<WinitPlugin>(),
+        );
+        let target = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
+        let target = app.world_mut().resource_mut::<Assets<Image>>().add(target);
+        build(&mut app, RenderTarget::Image(target.clone().into()));
+        app.finish();
+        app.cleanup();
+        Self { app, target }
+    }
+
+    /// Asks for a picture of this frame.
+    ///
+    /// # Errors
+    /// If there is a file of that name that cannot be replaced.
+    pub fn take(&mut self, file: &Path) -> Result<(), String> {
+        if let Err(error) = fs::remove_file(file)
+            && error.kind() != io::ErrorKind::NotFound
+        {
+            return Err(format!("{}: {error}", file.display()));
+        }
+        let picture = Screenshot::image(self.target.clone());
+        self.app.world_mut().spawn(picture).observe(save_to_disk(file.to_path_buf()));
+        Ok(())
+    }
+
+    /// Updates until a picture that was asked for is there.
+    ///
+    /// # Errors
+    /// If none comes.
+    pub fn wait_for(&mut self, file: &Path) -> Result<(), String> {
+        for _ in 0..PATIENCE {
+            self.app.update();
+            if file.exists() {
+                return Ok(());
+            }
+        }
+        Err(format!("{}: no picture came back from the renderer", file.display()))
+    }
+}

@@ -1,0 +1,73 @@
+//! Own systems around a step: wind before it, a look at what the pipeline has found within it, and a reaction behind it.
+//!
+//! ```text
+//! cargo run --release --example custom_ordering
+//! ```
+
+#[path = "common/stage.rs"]
+mod stage;
+
+use bevy::prelude::*;
+use bevy_medial::prelude::*;
+use bevy_rapier3d::prelude::{PhysicsSet, RigidBody, TimestepMode, Velocity};
+
+fn main() -> AppExit {
+    App::new()
+        .add_plugins((stage::Stage { steps: 120 }, MedialPhysicsPlugin::default().in_fixed_schedule()))
+        .insert_resource(Time::<Fixed>::from_hz(60.0))
+        .insert_resource(TimestepMode::Fixed { dt: 1.0 / 60.0, substeps: 1 })
+        .add_systems(Startup, setup)
+        .add_systems(
+            FixedUpdate,
+            (
+                // Rapier takes over transforms, velocities and forces in this set: what comes before it counts in this step.
+                blow.before(PhysicsSet::SyncBackend),
+                // Impacts and contacts are known, bodies have stopped; transforms are not written yet.
+                tell_impacts.after(MedialSystems::Detect).before(PhysicsSet::Writeback),
+                // Transforms and velocities are those of the step's end, messages are written.
+                bring_back.after(MedialSystems::Report),
+            ),
+        )
+        .run()
+}
+
+/// Blows at every body.
+#[derive(Component)]
+struct InTheWind;
+
+fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+    commands.spawn((Name::new("ground"), StaticObb::new(3.0, 0.5, 3.0), Transform::from_xyz(0.0, -0.5, 0.0)));
+    commands.spawn((
+        Name::new("spider"),
+        InTheWind,
+        RigidBody::Dynamic,
+        MedialMesh(assets.load("models/spider.medial")),
+        Velocity::zero(),
+        Transform::from_xyz(0.0, 2.0, 0.0),
+    ));
+}
+
+fn blow(time: Res<Time>, mut bodies: Query<&mut Velocity, With<InTheWind>>) {
+    for mut velocity in &mut bodies {
+        let acceleration = 8.0 + 4.0 * (3.0 * time.elapsed_secs()).sin();
+        velocity.linear.x += acceleration * time.delta_secs();
+    }
+}
+
+fn tell_impacts(step: Res<MedialStep>, names: Query<NameOrEntity>) -> Result {
+    for pair in &step.output.pairs {
+        let Some(impact) = pair.impact else { continue };
+        let [name1, name2] = [names.get(step.info(pair.first).entity)?, names.get(step.info(pair.second).entity)?];
+        println!("{name1} hits {name2} {:.0} % into the step, at {:.2}", impact.fraction * 100.0, impact.point);
+    }
+    Ok(())
+}
+
+fn bring_back(mut bodies: Query<(&Name, &mut Transform), With<InTheWind>>) {
+    for (name, mut transform) in &mut bodies {
+        if transform.translation.y < -2.0 {
+            println!("{name} has been blown off the ground, and comes back");
+            transform.translation = Vec3::Y * 2.0;
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Who touches whom: messages tell of all bodies, observers of one. A rubber ring jumps from whatever it touches.
+//!
+//! ```text
+//! cargo run --release --example events
+//! ```
+
+#[path = "common/stage.rs"]
+mod stage;
+
+use bevy::prelude::*;
+use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_rapier3d::prelude::{RigidBody, Velocity};
+
+fn main() -> AppExit {
+    App::new()
+        .add_plugins((stage::Stage { steps: 240 }, MedialPhysicsPlugin::default()))
+        .add_systems(Startup, setup)
+        .add_systems(Last, (tell_started, tell_ended))
+        .run()
+}
+
+fn setup(mut commands: Commands, assets: Res<AssetServer>, mut axes: ResMut<Assets<MedialAxis>>) -> Result {
+    commands.spawn((Name::new("ground"), StaticObb::new(10.0, 0.5, 10.0), Transform::from_xyz(0.0, -0.5, 0.0)));
+    commands.spawn((
+        Name::new("bear"),
+        RigidBody::Dynamic,
+        MedialMesh(assets.load("models/bear.medial")),
+        Transform::from_xyz(0.0, 1.5, 0.0),
+    ));
+    let ring = axes.add(MedialAxis::torus(0.4, 0.1, 16)?);
+    commands
+        .spawn((
+            Name::new("ring"),
+            RigidBody::Dynamic,
+            MedialMesh(ring),
+            Transform::from_xyz(1.5, 2.5, 0.0),
+            Velocity::zero(),
+        ))
+        .observe(jump);
+    Ok(())
+}
+
+/// To an observer, its own entity is the first, and the normal points away from it. What it changes holds in the next step.
+fn jump(hit: On<MedialContactStarted>, mut bodies: Query<&mut Velocity>) -> Result {
+    bodies.get_mut(hit.entity1)?.linear -= hit.touch.normal * (1.8 * hit.touch.approach_speed);
+    Ok(())
+}
+
+fn tell_started(mut started: MessageReader<MedialContactStarted>, names: Query<NameOrEntity>) -> Result {
+    for MedialContactStarted { entity1, entity2, touch, .. } in started.read() {
+        let [name1, name2] = [names.get(*entity1)?, names.get(*entity2)?];
+        let (point, speed) = (touch.point, touch.approach_speed);
+        println!("{name1} touches {name2} at {point:.2}, closing in at {speed:.1} m/s");
+    }
+    Ok(())
+}
+
+/// An entity that has ended to touch may be gone.
+fn tell_ended(mut ended: MessageReader<MedialContactEnded>, names: Query<NameOrEntity>) {
+    for MedialContactEnded { entity1, entity2 } in ended.read() {
+        if let [Ok(name1), Ok(name2)] = [entity1, entity2].map(|entity| names.get(*entity)) {
+            println!("{name1} leaves {name2}");
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! A build on a thread of its own.
+
+use std::{
+    ops::ControlFlow,
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicU32, Ordering},
+        mpsc::{Receiver, TryRecvError, channel},
+    },
+    thread,
+};
+
+use bevy::prelude::Resource;
+use bevy_medial::builder::{FitOptions, MedialLevels, TriangleMesh, fit};
+
+type Outcome = Result<MedialLevels, String>;
+
+/// A build that goes on or has ended. One that is dropped is broken off.
+#[derive(Resource)]
+pub struct Job {
+    /// Bits of the part that is done.
+    progress: Arc<AtomicU32>,
+    outcome: Mutex<Receiver<Outcome>>,
+}
+
+impl Job {
+    /// Starts a build.
+    pub fn start(mesh: TriangleMesh, options: FitOptions) -> Self {
+        let (sender, receiver) = channel();
+        let progress = Arc::new(AtomicU32::new(0));
+        let watched = Arc::downgrade(&progress);
+        thread::spawn(move || {
+            let report = |part: f32| match watched.upgrade() {
+                Some(progress) => {
+                    progress.store(part.to_bits(), Ordering::Relaxed);
+                    ControlFlow::Continue(())
+                }
+                None => ControlFlow::Break(()),
+            };
+            // Nobody waits for what was broken off.
+            let _ = sender.send(fit(&mesh, &options, &report).map_err(|error| error.to_string()));
+        });
+        Self { progress, outcome: Mutex::new(receiver) }
+    }
+
+    /// One that has ended.
+    pub fn done(levels: MedialLevels) -> Self {
+        let (sender, receiver) = channel();
+        let _ = sender.send(Ok(levels));
+        Self { progress: Arc::new(AtomicU32::new(1f32.to_bits())), outcome: Mutex::new(receiver) }
+    }
+
+    /// The part that is done, from 0 to 1.
+    pub fn progress(&self) -> f32 {
+        f32::from_bits(self.progress.load(Ordering::Relaxed))
+    }
+
+    /// What has been built, once.
+    pub fn take(&self) -> Option<Outcome> {
+        match self.outcome.lock().ok()?.try_recv() {
+            Ok(outcome) => Some(outcome),
+            Err(TryRecvError::Empty | TryRecvError::Disconnected) => None,
+        }
+    }
+
+    /// Waits for the end.
+    pub fn wait(self) -> Outcome {
+        let receiver = self.outcome.into_inner().map_err(|error| error.to_string())?;
+        receiver.recv().map_err(|error| error.to_string())?
+    }
+}

@@ -1,0 +1,123 @@
+//! A triangle mesh and its medial mesh side by side: the error as colour, levels of detail by sliders, spheres, cones and slabs as lines.
+//!
+//! ```text
+//! cargo run --release --example medial_view -- MESH [--spheres N] [--medial FILE] [--budget PERCENT] [--save FILE]
+//!                                              [--screenshot FILE]
+//! ```
+//!
+//! Without `--medial` the medial mesh is built while the window shows how far it is. Without a display, or with `--screenshot`, nothing opens.
+
+#[path = "../common/button.rs"]
+mod button;
+#[path = "../common/display.rs"]
+mod display;
+mod job;
+mod panel;
+mod shown;
+#[path = "../common/slider.rs"]
+mod slider;
+#[path = "../common/studio.rs"]
+mod studio;
+
+use std::{path::PathBuf, process::ExitCode};
+
+use bevy::{camera::RenderTarget, light::GlobalAmbientLight, prelude::*};
+use bevy_medial::{
+    builder::{FitOptions, MedialLevels, load::load},
+    plugin::MedialGizmosPlugin,
+};
+use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
+use clap::Parser;
+use display::has_display;
+use job::Job;
+use shown::Shown;
+use studio::Studio;
+
+#[derive(Parser)]
+#[command(about = "Looks at the medial mesh of a triangle mesh")]
+struct Args {
+    /// Triangle mesh: .obj, .gltf, .glb, .stl, .ply.
+    mesh: PathBuf,
+    /// Most spheres of the finest level.
+    #[arg(long, default_value_t = 60)]
+    spheres: usize,
+    /// A `.medial` file of the mesh, in place of a build.
+    #[arg(long, value_name = "FILE")]
+    medial: Option<PathBuf>,
+    /// Error in percent of the diagonal: the coarsest level within it is shown first. Default: the finest.
+    #[arg(long, value_name = "PERCENT", default_value_t = 0.0)]
+    budget: f32,
+    /// Where to save the levels: at once where nothing opens, else by a button. Default: the mesh's name with `.medial`, by the button alone.
+    #[arg(long, value_name = "FILE")]
+    save: Option<PathBuf>,
+    /// Write a picture as PNG and exit. Needs a graphics adapter, software will do, and no display.
+    #[arg(long, value_name = "FILE")]
+    screenshot: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
+    let mesh = load(&args.mesh)?;
+    let job = match &args.medial {
+        Some(file) => Job::done(MedialLevels::load(file)?),
+        None => Job::start(mesh.clone(), FitOptions { spheres: Some(args.spheres), levels: true, ..default() }),
+    };
+    let save_as = args.save.clone().unwrap_or_else(|| args.mesh.with_extension("medial"));
+    let shown = Shown::new(mesh, args.budget, save_as);
+    if args.screenshot.is_none() && has_display() {
+        let mut app = App::new();
+        let title = format!("medial_view: {}", args.mesh.display());
+        app.add_plugins(
+            DefaultPlugins.set(WindowPlugin { primary_window: Some(Window { title, ..default() }), ..default() }),
+        )
+        .add_plugins(PanOrbitCameraPlugin);
+        add_view(&mut app, shown, job, RenderTarget::default());
+        app.run();
+        return Ok(());
+    }
+    let levels = job.wait()?;
+    for (number, level) in levels.levels.iter().enumerate() {
+        println!("level {number}: {} spheres, {}", level.axis.spheres().len(), level.error);
+    }
+    if let Some(file) = &args.save {
+        levels.save(file)?;
+    }
+    if let Some(file) = &args.screenshot {
+        let mut studio = Studio::new(UVec2::new(1280, 640), |app, target| {
+            add_view(app, shown, Job::done(levels), target);
+        });
+        // New meshes and text take a frame or two to reach the renderer.
+        (0..6).for_each(|_| studio.app.update());
+        studio.take(file)?;
+        studio.wait_for(file)?;
+    }
+    Ok(())
+}
+
+fn add_view(app: &mut App, shown: Shown, job: Job, target: RenderTarget) {
+    app.add_plugins((MedialGizmosPlugin, shown::plugin, panel::plugin))
+        .insert_resource(ClearColor(Color::srgb(0.93, 0.94, 0.95)))
+        .insert_resource(GlobalAmbientLight { brightness: 450.0, ..default() })
+        .insert_resource(shown)
+        .insert_resource(job);
+    app.world_mut().spawn((
+        Camera3d::default(),
+        IsDefaultUiCamera,
+        target,
+        PanOrbitCamera::default(),
+        Transform::from_xyz(0.35, 0.4, 1.3).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
+    app.world_mut().spawn((
+        DirectionalLight { shadow_maps_enabled: true, illuminance: 6000.0, ..default() },
+        Transform::from_xyz(-1.5, 4.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y),
+    ));
+}

@@ -1,0 +1,36 @@
+//! A bear tumbles down stairs of your own.
+//!
+//! ```text
+//! cargo run --release --example minimal
+//! ```
+
+#[path = "common/stage.rs"]
+mod stage;
+
+use bevy::prelude::*;
+use bevy_medial::prelude::*;
+use bevy_rapier3d::prelude::{RigidBody, Velocity};
+
+fn main() -> AppExit {
+    // `DefaultPlugins`, a camera and light.
+    App::new()
+        .add_plugins((stage::Stage { steps: 300 }, MedialPhysicsPlugin::default()))
+        .add_systems(Startup, setup)
+        .run()
+}
+
+fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+    commands.spawn((Name::new("ground"), StaticObb::new(10.0, 0.5, 10.0), Transform::from_xyz(0.0, -0.5, 0.0)));
+    for i in 0..6 {
+        let half_height = 0.15 * (6 - i) as f32;
+        let place = Transform::from_xyz(i as f32 * 0.6 - 2.4, half_height, 0.0);
+        commands.spawn((StaticObb::new(0.3, half_height, 1.5), place));
+    }
+    commands.spawn((
+        Name::new("bear"),
+        RigidBody::Dynamic,
+        MedialMesh(assets.load("models/bear.medial")),
+        Transform::from_xyz(-2.4, 3.0, 0.0),
+        Velocity { linear: Vec3::X, angular: Vec3::new(0.0, 1.0, -6.0) },
+    ));
+}

@@ -1,0 +1,68 @@
+//! Questions about medial bodies: what a ray hits, which point is nearest, what is in a box, how far a shape can go; and picking with the mouse.
+//!
+//! ```text
+//! cargo run --release --example queries
+//! ```
+
+#[path = "common/stage.rs"]
+mod stage;
+
+use bevy::prelude::*;
+use bevy_medial::{plugin::MedialPickingPlugin, prelude::*};
+use bevy_rapier3d::{
+    parry::{query::ShapeCastOptions, shape::Ball, shape::Cuboid},
+    prelude::{QueryFilter, ReadRapierContext, RigidBody},
+};
+
+fn main() -> AppExit {
+    App::new()
+        .add_plugins((stage::Stage { steps: 60 }, MedialPhysicsPlugin::default(), MedialPickingPlugin))
+        .add_systems(Startup, setup)
+        .add_systems(Last, ask_once.run_if(|step: Res<MedialStep>| step.input.bodies.len() == 2))
+        .run()
+}
+
+fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+    commands.spawn((Name::new("ground"), StaticObb::new(10.0, 0.5, 10.0), Transform::from_xyz(0.0, -0.5, 0.0)));
+    for (name, x) in [("bear", -1.0), ("deer", 1.0)] {
+        commands
+            .spawn((
+                Name::new(name),
+                RigidBody::Dynamic,
+                MedialMesh(assets.load(format!("models/{name}.medial"))),
+                Transform::from_xyz(x, 1.0, 0.0),
+            ))
+            // The pointer's own place in the world comes with it.
+            .observe(move |click: On<Pointer<Click>>| println!("{name} was clicked at {:?}", click.hit.position));
+    }
+}
+
+fn ask_once(rapier: ReadRapierContext, names: Query<&Name>, mut asked: Local<bool>) -> Result {
+    if std::mem::replace(&mut *asked, true) {
+        return Ok(());
+    }
+    let name = |entity: Entity| names.get(entity).map_or("nobody", Name::as_str);
+    // All of rapier's filters hold: groups, predicates, excluded entities.
+    let filter = QueryFilter::only_dynamic();
+    rapier.single()?.with_medial_queries(filter, |queries| {
+        let origin = Vec3::new(-5.0, 1.0, 0.0);
+        match queries.cast_ray_and_get_normal(origin, Vec3::X, 10.0, true) {
+            Some((entity, hit)) => {
+                println!("the ray hits {} at {:.2}, normal {:.2}", name(entity), hit.point, hit.normal)
+            }
+            None => println!("the ray hits nothing"),
+        }
+        if let Some((entity, nearest)) = queries.project_point(Vec3::new(0.5, 3.0, 0.0), 10.0, true) {
+            println!("the nearest body to the point is {}, at {:.2}", name(entity), nearest.point);
+        }
+        let half = Cuboid::new(Vec3::splat(0.5));
+        let inside: Vec<&str> =
+            queries.intersect_shape(Vec3::new(1.0, 1.0, 0.0), Quat::IDENTITY, &half).map(name).collect();
+        println!("in the box: {inside:?}");
+        let options = ShapeCastOptions::with_max_time_of_impact(10.0);
+        if let Some((entity, hit)) = queries.cast_shape(origin, Quat::IDENTITY, Vec3::X, &Ball::new(0.2), options) {
+            println!("a ball of 20 cm goes {:.2} m until it hits {}", hit.time_of_impact, name(entity));
+        }
+    });
+    Ok(())
+}

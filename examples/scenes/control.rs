@@ -1,0 +1,187 @@
+//! What can be switched while a scene runs: by keys here, by buttons in the panel.
+
+use bevy::prelude::*;
+use bevy_medial::{
+    plugin::MedialGizmos,
+    prelude::*,
+    scenes::{Monitor, SCENES, SceneEntity},
+};
+use bevy_rapier3d::prelude::RapierConfiguration;
+
+use crate::view::{Show, start};
+
+/// Budgets to choose from, in percent.
+const BUDGETS: [f32; 6] = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0];
+/// Parts of real time to choose from.
+const SPEEDS: [f32; 3] = [1.0, 0.25, 0.0625];
+
+/// A switch.
+#[derive(Event, Component, Clone, Copy, Debug, PartialEq)]
+pub enum Switch {
+    Pause,
+    Step,
+    Speed,
+    Restart,
+    Scene,
+    Backend,
+    Culling,
+    Budget,
+    Gizmos,
+    Levels,
+    Layer(usize),
+}
+
+/// All switches with their keys.
+pub const SWITCHES: [(Switch, KeyCode, &str); 19] = [
+    (Switch::Pause, KeyCode::Space, "space"),
+    (Switch::Step, KeyCode::KeyN, "N"),
+    (Switch::Speed, KeyCode::KeyT, "T"),
+    (Switch::Restart, KeyCode::KeyR, "R"),
+    (Switch::Scene, KeyCode::Tab, "tab"),
+    (Switch::Backend, KeyCode::KeyB, "B"),
+    (Switch::Culling, KeyCode::KeyC, "C"),
+    (Switch::Budget, KeyCode::KeyE, "E"),
+    (Switch::Gizmos, KeyCode::KeyG, "G"),
+    (Switch::Levels, KeyCode::KeyL, "L"),
+    (Switch::Layer(0), KeyCode::Digit1, "1"),
+    (Switch::Layer(1), KeyCode::Digit2, "2"),
+    (Switch::Layer(2), KeyCode::Digit3, "3"),
+    (Switch::Layer(3), KeyCode::Digit4, "4"),
+    (Switch::Layer(4), KeyCode::Digit5, "5"),
+    (Switch::Layer(5), KeyCode::Digit6, "6"),
+    (Switch::Layer(6), KeyCode::Digit7, "7"),
+    (Switch::Layer(7), KeyCode::Digit8, "8"),
+    (Switch::Layer(8), KeyCode::Digit9, "9"),
+];
+
+/// Whether time runs, and how fast.
+#[derive(Resource)]
+pub struct Clock {
+    pub paused: bool,
+    /// Part of real time.
+    pub speed: f32,
+    single_steps: u32,
+    /// Seconds that have passed and have not been stepped.
+    owed: f32,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Self { paused: false, speed: SPEEDS[0], single_steps: 0, owed: 0.0 }
+    }
+}
+
+pub fn plugin(app: &mut App) {
+    app.init_resource::<Clock>().add_observer(switch).add_systems(Update, (press_keys, run_clock).chain());
+}
+
+fn press_keys(mut commands: Commands, keys: Res<ButtonInput<KeyCode>>) {
+    for (switch, key, _) in SWITCHES {
+        if keys.just_pressed(key) {
+            commands.trigger(switch);
+        }
+    }
+}
+
+/// The one after the current.
+fn next<T: Copy + PartialEq>(choices: &[T], current: T) -> T {
+    let at = choices.iter().position(|choice| *choice == current).map_or(0, |at| at + 1);
+    choices[at % choices.len()]
+}
+
+fn switch(
+    switch: On<Switch>,
+    mut commands: Commands,
+    mut show: ResMut<Show>,
+    mut clock: ResMut<Clock>,
+    mut settings: ResMut<MedialSettings>,
+    mut store: ResMut<GizmoConfigStore>,
+) {
+    let (group, layers) = store.config_mut::<MedialGizmos>();
+    match *switch {
+        Switch::Pause => clock.paused = !clock.paused,
+        Switch::Step => {
+            clock.paused = true;
+            clock.single_steps += 1;
+        }
+        Switch::Speed => clock.speed = next(&SPEEDS, clock.speed),
+        Switch::Restart => {
+            commands.queue(restart);
+            // Something to see of it while time stands still.
+            clock.single_steps += 1;
+        }
+        Switch::Scene => {
+            let at = SCENES.iter().position(|scene| scene.name == show.scene.name).map_or(0, |at| at + 1);
+            show.scene = &SCENES[at % SCENES.len()];
+            commands.queue(restart);
+            clock.single_steps += 1;
+        }
+        Switch::Backend => {
+            let choices = [MedialBackend::Auto, MedialBackend::Cpu, MedialBackend::Gpu];
+            settings.backend = next(&choices, settings.backend);
+        }
+        Switch::Culling => settings.brute_force = !settings.brute_force,
+        Switch::Budget => show.budget_percent = next(&BUDGETS, show.budget_percent),
+        Switch::Gizmos => group.enabled = !group.enabled,
+        Switch::Levels => layers.color_by_level = !layers.color_by_level,
+        Switch::Layer(number) => {
+            if let Some((_, layer)) = layers.layers_mut().into_iter().nth(number) {
+                layer.enabled = !layer.enabled;
+            }
+        }
+    }
+}
+
+fn restart(world: &mut World) {
+    let spawned: Vec<Entity> = world.query_filtered::<Entity, With<SceneEntity>>().iter(world).collect();
+    for entity in spawned {
+        world.despawn(entity);
+    }
+    world.insert_resource(Monitor::default());
+    start(world);
+}
+
+/// Lets rapier step as often as the clock says, once a frame at most.
+fn run_clock(mut clock: ResMut<Clock>, time: Res<Time>, show: Res<Show>, mut rapier: Query<&mut RapierConfiguration>) {
+    let is_single = clock.single_steps > 0;
+    clock.single_steps = clock.single_steps.saturating_sub(1);
+    if !clock.paused {
+        // What a slow machine has no time for is not made up for.
+        clock.owed = (clock.owed + time.delta_secs() * clock.speed).min(show.dt);
+    }
+    // A display of 60 Hz is no reason to leave a step out now and then.
+    let is_due = !clock.paused && clock.owed >= 0.95 * show.dt;
+    if is_due {
+        clock.owed -= show.dt;
+    }
+    for mut rapier in &mut rapier {
+        rapier.physics_pipeline_active = is_due || is_single;
+    }
+}
+
+/// What a switch is at.
+pub fn label(
+    switch: Switch,
+    show: &Show,
+    clock: &Clock,
+    settings: &MedialSettings,
+    store: &GizmoConfigStore,
+) -> (String, bool) {
+    let (group, layers) = store.config::<MedialGizmos>();
+    match switch {
+        Switch::Pause => (if clock.paused { "run" } else { "pause" }.into(), clock.paused),
+        Switch::Step => ("one step".into(), false),
+        Switch::Speed => (format!("speed 1/{}", 1.0 / clock.speed), clock.speed != 1.0),
+        Switch::Restart => ("restart".into(), false),
+        Switch::Scene => (format!("scene: {}", show.scene.name), false),
+        Switch::Backend => (format!("back end: {:?}", settings.backend).to_lowercase(), false),
+        Switch::Culling => (format!("culling: {}", if settings.brute_force { "none" } else { "hybrid" }), false),
+        Switch::Budget => (format!("budget: {} %", show.budget_percent), false),
+        Switch::Gizmos => ("debug view".into(), group.enabled),
+        Switch::Levels => ("by level".into(), layers.color_by_level),
+        Switch::Layer(number) => match layers.clone().layers_mut().into_iter().nth(number) {
+            Some((name, layer)) => (name.into(), layer.enabled),
+            None => (String::new(), false),
+        },
+    }
+}

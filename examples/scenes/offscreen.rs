@@ -1,0 +1,65 @@
+//! Pictures of scenes without a window.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use bevy::prelude::*;
+use bevy_rapier3d::prelude::RapierConfiguration;
+
+use crate::{
+    overlay,
+    studio::Studio,
+    view::{Show, add_scene},
+};
+
+/// Runs the scene for `steps` and writes what the camera then sees.
+pub fn screenshot(show: Show, steps: u32, size: UVec2, file: &Path) -> Result<(), String> {
+    let mut studio = studio(show, size);
+    // Rendering every step would take most of the time: the camera stays off until the last ones.
+    studio.app.update();
+    set_camera(&mut studio.app, false);
+    for _ in 1..steps {
+        studio.app.update();
+    }
+    halt(&mut studio.app);
+    set_camera(&mut studio.app, true);
+    studio.app.update();
+    studio.take(file)?;
+    studio.wait_for(file)
+}
+
+/// Runs the scene for `steps` and writes what the camera sees after each.
+pub fn frames(show: Show, steps: u32, size: UVec2, folder: &Path) -> Result<(), String> {
+    fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let mut studio = studio(show, size);
+    let mut last = PathBuf::new();
+    for step in 1..=steps {
+        studio.app.update();
+        last = folder.join(format!("{step:04}.png"));
+        studio.take(&last)?;
+    }
+    halt(&mut studio.app);
+    studio.wait_for(&last)
+}
+
+fn studio(show: Show, size: UVec2) -> Studio {
+    Studio::new(size, |app, target| {
+        if show.overlay {
+            app.add_plugins(overlay::plugin);
+        }
+        add_scene(app, show, target);
+    })
+}
+
+fn set_camera(app: &mut App, active: bool) {
+    let mut cameras = app.world_mut().query::<&mut Camera>();
+    cameras.iter_mut(app.world_mut()).for_each(|mut camera| camera.is_active = active);
+}
+
+/// No further steps.
+fn halt(app: &mut App) {
+    let mut configurations = app.world_mut().query::<&mut RapierConfiguration>();
+    configurations.iter_mut(app.world_mut()).for_each(|mut rapier| rapier.physics_pipeline_active = false);
+}

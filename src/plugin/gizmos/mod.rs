@@ -1,0 +1,164 @@
+//! What the plugin sees, drawn as lines.
+//!
+//! The shapes are many lines that do not change: they are drawn once for each shape and level of detail, and retained beside each body. All else
+//! is drawn anew in every frame, from [`MedialStep`].
+
+mod outlines;
+mod step;
+mod wireframe;
+
+use bevy::prelude::*;
+
+use super::MedialStep;
+
+/// Gizmos of medial bodies. All are off until the group is enabled in the `GizmoConfigStore`; each layer has a switch and a colour of its own.
+/// [`MedialGizmo`] says otherwise for single entities.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_medial::plugin::MedialGizmos;
+/// fn show_candidates(mut store: ResMut<GizmoConfigStore>) {
+///     let (group, layers) = store.config_mut::<MedialGizmos>();
+///     group.enabled = true;
+///     layers.candidates.enabled = true;
+/// }
+/// ```
+#[derive(GizmoConfigGroup, Reflect, Clone, Debug)]
+#[reflect(Default)]
+pub struct MedialGizmos {
+    /// The spheres of each shape, at the level of detail by which it collides. Default: on.
+    pub spheres: MedialGizmoLayer,
+    /// Lines along the cones of each shape. Default: on.
+    pub cones: MedialGizmoLayer,
+    /// The faces of the slabs of each shape. Default: on.
+    pub slabs: MedialGizmoLayer,
+    /// Shapes are drawn in the colour of their level of detail: the finest blue, coarser ones green, yellow and red. Default: false.
+    pub color_by_level: bool,
+    /// The oriented boxes of statics. Default: on.
+    pub boxes: MedialGizmoLayer,
+    /// The boxes of the hierarchy over those. Default: off.
+    pub hierarchy: MedialGizmoLayer,
+    /// The cones that the spheres around moving bodies sweep in the step: bodies whose cones are apart are not looked at. Default: off.
+    pub swept_cones: MedialGizmoLayer,
+    /// Lines between the primitives that culling has left. Default: off.
+    pub candidates: MedialGizmoLayer,
+    /// Contacts, drawn as their normals. Default: on.
+    pub contacts: MedialGizmoLayer,
+    /// Length of a normal, in metres. Default: 0.2.
+    pub normal_length: f32,
+    /// Bodies that have stopped at an impact within the step: their boxes there, and where they hit. Default: on.
+    pub stops: MedialGizmoLayer,
+}
+
+/// A layer of [`MedialGizmos`].
+#[derive(Reflect, Clone, Copy, Debug, PartialEq)]
+pub struct MedialGizmoLayer {
+    /// Whether it is drawn.
+    pub enabled: bool,
+    /// In which colour.
+    pub color: Color,
+}
+
+impl MedialGizmoLayer {
+    const fn on(color: Color) -> Self {
+        Self { enabled: true, color }
+    }
+
+    const fn off(color: Color) -> Self {
+        Self { enabled: false, color }
+    }
+}
+
+impl Default for MedialGizmos {
+    fn default() -> Self {
+        Self {
+            spheres: MedialGizmoLayer::on(Color::srgb(0.9, 0.8, 0.2)),
+            cones: MedialGizmoLayer::on(Color::srgb(0.3, 0.6, 1.0)),
+            slabs: MedialGizmoLayer::on(Color::srgb(0.4, 0.85, 0.45)),
+            color_by_level: false,
+            boxes: MedialGizmoLayer::on(Color::srgb(0.6, 0.6, 0.6)),
+            hierarchy: MedialGizmoLayer::off(Color::srgb(0.65, 0.4, 0.85)),
+            swept_cones: MedialGizmoLayer::off(Color::srgb(0.2, 0.8, 0.9)),
+            candidates: MedialGizmoLayer::off(Color::srgb(0.95, 0.5, 0.9)),
+            contacts: MedialGizmoLayer::on(Color::srgb(0.9, 0.2, 0.2)),
+            normal_length: 0.2,
+            stops: MedialGizmoLayer::on(Color::srgb(1.0, 0.55, 0.1)),
+        }
+    }
+}
+
+impl MedialGizmos {
+    /// All layers with their names.
+    pub fn layers_mut(&mut self) -> [(&'static str, &mut MedialGizmoLayer); 9] {
+        [
+            ("spheres", &mut self.spheres),
+            ("cones", &mut self.cones),
+            ("slabs", &mut self.slabs),
+            ("boxes", &mut self.boxes),
+            ("hierarchy", &mut self.hierarchy),
+            ("swept cones", &mut self.swept_cones),
+            ("candidates", &mut self.candidates),
+            ("contacts", &mut self.contacts),
+            ("stops", &mut self.stops),
+        ]
+    }
+}
+
+/// What is drawn of an entity, whatever [`MedialGizmos`] says.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_medial::{plugin::MedialGizmo, prelude::*};
+/// fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
+///     let gizmo = MedialGizmo { color: Some(Color::WHITE), ..default() };
+///     commands.spawn((MedialMesh(assets.load("models/bear.medial")), gizmo));
+/// }
+/// ```
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Component, Default, Clone, PartialEq)]
+pub struct MedialGizmo {
+    /// True: its shape is drawn even where the layers of shapes or all gizmos are off. False: nothing of it is drawn, nor of its pairs.
+    /// Default: true.
+    pub enabled: bool,
+    /// The colour of its lines, in place of those of the layers. Default: none.
+    pub color: Option<Color>,
+}
+
+impl Default for MedialGizmo {
+    fn default() -> Self {
+        Self { enabled: true, color: None }
+    }
+}
+
+/// Draws the shapes of medial meshes, and what the last step did if there is one. [`MedialPhysicsPlugin`](super::MedialPhysicsPlugin) adds it; an
+/// app without physics may add it by itself.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MedialGizmosPlugin;
+
+impl Plugin for MedialGizmosPlugin {
+    fn build(&self, app: &mut App) {
+        super::init_medial_axis(app);
+        if !app.world().contains_resource::<Assets<GizmoAsset>>() {
+            app.init_asset::<GizmoAsset>();
+        }
+        app.insert_gizmo_config(MedialGizmos::default(), GizmoConfig { enabled: false, ..default() })
+            .register_type::<MedialGizmo>()
+            .register_type::<MedialGizmoLayer>()
+            .add_systems(
+                PostUpdate,
+                (
+                    (outlines::outline, outlines::follow_config.run_if(resource_changed::<GizmoConfigStore>))
+                        .chain()
+                        .before(TransformSystems::Propagate),
+                    (step::ask_for_candidates, step::draw.run_if(is_enabled))
+                        .run_if(resource_exists::<MedialStep>)
+                        .after(TransformSystems::Propagate),
+                ),
+            );
+    }
+}
+
+fn is_enabled(store: Res<GizmoConfigStore>) -> bool {
+    store.config::<MedialGizmos>().0.enabled
+}

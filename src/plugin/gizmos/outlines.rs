@@ -1,0 +1,122 @@
+//! Lines of shapes: one asset for each shape, level of detail and set of colours, one child of each body that shows it.
+
+use std::{
+    collections::HashMap,
+    sync::{Arc, Weak},
+};
+
+use bevy::{asset::StrongHandle, camera::visibility::RenderLayers, prelude::*};
+
+use super::{MedialGizmo, MedialGizmos, wireframe::wireframe};
+use crate::{
+    medial_axis::MedialAxis,
+    plugin::{MedialLevel, MedialMesh, modified},
+};
+
+/// What is drawn of a shape.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct Drawing {
+    asset: AssetId<MedialAxis>,
+    level: usize,
+    /// Bits of the colours of spheres, cones and slabs.
+    colors: [Option<[u32; 4]>; 3],
+}
+
+/// What is drawn of an entity, and by which of its children.
+#[derive(Component, Clone, Copy)]
+pub(super) struct Outlined {
+    drawing: Drawing,
+    outline: Entity,
+}
+
+/// A child that only shows its parent's lines.
+#[derive(Component)]
+pub(super) struct Outline;
+
+/// Gives each entity whose shape is to be drawn a child that does, and takes it away when that ends.
+pub(super) fn outline(
+    mut commands: Commands,
+    store: Res<GizmoConfigStore>,
+    meshes: Query<(Entity, &MedialMesh, Option<&MedialLevel>, Option<&MedialGizmo>, Option<&Outlined>)>,
+    left: Query<(Entity, &Outlined), Without<MedialMesh>>,
+    outlines: Query<(), With<Outline>>,
+    axes: Res<Assets<MedialAxis>>,
+    mut events: MessageReader<AssetEvent<MedialAxis>>,
+    mut gizmos: ResMut<Assets<GizmoAsset>>,
+    mut shared: Local<HashMap<Drawing, Weak<StrongHandle>>>,
+) {
+    let (group, layers) = store.config::<MedialGizmos>();
+    let changed = modified(&mut events);
+    shared.retain(|drawing, lines| !changed.contains(&drawing.asset) && lines.strong_count() > 0);
+    for (entity, outlined) in &left {
+        remove(&mut commands, entity, outlined);
+    }
+    for (entity, mesh, level, gizmo, outlined) in &meshes {
+        let asset = mesh.0.id();
+        let level = level.map_or(0, |level| level.0);
+        let colors = colors(group.enabled, layers, level, gizmo);
+        let axis = if colors == [None; 3] { None } else { axes.get(asset) };
+        let wanted = axis.map(|axis| (axis, Drawing { asset, level, colors: colors.map(|color| color.map(bits)) }));
+        let is_drawn = |outlined: &&Outlined| outlines.contains(outlined.outline) && !changed.contains(&asset);
+        if outlined.filter(is_drawn).map(|outlined| outlined.drawing) == wanted.map(|(_, drawing)| drawing) {
+            continue;
+        }
+        if let Some(outlined) = outlined {
+            remove(&mut commands, entity, outlined);
+        }
+        let Some((axis, drawing)) = wanted else { continue };
+        let lines = shared.get(&drawing).and_then(Weak::upgrade).map(Handle::Strong).unwrap_or_else(|| {
+            let lines = gizmos.add(wireframe(axis.level(level), colors));
+            if let Handle::Strong(handle) = &lines {
+                shared.insert(drawing, Arc::downgrade(handle));
+            }
+            lines
+        });
+        let gizmo = Gizmo { handle: lines, line_config: group.line.clone(), depth_bias: group.depth_bias };
+        let layers = group.render_layers.clone();
+        // One that has gone in the meantime leaves no lines behind.
+        commands.entity(entity).queue_silenced(move |mut body: EntityWorldMut| {
+            let child = (Outline, gizmo, layers, ChildOf(body.id()));
+            let outline = body.world_scope(|world| world.spawn(child).id());
+            body.insert(Outlined { drawing, outline });
+        });
+    }
+}
+
+fn remove(commands: &mut Commands, entity: Entity, outlined: &Outlined) {
+    commands.entity(outlined.outline).try_despawn();
+    commands.entity(entity).try_remove::<Outlined>();
+}
+
+/// The colours of an entity's spheres, cones and slabs.
+fn colors(enabled: bool, layers: &MedialGizmos, level: usize, gizmo: Option<&MedialGizmo>) -> [Option<Color>; 3] {
+    [layers.spheres, layers.cones, layers.slabs].map(|layer| {
+        let is_drawn = gizmo.map_or(enabled && layer.enabled, |gizmo| gizmo.enabled);
+        let own = if layers.color_by_level { color_of_level(level) } else { layer.color };
+        is_drawn.then(|| gizmo.and_then(|gizmo| gizmo.color).unwrap_or(own))
+    })
+}
+
+/// From blue for the finest by green and yellow to red.
+fn color_of_level(level: usize) -> Color {
+    /// Level that is red, as all coarser ones are.
+    const COARSE: f32 = 8.0;
+    Color::hsl(220.0 * (1.0 - level as f32 / COARSE).max(0.0), 0.85, 0.55)
+}
+
+fn bits(color: Color) -> [u32; 4] {
+    color.to_linear().to_f32_array().map(f32::to_bits)
+}
+
+/// Passes changes of line width and the like on.
+pub(super) fn follow_config(
+    store: Res<GizmoConfigStore>,
+    mut outlines: Query<(&mut Gizmo, &mut RenderLayers), With<Outline>>,
+) {
+    let group = store.config::<MedialGizmos>().0;
+    for (mut gizmo, mut layers) in &mut outlines {
+        gizmo.line_config = group.line.clone();
+        gizmo.depth_bias = group.depth_bias;
+        layers.set_if_neq(group.render_layers.clone());
+    }
+}

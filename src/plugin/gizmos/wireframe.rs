@@ -1,0 +1,46 @@
+use bevy::prelude::*;
+
+use crate::{
+    geometry::{Primitive, Sphere},
+    medial_axis::{MedialAxis, face_normals, mantle_directions},
+};
+
+/// Sides of a great circle.
+const SPHERE_SIDES: u32 = 16;
+/// Lines along a cone.
+const CONE_LINES: u32 = 4;
+
+/// Lines of a shape, in its own frame. What has no colour is left out.
+pub(super) fn wireframe(axis: &MedialAxis, [spheres, cones, slabs]: [Option<Color>; 3]) -> GizmoAsset {
+    let mut lines = GizmoAsset::new();
+    if let Some(color) = spheres {
+        for sphere in axis.spheres().iter().filter(|sphere| sphere.radius > 0.0) {
+            lines.sphere(sphere.center, sphere.radius, color).resolution(SPHERE_SIDES);
+        }
+    }
+    for primitive in axis.primitives() {
+        match (primitive, cones, slabs) {
+            (Primitive::Cone(corners), Some(color), _) => {
+                let mut add_line = |direction: Vec3| {
+                    let [from, to] = corners.map(|corner| touched(&axis.spheres()[corner as usize], direction));
+                    lines.line(from, to, color);
+                };
+                let directions = mantle_directions(axis.spheres(), *corners, CONE_LINES);
+                directions.into_iter().flatten().for_each(|direction| add_line(direction.as_vec3()));
+            }
+            (Primitive::Slab(corners), _, Some(color)) => {
+                for normal in face_normals(axis.spheres(), *corners).into_iter().flatten() {
+                    let face = corners.map(|corner| touched(&axis.spheres()[corner as usize], normal.as_vec3()));
+                    lines.lineloop(face, color);
+                }
+            }
+            _ => {}
+        }
+    }
+    lines
+}
+
+/// Where a plane of that normal touches a sphere.
+fn touched(sphere: &Sphere, normal: Vec3) -> Vec3 {
+    sphere.center + normal * sphere.radius
+}

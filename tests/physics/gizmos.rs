@@ -1,0 +1,174 @@
+//! The debug view: what is on is drawn, what is off is not, and nothing of it is left behind.
+
+use std::any::TypeId;
+
+use bevy::{gizmos::GizmoHandles, prelude::*};
+use bevy_medial::{
+    medial_axis::MedialAxis,
+    plugin::{MedialGizmo, MedialGizmos},
+    prelude::*,
+    scenes::Scene,
+};
+
+use crate::common::*;
+
+fn set(app: &mut App, change: impl FnOnce(&mut GizmoConfig, &mut MedialGizmos)) {
+    let mut store = app.world_mut().resource_mut::<GizmoConfigStore>();
+    let (group, layers) = store.config_mut::<MedialGizmos>();
+    change(group, layers);
+}
+
+/// The lines that are retained: of each entity that shows some, how many corners, and in which asset.
+fn outlines(app: &mut App) -> Vec<(Entity, usize, AssetId<GizmoAsset>)> {
+    let mut query = app.world_mut().query::<(&ChildOf, &Gizmo)>();
+    let world = app.world();
+    let lines = world.resource::<Assets<GizmoAsset>>();
+    let corners = |gizmo: &Gizmo| {
+        let buffer = lines.get(&gizmo.handle).unwrap().buffer();
+        buffer.list_positions.len() + buffer.strip_positions.len()
+    };
+    query.iter(world).map(|(parent, gizmo)| (parent.0, corners(gizmo), gizmo.handle.id())).collect()
+}
+
+/// Corners of the lines that a frame draws anew.
+fn drawn(app: &mut App) -> usize {
+    app.update();
+    let world = app.world();
+    let handles = world.resource::<GizmoHandles>().handles();
+    let Some(Some(handle)) = handles.get(&TypeId::of::<MedialGizmos>()) else { return 0 };
+    let buffer = world.resource::<Assets<GizmoAsset>>().get(handle).unwrap().buffer();
+    buffer.list_positions.len() + buffer.strip_positions.len()
+}
+
+/// The scene of rods when bodies have met them.
+fn rods() -> App {
+    let mut app = app();
+    Scene::by_name("rods").unwrap().spawn(app.world_mut(), models(), 1);
+    run(&mut app, 60);
+    app
+}
+
+#[test]
+fn shapes_are_drawn_once_each_while_their_layers_are_on() {
+    let mut app = app();
+    let bear = mesh(&mut app, model("bear"));
+    let spawn = |app: &mut App, mesh: &MedialMesh, x: f32| {
+        app.world_mut().spawn((mesh.clone(), Transform::from_xyz(x, 0.0, 0.0))).id()
+    };
+    let bears: Vec<Entity> = (0..5).map(|i| spawn(&mut app, &bear, i as f32 * 3.0)).collect();
+    let ring = mesh(&mut app, MedialAxis::torus(1.0, 0.2, 8).unwrap());
+    let ring = spawn(&mut app, &ring, 20.0);
+    run(&mut app, 3);
+    assert_eq!(outlines(&mut app), []);
+
+    set(&mut app, |group, _| group.enabled = true);
+    run(&mut app, 2);
+    let on = outlines(&mut app);
+    assert_eq!(on.len(), 6);
+    let asset_of = |on: &[(Entity, usize, AssetId<GizmoAsset>)], entity| on.iter().find(|o| o.0 == entity).unwrap().2;
+    assert!(bears.iter().all(|&bear| asset_of(&on, bear) == asset_of(&on, bears[0])), "bears share their lines");
+    assert_ne!(asset_of(&on, ring), asset_of(&on, bears[0]));
+
+    // A layer less, and fewer lines.
+    set(&mut app, |_, layers| layers.spheres.enabled = false);
+    run(&mut app, 2);
+    let fewer = outlines(&mut app);
+    let corners = |list: &[(Entity, usize, AssetId<GizmoAsset>)]| list.iter().map(|o| o.1).sum::<usize>();
+    assert!(corners(&fewer) > 0 && corners(&fewer) < corners(&on), "{} of {}", corners(&fewer), corners(&on));
+
+    // One that is not shown, one that is whatever the group says.
+    app.world_mut().entity_mut(bears[0]).insert(MedialGizmo { enabled: false, color: None });
+    app.world_mut().entity_mut(bears[1]).insert(MedialGizmo { color: Some(Color::WHITE), ..default() });
+    run(&mut app, 2);
+    let some = outlines(&mut app);
+    assert_eq!(some.len(), 5);
+    assert_ne!(asset_of(&some, bears[1]), asset_of(&some, bears[2]));
+    set(&mut app, |group, _| group.enabled = false);
+    run(&mut app, 2);
+    let one = outlines(&mut app);
+    assert_eq!((one.len(), one[0].0), (1, bears[1]));
+    let white = app.world().resource::<Assets<GizmoAsset>>().get(one[0].2).unwrap().buffer().strip_colors[0];
+    assert_eq!(white, LinearRgba::WHITE);
+
+    app.world_mut().despawn(bears[1]);
+    run(&mut app, 3);
+    assert_eq!(outlines(&mut app), []);
+    assert_eq!(app.world().resource::<Assets<GizmoAsset>>().len(), 0, "lines that nobody shows are gone");
+}
+
+#[test]
+fn a_body_is_drawn_at_the_level_by_which_it_collides() {
+    let mut app = app();
+    let axis = models().iter().find(|model| model.name == "bear").unwrap().axis.clone();
+    assert!(axis.coarser().len() > 1);
+    let body = spawn_body(&mut app, axis, Transform::default());
+    set(&mut app, |group, layers| {
+        group.enabled = true;
+        layers.color_by_level = true;
+    });
+    let mut seen = Vec::new();
+    for percent in [0.0, 4.0, 100.0] {
+        app.world_mut().entity_mut(body).insert(MedialBudget::Percent(percent));
+        run(&mut app, 3);
+        let outlines = outlines(&mut app);
+        assert_eq!(outlines.len(), 1);
+        let level = app.world().get::<MedialLevel>(body).unwrap().0;
+        let lines = app.world().resource::<Assets<GizmoAsset>>().get(outlines[0].2).unwrap().buffer();
+        seen.push((level, outlines[0].1, lines.strip_colors[0].to_f32_array()));
+    }
+    for pair in seen.windows(2) {
+        assert!(pair[0].0 < pair[1].0 && pair[0].1 > pair[1].1 && pair[0].2 != pair[1].2, "{seen:?}");
+    }
+}
+
+#[test]
+fn each_layer_of_a_step_adds_lines_and_takes_them_away() {
+    let mut app = rods();
+    assert_eq!(drawn(&mut app), 0, "the group is off");
+    set(&mut app, |group, layers| {
+        group.enabled = true;
+        layers.layers_mut().into_iter().for_each(|(_, layer)| layer.enabled = false);
+    });
+    assert_eq!(drawn(&mut app), 0, "every layer is off");
+    let names: Vec<&str> = MedialGizmos::default().layers_mut().map(|(name, _)| name).into();
+    let shapes = ["spheres", "cones", "slabs"];
+    let switch = |app: &mut App, name: &str, on: bool| {
+        set(app, |_, layers| {
+            let layers = layers.layers_mut().into_iter();
+            layers.filter(|(other, _)| *other == name).for_each(|(_, layer)| layer.enabled = on);
+        });
+    };
+    for name in names.iter().filter(|name| !shapes.contains(name)) {
+        switch(&mut app, name, true);
+        // The candidates are those of the next step; impacts come and go.
+        let corners = (0..120).map(|_| drawn(&mut app)).find(|corners| *corners > 0);
+        assert!(corners.is_some(), "{name} draws nothing");
+        switch(&mut app, name, false);
+        assert_eq!(drawn(&mut app), 0, "{name} is left");
+    }
+    let step = app.world().resource::<MedialStep>();
+    assert!(step.output.candidates.is_empty() || !step.input.report_candidates);
+}
+
+#[test]
+fn candidates_are_what_the_step_counts() {
+    let mut app = rods();
+    set(&mut app, |group, layers| {
+        group.enabled = true;
+        layers.candidates.enabled = true;
+    });
+    let mut most = 0;
+    for _ in 0..60 {
+        app.update();
+        let step = app.world().resource::<MedialStep>();
+        if !step.input.report_candidates {
+            continue;
+        }
+        let told: usize = step.output.candidates.iter().map(|pair| pair.primitives.as_ref().unwrap().len()).sum();
+        if told > 0 {
+            assert_eq!(told, step.output.counts.candidates);
+        }
+        most = most.max(told);
+    }
+    assert!(most > 10, "{most} candidates");
+}
