@@ -5,7 +5,7 @@ use std::{
     sync::{
         Arc, Mutex,
         atomic::{AtomicU32, Ordering},
-        mpsc::{Receiver, TryRecvError, channel},
+        mpsc::{Receiver, channel},
     },
     thread,
 };
@@ -57,10 +57,7 @@ impl Job {
 
     /// What has been built, once.
     pub fn take(&self) -> Option<Outcome> {
-        match self.outcome.lock().ok()?.try_recv() {
-            Ok(outcome) => Some(outcome),
-            Err(TryRecvError::Empty | TryRecvError::Disconnected) => None,
-        }
+        self.outcome.lock().ok()?.try_recv().ok()
     }
 
     /// Waits for the end.

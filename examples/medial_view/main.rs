@@ -114,7 +114,7 @@ fn add_view(app: &mut App, shown: Shown, job: Job, target: RenderTarget) {
         IsDefaultUiCamera,
         target,
         PanOrbitCamera::default(),
-        Transform::from_xyz(0.35, 0.4, 1.3).looking_at(Vec3::ZERO, Vec3::Y),
+        Transform::from_xyz(0.15, 0.4, 1.4).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     app.world_mut().spawn((
         DirectionalLight { shadow_maps_enabled: true, illuminance: 6000.0, ..default() },

@@ -12,7 +12,7 @@ use bevy_medial::{
 use crate::job::Job;
 
 /// How far the middles are from the middle of the view, the diagonal of the mesh being 1.
-const ASIDE: f32 = 0.4;
+const ASIDE: f32 = 0.47;
 /// Sides of a sphere or cone.
 const SIDES: u32 = 32;
 
