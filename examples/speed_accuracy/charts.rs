@@ -77,7 +77,7 @@ impl Chart<'_> {
                 .y_desc(self.y)
                 .label_style(("sans-serif", FONT * 0.85))
                 .axis_desc_style(("sans-serif", FONT))
-                .light_line_style(RGBColor(238, 238, 238))
+                .max_light_lines(0)
                 .bold_line_style(RGBColor(205, 205, 205))
                 .x_label_formatter(&|v| plain(*v))
                 .y_label_formatter(&|v| plain(*v))

@@ -8,6 +8,7 @@ use crate::{
     queries::Row,
     scenes::{METHODS, SceneRow},
     tables::{csv, machine, write},
+    verdict::{Verdict, verdicts},
 };
 
 type Written = Result<(), Box<dyn std::error::Error>>;
@@ -63,7 +64,7 @@ pub fn write_all(folder: &Path, command: &str, models: &[Model], rows: &[Row], s
         write(&folder.join(name).with_extension("svg"), svg)?;
     }
     let text = markdown(command, rows, scenes, charts.iter().map(|(name, _)| *name));
-    write(&folder.join("speed_accuracy.md"), &text)?;
+    write(&folder.join("README.md"), &text)?;
     write(
         &folder.join("speed_accuracy.html"),
         &page(command, rows, scenes, charts.iter().map(|(_, svg)| svg.as_str())),
@@ -155,6 +156,16 @@ fn queries_table(rows: &[Row]) -> Vec<Vec<String>> {
     std::iter::once(head.map(String::from).into()).chain(rows.iter().map(row)).collect()
 }
 
+fn verdicts_table(rows: &[Row]) -> Vec<Vec<String>> {
+    let head = ["beside", "parts", "times as fast at its error", "times less error in its time"];
+    let times = |ratio: Option<f64>, none: &str| ratio.map_or_else(|| none.to_owned(), |ratio| format!("{ratio:.1}"));
+    let row = |verdict: Verdict| {
+        let Verdict { rival, parts, faster, nearer } = verdict;
+        vec![rival.into(), format!("{parts:.0}"), times(faster, "never that good"), times(nearer, "never that fast")]
+    };
+    std::iter::once(head.map(String::from).into()).chain(verdicts(rows).into_iter().map(row)).collect()
+}
+
 fn scenes_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
     let head =
         ["scene", "shapes", "budget, %", "surface, %", "collision, ms", "step, ms", "deepest overlap, %", "lost"];
@@ -173,12 +184,21 @@ fn scenes_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
     std::iter::once(head.map(String::from).into()).chain(rows.iter().map(row)).collect()
 }
 
+/// All of them, with their titles.
+fn tables(rows: &[Row], scenes: &[SceneRow]) -> [(&'static str, Vec<Vec<String>>); 3] {
+    [
+        ("The medial mesh beside the others", verdicts_table(rows)),
+        ("Queries", queries_table(rows)),
+        ("Scenes", scenes_table(scenes)),
+    ]
+}
+
 fn markdown<'a>(command: &str, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
     let mut text = format!("# Speed against accuracy\n\n{HEAD}\nMachine: {}. Command: `{command}`.\n", machine());
     for name in charts {
         let _ = writeln!(text, "\n![{name}]({name}.svg)");
     }
-    for (title, table) in [("Queries", queries_table(rows)), ("Scenes", scenes_table(scenes))] {
+    for (title, table) in tables(rows, scenes) {
         let _ = writeln!(text, "\n## {title}\n");
         for (i, row) in table.iter().enumerate() {
             let _ = writeln!(text, "| {} |", row.join(" | "));
@@ -205,7 +225,7 @@ fn page<'a>(command: &str, rows: &[Row], scenes: &[SceneRow], charts: impl Itera
     }
     let _ = write!(text, "<p>Machine: {}. Command: <code>{}</code></p>", escaped(&machine()), escaped(command));
     charts.for_each(|svg| text += svg);
-    for (title, table) in [("Queries", queries_table(rows)), ("Scenes", scenes_table(scenes))] {
+    for (title, table) in tables(rows, scenes) {
         let _ = write!(text, "<h2>{title}</h2><div><table>");
         for (i, row) in table.iter().enumerate() {
             let cell = if i == 0 { "th" } else { "td" };

@@ -1,0 +1,59 @@
+//! How a curve lies to the others: who is faster at the same error, and nearer the truth in the same time.
+
+use crate::{methods::Method, queries::Row};
+
+/// A rival at one of its resolutions, beside the medial mesh. More than 1 speaks for the medial mesh.
+pub struct Verdict {
+    pub rival: &'static str,
+    pub parts: f64,
+    /// Its time over that of a medial mesh of the same error. None if the finest that was tried is not as good.
+    pub faster: Option<f64>,
+    /// Its error over that of a medial mesh that takes the same time. None if the coarsest takes longer.
+    pub nearer: Option<f64>,
+}
+
+/// Of each resolution of each other method that has another shape, or another scheme for the time of impact.
+pub fn verdicts(rows: &[Row]) -> Vec<Verdict> {
+    let own: Vec<[f64; 2]> = curve(rows, Method::Medial.name());
+    let rivals = [Method::Alternating, Method::Spheres, Method::Decomposition, Method::Hull, Method::TriMesh];
+    let of_row = |row: &Row| {
+        let [time, error] = [row.microseconds, row.hit_error_median_percent];
+        Verdict {
+            rival: row.method,
+            parts: row.parts,
+            faster: along(&own, 1, error).map(|own| time / own),
+            nearer: along(&own, 0, time).map(|own| error / own),
+        }
+    };
+    rivals.iter().flat_map(|rival| rows.iter().filter(|row| row.method == rival.name())).map(of_row).collect()
+}
+
+/// Time and error of each resolution, the coarsest first, as far as each is better than all before.
+fn curve(rows: &[Row], method: &str) -> Vec<[f64; 2]> {
+    let mut points: Vec<[f64; 2]> = Vec::new();
+    for row in rows.iter().filter(|row| row.method == method) {
+        let point = [row.microseconds, row.hit_error_median_percent];
+        if points.last().is_none_or(|last| point[0] > last[0] && point[1] < last[1]) {
+            points.push(point);
+        }
+    }
+    points
+}
+
+/// The other coordinate where a curve has a value of one, on straight lines between logarithms. What the coarsest point is good enough for, it is taken
+/// for, and beyond the finest's time the finest.
+fn along(points: &[[f64; 2]], axis: usize, value: f64) -> Option<f64> {
+    let (first, last) = (points.first()?, points.last()?);
+    match axis {
+        0 if value < first[0] => return None,
+        0 if value >= last[0] => return Some(last[1]),
+        1 if value < last[1] => return None,
+        1 if value >= first[1] => return Some(first[0]),
+        _ => {}
+    }
+    points.windows(2).find_map(|pair| {
+        let [from, to] = [pair[0].map(f64::ln), pair[1].map(f64::ln)];
+        let part = (value.ln() - from[axis]) / (to[axis] - from[axis]);
+        (0.0..=1.0).contains(&part).then(|| (from[1 - axis] + part * (to[1 - axis] - from[1 - axis])).exp())
+    })
+}
