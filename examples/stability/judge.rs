@@ -188,6 +188,14 @@ impl World {
         self.dynamic().into_iter().map(energy).sum()
     }
 
+    /// By which part of the energy at first that of all motions of the centres of mass is more than it; negative if it is not. Energy of rotation is left
+    /// out: without gyroscopic forces it changes as a body turns.
+    pub fn energy_gain(&self, at_first: f32) -> f32 {
+        let energy =
+            |i| self.mass(i) * (0.5 * self.state(i).linear.length_squared() + self.setup.gravity * self.center(i).y);
+        self.dynamic().into_iter().map(energy).sum::<f32>() / at_first - 1.0
+    }
+
     /// How deep two bodies overlap, in metres; 0 if they do not.
     pub fn depth(&self, one: usize, other: usize) -> f32 {
         let (first, second) = if self.bodies[one].shape.is_some() { (one, other) } else { (other, one) };

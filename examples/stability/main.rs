@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Each hazard has a physical criterion, the same for all methods, and is run with several seeds. Without `--out` the table is printed only.
-//! The run fails if this crate fails anywhere.
+//! The run fails if this crate fails anywhere but where that is known.
 
 mod hazards;
 mod heat_map;
@@ -25,7 +25,7 @@ use methods::METHODS;
 #[derive(Parser)]
 #[command(about = "Hazards in which methods of collision fail")]
 struct Args {
-    /// Fewer seeds, and no pile for a minute.
+    /// Fewer seeds, no pile for a minute, and no GPU that is a program.
     #[arg(long)]
     quick: bool,
     /// Only hazards whose name contains this.
@@ -65,6 +65,10 @@ fn run(args: &Args) -> Result<(), String> {
     methods.retain(|method| is_wanted(&args.method, method.name));
     if methods.iter().any(|method| method.needs_adapter) {
         match GpuDevice::request() {
+            Ok(device) if args.quick && device.is_software() => {
+                println!("without the GPU, whose part a program would play: {}", device.name());
+                methods.retain(|method| !method.needs_adapter);
+            }
             Ok(device) => println!("GPU: {}", device.name()),
             Err(error) => {
                 println!("without the GPU: {error}");
@@ -81,9 +85,12 @@ fn run(args: &Args) -> Result<(), String> {
     if let Some(folder) = &args.out {
         report.write(folder)?;
     }
-    let failed = cells.iter().filter(|cell| methods[cell.method].is_ours && cell.passed() < cell.results.len());
+    let failed = cells.iter().filter(|cell| {
+        let known = hazards::OPEN.contains(&hazards[cell.hazard].name);
+        methods[cell.method].is_ours && !known && cell.passed() < cell.results.len()
+    });
     match failed.count() {
         0 => Ok(()),
-        failed => Err(format!("this crate fails in {failed} cells")),
+        failed => Err(format!("this crate fails in {failed} cells where it did not before")),
     }
 }

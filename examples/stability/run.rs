@@ -27,12 +27,16 @@ impl Cell {
     }
 }
 
-/// Runs all, on all cores. Methods that ask for an adapter share the main thread: their renderers are made for that.
+/// Runs all, on all cores. Methods that ask for an adapter share the main thread: their renderers are made for that. They have one seed each, as
+/// their results are those of the CPU to the bit.
 pub fn all(hazards: &[Hazard], methods: &[Method], quick: bool) -> Vec<Cell> {
     let cells = (0..hazards.len()).flat_map(|hazard| (0..methods.len()).map(move |method| [hazard, method]));
     let (mut graphic, plain): (Vec<_>, Vec<_>) = cells.partition(|[_, method]| methods[*method].needs_adapter);
-    let seeds = |hazard: usize| hazards[hazard].seeds[usize::from(!quick)];
-    let total = graphic.iter().chain(&plain).map(|[hazard, _]| seeds(*hazard)).sum();
+    let seeds = |[hazard, method]: [usize; 2]| {
+        let all = hazards[hazard].seeds[usize::from(!quick)];
+        if methods[method].needs_adapter { all.min(1) } else { all }
+    };
+    let total = graphic.iter().chain(&plain).map(|cell| seeds(*cell)).sum();
     let progress = ProgressBar::new(total);
     if let Ok(style) = ProgressStyle::with_template("{elapsed} {wide_bar} {pos}/{len} {msg}") {
         progress.set_style(style);
@@ -40,7 +44,7 @@ pub fn all(hazards: &[Hazard], methods: &[Method], quick: bool) -> Vec<Cell> {
     let (plain, done) = (Mutex::new(plain), Mutex::new(Vec::new()));
     let run = |[hazard, method]: [usize; 2]| {
         progress.set_message(format!("{}: {}", hazards[hazard].name, methods[method].name));
-        let results = (0..seeds(hazard)).map(|seed| {
+        let results = (0..seeds([hazard, method])).map(|seed| {
             let result = run_one(&hazards[hazard], &methods[method], seed);
             progress.inc(1);
             result

@@ -15,14 +15,14 @@ pub const HAZARDS: &[Hazard] = &[
     Hazard {
         name: "linked tori, thrown",
         criterion: "of two linked tori one is thrown at 5 to 20 m/s: they are linked in every step of 5 s, and no energy is gained",
-        seeds: [3, 9],
+        seeds: [3, 6],
         run: thrown,
     },
     Hazard {
         name: "chain under load",
         criterion: "six rings hang from a fixed one, the last with twenty times the mass: for 10 s each is linked with the next, and in the end \
             none overlaps more than five times what is allowed",
-        seeds: [1, 3],
+        seeds: [1, 2],
         run: chain,
     },
 ];
@@ -58,7 +58,7 @@ fn thrown(method: &Method, seed: u64) -> Result<(), String> {
     for _ in 0..300 {
         world.step(1)?;
         ensure(are_linked(&world, first, second), || format!("unlinked: after {:.2} s", world.time))?;
-        let gained = world.energy() / energy - 1.0;
+        let gained = world.energy_gain(energy);
         ensure(gained < 0.01, || format!("energy: grows by {:.0} % until {:.2} s", 100.0 * gained, world.time))?;
     }
     Ok(())

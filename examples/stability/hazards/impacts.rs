@@ -19,21 +19,21 @@ const SPIN: &str = "a rod that turns by 720 degrees a step meets what stands in 
     momentum is kept to 1 %, no energy is gained";
 
 pub const HAZARDS: &[Hazard] = &[
-    Hazard { name: "thin wall, 1 m/s", criterion: WALL, seeds: [4, 12], run: |m, s| thin_wall(m, s, 1.0) },
-    Hazard { name: "thin wall, 10 m/s", criterion: WALL, seeds: [4, 12], run: |m, s| thin_wall(m, s, 10.0) },
-    Hazard { name: "thin wall, 100 m/s", criterion: WALL, seeds: [4, 12], run: |m, s| thin_wall(m, s, 100.0) },
-    Hazard { name: "thin wall, 1000 m/s", criterion: WALL, seeds: [4, 12], run: |m, s| thin_wall(m, s, 1000.0) },
-    Hazard { name: "body at rest, 10 m/s", criterion: TRANSFER, seeds: [4, 12], run: |m, s| meet(m, s, 10.0, false) },
-    Hazard { name: "body at rest, 100 m/s", criterion: TRANSFER, seeds: [4, 12], run: |m, s| meet(m, s, 100.0, false) },
+    Hazard { name: "thin wall, 1 m/s", criterion: WALL, seeds: [4, 8], run: |m, s| thin_wall(m, s, 1.0) },
+    Hazard { name: "thin wall, 10 m/s", criterion: WALL, seeds: [4, 8], run: |m, s| thin_wall(m, s, 10.0) },
+    Hazard { name: "thin wall, 100 m/s", criterion: WALL, seeds: [4, 8], run: |m, s| thin_wall(m, s, 100.0) },
+    Hazard { name: "thin wall, 1000 m/s", criterion: WALL, seeds: [4, 8], run: |m, s| thin_wall(m, s, 1000.0) },
+    Hazard { name: "body at rest, 10 m/s", criterion: TRANSFER, seeds: [4, 8], run: |m, s| meet(m, s, 10.0, false) },
+    Hazard { name: "body at rest, 100 m/s", criterion: TRANSFER, seeds: [4, 8], run: |m, s| meet(m, s, 100.0, false) },
     Hazard {
         name: "body at rest, 1000 m/s",
         criterion: TRANSFER,
-        seeds: [4, 12],
+        seeds: [4, 8],
         run: |m, s| meet(m, s, 1000.0, false),
     },
-    Hazard { name: "two bullets, 100 m/s", criterion: TRANSFER, seeds: [4, 12], run: |m, s| meet(m, s, 100.0, true) },
-    Hazard { name: "two bullets, 1000 m/s", criterion: TRANSFER, seeds: [4, 12], run: |m, s| meet(m, s, 1000.0, true) },
-    Hazard { name: "spin of 720° a step", criterion: SPIN, seeds: [4, 12], run: spin },
+    Hazard { name: "two bullets, 100 m/s", criterion: TRANSFER, seeds: [4, 8], run: |m, s| meet(m, s, 100.0, true) },
+    Hazard { name: "two bullets, 1000 m/s", criterion: TRANSFER, seeds: [4, 8], run: |m, s| meet(m, s, 1000.0, true) },
+    Hazard { name: "spin of 720° a step", criterion: SPIN, seeds: [4, 8], run: spin },
 ];
 
 /// A ball, a rod, a box and a torus in turn.
@@ -106,7 +106,7 @@ fn meet(method: &Method, seed: u64, speed: f32, head_on: bool) -> Result<(), Str
     let after = bodies.map(|body| world.momentum(body));
     let change = (after[0] + after[1] - before[0] - before[1]).length() / before[0].length();
     ensure(change < 0.01, || format!("momentum: changes by {:.0} %", 100.0 * change))?;
-    let gained = world.energy() / energy - 1.0;
+    let gained = world.energy_gain(energy);
     ensure(gained < 0.01, || format!("energy: grows by {:.0} %", 100.0 * gained))?;
     let transfer = (before[0] - after[0]).dot(impulse) / impulse.length_squared();
     ensure(transfer > 0.5, || format!("through: transfers {:.0} % of the impulse", 100.0 * transfer))?;
@@ -135,7 +135,7 @@ fn spin(method: &Method, seed: u64) -> Result<(), String> {
     let [energy, mut momentum] = [world.energy(), world.momentum(rod).x];
     let start = world.state(rod).linear;
     world.run(1.0)?;
-    let gained = world.energy() / energy - 1.0;
+    let gained = world.energy_gain(energy);
     ensure(gained < 0.01, || format!("energy: grows by {:.0} %", 100.0 * gained))?;
     let hit = world.state(rod).linear.distance(start);
     if against_ball {

@@ -15,19 +15,19 @@ pub const HAZARDS: &[Hazard] = &[
         name: "teleport",
         criterion: "a body that lies in contact is put to the other side of a wall and of a resting body: what is between does not move by 7 mm, \
             and it lies still there within 3 s, in place to 7 mm",
-        seeds: [2, 6],
+        seeds: [2, 4],
         run: teleport,
     },
     Hazard {
         name: "despawn in contact",
         criterion: "the middle one of three bodies on each other, asleep, is taken away: the upper one falls, and lies still on the lower within 3 s",
-        seeds: [2, 6],
+        seeds: [2, 4],
         run: despawn,
     },
     Hazard {
         name: "scale in contact",
         criterion: "the lower one of two bodies grows by half: within 3 s both lie still at their new heights, to 15 mm, and neither is ever faster than 5 m/s",
-        seeds: [2, 6],
+        seeds: [2, 4],
         run: scale,
     },
 ];
@@ -61,11 +61,10 @@ fn teleport(method: &Method, seed: u64) -> Result<(), String> {
     world.check_rest(2.0)
 }
 
-/// Three bodies at rest on each other.
-fn three(method: &Method, seed: u64) -> Result<(World, [usize; 3], f32), String> {
+/// Three bodies of one form, and half its height, at rest on each other.
+fn three(method: &Method, seed: u64, (form, half): (Form, f32)) -> Result<(World, [usize; 3], f32), String> {
     let mut world = World::new(method, Setup::default())?;
     world.add_floor()?;
-    let (form, half) = form(seed);
     let mut add = |layer: f32| world.add(Body::dynamic(form.clone()).at(Vec3::Y * (half * (1.0 + 2.0 * layer))));
     let bodies = [add(0.0)?, add(1.0)?, add(2.0)?];
     world.run(3.0 * Random(seed).unit() + 1.0)?;
@@ -73,7 +72,7 @@ fn three(method: &Method, seed: u64) -> Result<(World, [usize; 3], f32), String>
 }
 
 fn despawn(method: &Method, seed: u64) -> Result<(), String> {
-    let (mut world, [_, middle, upper], half) = three(method, seed)?;
+    let (mut world, [_, middle, upper], half) = three(method, seed, form(seed))?;
     world.despawn(middle);
     world.run(3.0)?;
     let off = world.center(upper).y - 3.0 * half;
@@ -82,7 +81,10 @@ fn despawn(method: &Method, seed: u64) -> Result<(), String> {
 }
 
 fn scale(method: &Method, seed: u64) -> Result<(), String> {
-    let (mut world, [lower, middle, upper], half) = three(method, seed)?;
+    // A ring would fall into a larger one.
+    let half = Vec3::new(0.3, 0.1 + 0.1 * Random(seed + 50).unit(), 0.3);
+    let form = (Form::rounded(half, 0.03), half.y);
+    let (mut world, [lower, middle, upper], half) = three(method, seed, form)?;
     world.despawn(upper);
     world.resize(lower, 1.5)?;
     for _ in 0..180 {

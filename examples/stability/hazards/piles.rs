@@ -13,7 +13,7 @@ const PILE: &str = "51 tori fall in a heap; none sinks into the floor or leaves 
     none moves at 0.1 m/s, none overlaps more than twice what is allowed";
 
 pub const HAZARDS: &[Hazard] = &[
-    Hazard { name: "12 tori for 20 s", criterion: PILE, seeds: [1, 3], run: |m, s| pile(m, s, 12, [12.0, 8.0]) },
+    Hazard { name: "12 tori for 20 s", criterion: PILE, seeds: [1, 2], run: |m, s| pile(m, s, 12, [12.0, 8.0]) },
     Hazard { name: "51 tori for 60 s", criterion: PILE, seeds: [0, 1], run: |m, s| pile(m, s, 51, [30.0, 30.0]) },
 ];
 

@@ -20,10 +20,10 @@ const HALF: Vec3 = Vec3::new(2.0, 1.5, 2.0);
 const WALL: f32 = 0.025;
 
 pub const HAZARDS: &[Hazard] = &[
-    Hazard { name: "steps of 1/240 s", criterion: ROOM, seeds: [1, 4], run: |m, s| room(m, s, 1.0 / 240.0, false) },
-    Hazard { name: "steps of 1/60 s", criterion: ROOM, seeds: [1, 4], run: |m, s| room(m, s, 1.0 / 60.0, false) },
-    Hazard { name: "steps of 1/10 s", criterion: ROOM, seeds: [1, 4], run: |m, s| room(m, s, 0.1, false) },
-    Hazard { name: "one step of 0.5 s", criterion: ROOM, seeds: [1, 4], run: |m, s| room(m, s, 1.0 / 60.0, true) },
+    Hazard { name: "steps of 1/240 s", criterion: ROOM, seeds: [1, 2], run: |m, s| room(m, s, 1.0 / 240.0, false) },
+    Hazard { name: "steps of 1/60 s", criterion: ROOM, seeds: [1, 2], run: |m, s| room(m, s, 1.0 / 60.0, false) },
+    Hazard { name: "steps of 1/10 s", criterion: ROOM, seeds: [1, 2], run: |m, s| room(m, s, 0.1, false) },
+    Hazard { name: "one step of 0.5 s", criterion: ROOM, seeds: [1, 2], run: |m, s| room(m, s, 1.0 / 60.0, true) },
 ];
 
 /// One of six shapes of about half a metre.
@@ -73,7 +73,7 @@ fn room(method: &Method, seed: u64, dt: f32, hitch: bool) -> Result<(), String> 
             let out = (world.center(body) - Vec3::Y * HALF.y).abs() - HALF;
             ensure(out.max_element() < 0.0, || format!("escaped: a body leaves the room after {:.2} s", world.time))?;
         }
-        let gained = world.energy() / energy - 1.0;
+        let gained = world.energy_gain(energy);
         ensure(gained < 0.01, || format!("energy: grows by {:.0} % until {:.2} s", 100.0 * gained, world.time))?;
     }
     for body in world.dynamic() {

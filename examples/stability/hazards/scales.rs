@@ -17,7 +17,7 @@ pub const HAZARDS: &[Hazard] = &[
         name: "mass ratio 1:1000",
         criterion: "a box that is a thousand times as heavy as the one that it stands on comes to rest on it, and presses it flat by no more than twice what is \
             allowed; a heavy ball sweeps a light one along at its own speed, to 2 %",
-        seeds: [2, 6],
+        seeds: [2, 4],
         run: masses,
     },
     Hazard {
@@ -26,12 +26,12 @@ pub const HAZARDS: &[Hazard] = &[
         seeds: [3, 6],
         run: sizes,
     },
-    Hazard { name: "bodies of 1 mm", criterion: SCALED, seeds: [1, 3], run: |m, s| scaled(m, s, 1e-3, Vec3::ZERO) },
-    Hazard { name: "bodies of 1 km", criterion: SCALED, seeds: [1, 3], run: |m, s| scaled(m, s, 1e3, Vec3::ZERO) },
+    Hazard { name: "bodies of 1 mm", criterion: SCALED, seeds: [1, 2], run: |m, s| scaled(m, s, 1e-3, Vec3::ZERO) },
+    Hazard { name: "bodies of 1 km", criterion: SCALED, seeds: [1, 2], run: |m, s| scaled(m, s, 1e3, Vec3::ZERO) },
     Hazard {
         name: "10 km from the origin",
         criterion: "the same of bodies of half a metre 10 km from the origin, where a coordinate is exact to half a millimetre",
-        seeds: [1, 3],
+        seeds: [1, 2],
         run: |m, s| scaled(m, s, 0.5, Vec3::new(7000.0, 0.0, -7000.0)),
     },
 ];
@@ -96,8 +96,9 @@ fn scaled(method: &Method, seed: u64, size: f32, origin: Vec3) -> Result<(), Str
     let mut random = Random(seed);
     let unit = if origin == Vec3::ZERO { size } else { 1.0 };
     let mut world = World::new(method, Setup { unit, ..Setup::default() })?;
-    let ground = Vec3::new(20.0, 1.0, 20.0) * size;
-    world.add(Body::fixed(Form::Cuboid(ground)).at(origin - Vec3::Y * size))?;
+    // As thick as it is long: this is not about falling through.
+    let ground = Vec3::splat(20.0) * size;
+    world.add(Body::fixed(Form::Cuboid(ground)).at(origin - Vec3::Y * ground.y))?;
     let half = 0.5 * size;
     let mut add = |form: Form, place: Vec3| {
         let aside = random.vector() * Vec3::new(0.02, 0.0, 0.02);

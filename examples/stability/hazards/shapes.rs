@@ -15,14 +15,14 @@ pub const HAZARDS: &[Hazard] = &[
         name: "sharp features",
         criterion: "boxes and spikes of radius 0 that fall on their corners and tips at 3 to 10 m/s do not sink into the floor by more than a twentieth \
             of their size, and lie still in the end",
-        seeds: [4, 12],
+        seeds: [4, 8],
         run: sharp,
     },
     Hazard {
         name: "degenerate shapes",
         criterion: "shapes that are none or nearly none (a cone of two equal balls, a slab on a line, slivers, needles, balls within balls) \
             fall, do not sink into the floor by more than a twentieth of their size, and lie still in the end",
-        seeds: [6, 12],
+        seeds: [6, 6],
         run: degenerate,
     },
 ];

@@ -15,7 +15,7 @@ use bevy_medial::{
 use bevy_rapier3d::{
     plugin::context::{RapierContextSimulation, RapierRigidBodySet},
     prelude::{
-        CoefficientCombineRule, Collider, ColliderMassProperties, Damping, Friction, RapierConfiguration,
+        CoefficientCombineRule, Collider, ColliderMassProperties, Damping, Friction, PhysicsSet, RapierConfiguration,
         RapierRigidBodyHandle, RigidBody, TimestepMode, Velocity,
     },
 };
@@ -50,6 +50,7 @@ impl Medial {
             stop_at_impact: variant != Variant::Alternating,
             ..default()
         });
+        app.add_systems(PostUpdate, calm_bullets.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation));
         if variant == Variant::Alternating {
             alternating::add(&mut app);
         }
@@ -87,6 +88,18 @@ fn rendering_app() -> App {
     app.finish();
     app.cleanup();
     app
+}
+
+/// Rapier's gyroscopic term is explicit in time: it makes energy out of a fast spin in free flight.
+fn calm_bullets(
+    bullets: Query<&RapierRigidBodyHandle, (With<Bullet>, Added<RapierRigidBodyHandle>)>,
+    mut set: Single<&mut RapierRigidBodySet>,
+) {
+    for handle in &bullets {
+        if let Some(body) = set.bodies.get_mut(handle.0) {
+            body.enable_gyroscopic_forces(false);
+        }
+    }
 }
 
 fn set_dt(app: &mut App, dt: f32) {

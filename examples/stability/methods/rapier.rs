@@ -72,7 +72,11 @@ impl Engine for Rapier {
                 .ccd_enabled(matches!(self.care, Care::Ccd | Care::Triangles))
                 .soft_ccd_prediction(if self.care == Care::SoftCcd { way } else { 0.0 });
         }
-        self.handles.push(self.physics.insert(rigid, shape));
+        let handles = self.physics.insert(rigid, shape);
+        if body.fast {
+            self.physics.bodies[handles.0].enable_gyroscopic_forces(false);
+        }
+        self.handles.push(handles);
         Ok(())
     }
 
