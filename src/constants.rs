@@ -144,6 +144,10 @@ pub const MAX_MAGNITUDE: f32 = 1.0e9;
 /// How far around a contact, in metres, the surfaces of other parts are looked at: several times what rapier lets bodies overlap.
 pub const SEAM_REACH: f32 = 4.0e-3;
 
+/// Distance in metres up to which contacts of several parts are the same one: their points are shared, and rounded a little differently. Larger, and
+/// small bodies lose contacts.
+pub const SAME_CONTACT: f32 = 1.0e-6;
+
 /// Height in metres up to which a part that goes on from another one makes no step.
 pub const FLUSH: f32 = 1.0e-4;
 

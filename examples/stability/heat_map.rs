@@ -44,11 +44,11 @@ fn fill(area: &Area, report: &Report) -> Result<(), Box<dyn std::error::Error>> 
         let lines: Vec<&str> = method.name.splitn(2, ", ").collect();
         let first = MARGIN + HEADER - 10 - 17 * (lines.len() as i32 - 1);
         for (line, words) in lines.iter().enumerate() {
-            text(words, (left(column) + CELL[0] / 2, first + 17 * line as i32), 14, HPos::Center)?;
+            text(words, (left(column) + CELL[0] / 2, first + 17 * line as i32), 17, HPos::Center)?;
         }
     }
     for (row, hazard) in report.hazards.iter().enumerate() {
-        text(hazard.name, (MARGIN + LABELS - 8, top(row) + CELL[1] / 2), 14, HPos::Right)?;
+        text(hazard.name, (MARGIN + LABELS - 8, top(row) + CELL[1] / 2), 17, HPos::Right)?;
     }
     for cell in report.cells {
         let (x, y) = (left(cell.method), top(cell.hazard));
@@ -58,10 +58,10 @@ fn fill(area: &Area, report: &Report) -> Result<(), Box<dyn std::error::Error>> 
         let rate = format!("{}/{}", cell.passed(), cell.results.len());
         let middle = x + CELL[0] / 2;
         match fault(cell) {
-            None => text(&rate, (middle, y + CELL[1] / 2), 13, HPos::Center)?,
+            None => text(&rate, (middle, y + CELL[1] / 2), 16, HPos::Center)?,
             Some(fault) => {
-                text(&rate, (middle, y + 10), 13, HPos::Center)?;
-                text(fault, (middle, y + 23), 11, HPos::Center)?;
+                text(&rate, (middle, y + 10), 16, HPos::Center)?;
+                text(fault, (middle, y + 23), 14, HPos::Center)?;
             }
         }
     }

@@ -15,7 +15,7 @@ use super::{
     seams, with_spheres,
 };
 use crate::{
-    constants::{FLUSH, VERTEX_NORMAL_COSINE},
+    constants::{FLUSH, SEAM_REACH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, Support, separation},
 };
@@ -109,7 +109,7 @@ pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, con
             let second = |id: u32, point: Vec3, normal: Vec3, height: f32| {
                 parts.iter().find(|part| part.id == id).map(|part| part.separation_from(point, normal * height))
             };
-            seams::remove(contacts, pose12.rotation, [&primitives(shape1), &second], FLUSH);
+            seams::remove(contacts, pose12.rotation, [&primitives(shape1), &second], SEAM_REACH);
         }
     }
 }

@@ -8,7 +8,7 @@ use glam::{Quat, Vec3};
 
 use super::contact::Contact;
 use crate::{
-    constants::{FLUSH, SEAM_COSINE, SEAM_REACH},
+    constants::{FLUSH, SAME_CONTACT, SEAM_COSINE, SEAM_REACH},
     query::Separation,
 };
 
@@ -32,7 +32,9 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side
             Touch { part: primitive2, point: point2, normal: rotation21 * -normal1, distance, carries },
         ]
     };
-    let mut kept: Vec<Contact> = Vec::with_capacity(contacts.len());
+    let mut kept: Vec<Contact> = Vec::new();
+    // One of all those at a place: parts share corners and edges, and flush faces of many parts make thousands.
+    let mut looked_at: Vec<Contact> = Vec::new();
     // The deepest touch of each part of either side.
     let mut parts: [Vec<Touch>; 2] = Default::default();
     for contact in contacts.iter() {
@@ -42,6 +44,10 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side
                 parts.push(touch);
             }
         }
+        if looked_at.iter().rev().any(|other| contact.is_same(other)) {
+            continue;
+        }
+        looked_at.push(*contact);
         let is_covered = |i: usize| parts[i].iter().any(|other| touches[i].is_covered(other, sides[i]));
         // The deepest is there to stay, as is what has to be pushed out first, and what pushes the same way does no harm.
         let harmless =
@@ -69,6 +75,12 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [Side
 }
 
 impl Contact {
+    /// True for a contact at the same place that pushes the same way.
+    fn is_same(&self, other: &Self) -> bool {
+        let near = |a: Vec3, b: Vec3| a.distance_squared(b) < SAME_CONTACT * SAME_CONTACT;
+        near(self.point1, other.point1) && near(self.point2, other.point2) && self.pushes_as(other)
+    }
+
     fn pushes_as(&self, other: &Self) -> bool {
         self.normal1.dot(other.normal1) >= SEAM_COSINE
     }
