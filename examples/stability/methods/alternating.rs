@@ -2,6 +2,8 @@
 //!
 //! Each sphere of a primitive moves on one line over the step, as the published test has it; boxes are the slabs that they are as medial meshes.
 
+use std::collections::HashMap;
+
 use bevy::prelude::*;
 use bevy_medial::{
     geometry::{Pose3, Sphere, Sweep},
@@ -88,8 +90,7 @@ struct Way {
 
 impl Way {
     /// None for triangles: of them there is only what the contacts tell.
-    fn new(step: &MedialStep, side: Side, origin: Vec3) -> Option<Self> {
-        let boxed = |half| MedialAxis::rounded_box(half, 0.0).ok().map(Shape::new);
+    fn new(step: &MedialStep, side: Side, origin: Vec3, boxes: &mut Boxes) -> Option<Self> {
         let (shape, sweep) = match side {
             Side::Body(body) => {
                 let body = &step.input.bodies[body as usize];
@@ -101,7 +102,7 @@ impl Way {
                 match body.solid.medial() {
                     Some(shape) => (shape.clone(), Sweep::at_rest(body.pose)),
                     None if body.solid.len() > 1 => return None,
-                    None => (boxed(obb.half_extents)?, Sweep::at_rest(obb.pose)),
+                    None => (boxed(boxes, obb.half_extents)?, Sweep::at_rest(obb.pose)),
                 }
             }
         };
@@ -124,12 +125,27 @@ impl Way {
     }
 }
 
-fn stop(step: Res<MedialStep>, contexts: Single<(&mut RapierRigidBodySet, &RapierContextColliders)>) {
+/// Boxes as medial meshes, by the bits of their half extents.
+type Boxes = HashMap<[u32; 3], Shape>;
+
+fn boxed(boxes: &mut Boxes, half: Vec3) -> Option<Shape> {
+    let key = half.to_array().map(f32::to_bits);
+    if !boxes.contains_key(&key) {
+        boxes.insert(key, Shape::new(MedialAxis::rounded_box(half, 0.0).ok()?));
+    }
+    boxes.get(&key).cloned()
+}
+
+fn stop(
+    step: Res<MedialStep>,
+    contexts: Single<(&mut RapierRigidBodySet, &RapierContextColliders)>,
+    mut boxes: Local<Boxes>,
+) {
     let bodies = (0..step.input.bodies.len() as u32).map(Side::Body);
     let statics = (0..step.statics.bodies().len() as u32).map(Side::Static);
     // Coordinates relative to the first body.
     let origin = step.input.bodies.first().map_or(Vec3::ZERO, |body| body.sweep.start.translation);
-    let sides: Vec<Way> = bodies.chain(statics).filter_map(|side| Way::new(&step, side, origin)).collect();
+    let sides: Vec<Way> = bodies.chain(statics).filter_map(|side| Way::new(&step, side, origin, &mut boxes)).collect();
     let mut stops = vec![1.0f32; step.input.bodies.len()];
     for (i, one) in sides.iter().enumerate() {
         for other in &sides[i + 1..] {
