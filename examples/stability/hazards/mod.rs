@@ -42,7 +42,7 @@ pub fn all() -> Vec<Hazard> {
     families.concat()
 }
 
-/// Hazards in which this crate is known to fail with some seeds. What these have in common is told in `docs/stability.md`.
+/// Hazards in which this crate is known to fail with some seeds. What these have in common is told in the report.
 pub const OPEN: &[&str] = &["steps of 1/10 s", "deep overlap at start", "stack of ten tori", "bodies of 1 mm"];
 
 /// An error unless something holds.
