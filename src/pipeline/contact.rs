@@ -17,7 +17,7 @@ use super::{
     with_spheres,
 };
 use crate::{
-    constants::{FLUSH, VERTEX_NORMAL_COSINE},
+    constants::{FLUSH, SEAM_REACH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, Support, separation},
 };
@@ -109,7 +109,7 @@ pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, con
                 collect_part(shape1, part, pose12, prediction, contacts);
             }
             contacts.sort_by(Contact::order);
-            seams::remove(contacts, pose12.rotation, [shape1, &parts], FLUSH);
+            seams::remove(contacts, pose12.rotation, [shape1, &parts], SEAM_REACH);
         }
     }
 }

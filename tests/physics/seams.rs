@@ -204,6 +204,31 @@ fn nothing_trips_at_a_seam() {
     assert_eq!(slides, 88);
 }
 
+/// A ball that rolls sinks in by a millimetre or two: the edges of the next triangles are then in contact as well.
+#[test]
+fn a_ball_that_rolls_does_not_hop_over_seams() {
+    for floor in ["mesh /", "mesh \\", "coarse mesh", "height field", "medial plate"] {
+        for (radius, speed) in [(0.15, 3.0), (0.2, 4.0), (0.25, 5.0)] {
+            let mut app = app();
+            spawn_floor(&mut app, floor);
+            let ball =
+                spawn_body(&mut app, MedialAxis::sphere(radius).unwrap(), Transform::from_xyz(-0.413, radius, 0.019));
+            let velocity = Velocity { linear: Vec3::X * speed, angular: Vec3::Z * (-speed / radius) };
+            app.world_mut().entity_mut(ball).insert(velocity);
+            let (mut deepest, mut highest) = (0.0f32, 0.0f32);
+            for _ in 0..120 {
+                app.update();
+                let height = position(&mut app, ball).y - radius;
+                (deepest, highest) = (deepest.min(height), highest.max(height));
+            }
+            let way = position(&mut app, ball).x + 0.413;
+            assert!(highest < 3e-3, "on {floor} at {speed} m/s: {highest}");
+            assert!((way / (2.0 * speed) - 1.0).abs() < 0.05, "on {floor} at {speed} m/s: {way}");
+            assert!(deepest < -2e-4, "it never sinks in: {deepest}");
+        }
+    }
+}
+
 #[test]
 fn rapiers_own_shapes_slide_over_a_medial_mesh() {
     let shapes = [

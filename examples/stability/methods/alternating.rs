@@ -1,0 +1,171 @@
+//! The published alternating time of impact in place of this crate's own: bodies stop where it says, all else is the same.
+//!
+//! Each sphere of a primitive moves on one line over the step, as the published test has it; boxes are the slabs that they are as medial meshes.
+
+use std::collections::HashMap;
+
+use bevy::prelude::*;
+use bevy_medial::{
+    geometry::{Pose3, Sphere, Sweep},
+    medial_axis::MedialAxis,
+    pipeline::{Hull, Shape, Side},
+    plugin::{MedialStep, MedialSystems},
+    query::{Moving, TimeOfImpactStatus, alternating},
+};
+use bevy_rapier3d::{
+    plugin::context::{RapierContextColliders, RapierRigidBodySet},
+    prelude::PhysicsSet,
+};
+
+/// Stops bodies after the crate's own pass, in which `stop_at_impact` is to be off.
+pub fn add(app: &mut App) {
+    app.add_systems(PostUpdate, stop.after(MedialSystems::Detect).before(PhysicsSet::Writeback));
+}
+
+/// A primitive on its way.
+enum MovingHull {
+    Sphere(Moving<1>),
+    Cone(Moving<2>),
+    Slab(Moving<3>),
+}
+
+fn moving<const N: usize>(spheres: [Sphere; N], [start, end]: [&Pose3; 2]) -> Moving<N> {
+    let placed = spheres.map(|sphere| Sphere::new(start.transform_point(sphere.center), sphere.radius));
+    Moving { start: placed, motion: std::array::from_fn(|i| end.transform_point(spheres[i].center) - placed[i].center) }
+}
+
+/// All primitives of a shape, each with a ball around all of its way.
+fn hulls(shape: &Shape, [start, end]: [&Pose3; 2]) -> Vec<(MovingHull, Sphere)> {
+    let hull = |i: u32| {
+        let hull = match shape.hull(i) {
+            Hull::Sphere(spheres) => MovingHull::Sphere(moving(spheres, [start, end])),
+            Hull::Cone(spheres) => MovingHull::Cone(moving(spheres, [start, end])),
+            Hull::Slab(spheres) => MovingHull::Slab(moving(spheres, [start, end])),
+        };
+        let bound = match &hull {
+            MovingHull::Sphere(moving) => bound(moving),
+            MovingHull::Cone(moving) => bound(moving),
+            MovingHull::Slab(moving) => bound(moving),
+        };
+        (hull, bound)
+    };
+    (0..shape.len() as u32).map(hull).collect()
+}
+
+fn bound<const N: usize>(moving: &Moving<N>) -> Sphere {
+    let ends = || moving.start.iter().zip(moving.motion).flat_map(|(sphere, way)| [sphere.center, sphere.center + way]);
+    let middle = ends().sum::<Vec3>() / (2 * N) as f32;
+    let thickest = moving.start.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
+    Sphere::new(middle, ends().map(|end| end.distance(middle)).fold(0.0, f32::max) + thickest)
+}
+
+/// The time that it finds for two primitives, if that is a hit.
+fn first_touch(first: &MovingHull, second: &MovingHull) -> Option<f32> {
+    use MovingHull::{Cone, Slab};
+    let found = match (first, second) {
+        (MovingHull::Sphere(a), MovingHull::Sphere(b)) => alternating(a, b),
+        (MovingHull::Sphere(a), Cone(b)) => alternating(a, b),
+        (MovingHull::Sphere(a), Slab(b)) => alternating(a, b),
+        (Cone(a), MovingHull::Sphere(b)) => alternating(a, b),
+        (Cone(a), Cone(b)) => alternating(a, b),
+        (Cone(a), Slab(b)) => alternating(a, b),
+        (Slab(a), MovingHull::Sphere(b)) => alternating(a, b),
+        (Slab(a), Cone(b)) => alternating(a, b),
+        (Slab(a), Slab(b)) => alternating(a, b),
+    };
+    (found.status == TimeOfImpactStatus::Hit).then_some(found.fraction)
+}
+
+fn meet(one: &Sphere, other: &Sphere) -> bool {
+    let reach = one.radius + other.radius;
+    one.center.distance_squared(other.center) < reach * reach
+}
+
+/// A body or a static with all its primitives on their way.
+struct Way {
+    side: Side,
+    hulls: Vec<(MovingHull, Sphere)>,
+    bound: Sphere,
+}
+
+impl Way {
+    /// None for triangles: of them there is only what the contacts tell.
+    fn new(step: &MedialStep, side: Side, origin: Vec3, boxes: &mut Boxes) -> Option<Self> {
+        let (shape, sweep) = match side {
+            Side::Body(body) => {
+                let body = &step.input.bodies[body as usize];
+                (body.solid.medial()?.clone(), body.sweep)
+            }
+            Side::Static(body) => {
+                let body = &step.statics.bodies()[body as usize];
+                let obb = body.obb();
+                match body.solid.medial() {
+                    Some(shape) => (shape.clone(), Sweep::at_rest(body.pose)),
+                    None if body.solid.len() > 1 => return None,
+                    None => (boxed(boxes, obb.half_extents)?, Sweep::at_rest(obb.pose)),
+                }
+            }
+        };
+        let near = |pose: &Pose3| Pose3::from_parts(pose.translation - origin, pose.rotation);
+        let hulls = hulls(&shape, [&near(&sweep.start), &near(&sweep.end)]);
+        let middle = hulls.iter().map(|(_, bound)| bound.center).sum::<Vec3>() / hulls.len().max(1) as f32;
+        let radius = hulls.iter().map(|(_, bound)| bound.farthest(middle)).fold(0.0, f32::max);
+        Some(Self { side, hulls, bound: Sphere::new(middle, radius) })
+    }
+
+    /// The fraction of the step at which it is said to touch another; 1 if it does not.
+    fn first_touch(&self, other: &Self) -> f32 {
+        let mut first = 1.0f32;
+        for (hull1, bound1) in self.hulls.iter().filter(|(_, bound)| meet(bound, &other.bound)) {
+            for (hull2, _) in other.hulls.iter().filter(|(_, bound)| meet(bound, bound1)) {
+                first = first_touch(hull1, hull2).map_or(first, |time| first.min(time));
+            }
+        }
+        first
+    }
+}
+
+/// Boxes as medial meshes, by the bits of their half extents.
+type Boxes = HashMap<[u32; 3], Shape>;
+
+fn boxed(boxes: &mut Boxes, half: Vec3) -> Option<Shape> {
+    let key = half.to_array().map(f32::to_bits);
+    if !boxes.contains_key(&key) {
+        boxes.insert(key, Shape::new(MedialAxis::rounded_box(half, 0.0).ok()?));
+    }
+    boxes.get(&key).cloned()
+}
+
+fn stop(
+    step: Res<MedialStep>,
+    contexts: Single<(&mut RapierRigidBodySet, &RapierContextColliders)>,
+    mut boxes: Local<Boxes>,
+) {
+    let bodies = (0..step.input.bodies.len() as u32).map(Side::Body);
+    let statics = (0..step.statics.bodies().len() as u32).map(Side::Static);
+    // Coordinates relative to the first body.
+    let origin = step.input.bodies.first().map_or(Vec3::ZERO, |body| body.sweep.start.translation);
+    let sides: Vec<Way> = bodies.chain(statics).filter_map(|side| Way::new(&step, side, origin, &mut boxes)).collect();
+    let mut stops = vec![1.0f32; step.input.bodies.len()];
+    for (i, one) in sides.iter().enumerate() {
+        for other in &sides[i + 1..] {
+            let indices = [one.side.body(), other.side.body()];
+            let active = indices.iter().flatten().any(|&body| step.input.bodies[body as usize].active);
+            if !active || !meet(&one.bound, &other.bound) {
+                continue;
+            }
+            let first = one.first_touch(other);
+            for body in indices.into_iter().flatten() {
+                stops[body as usize] = stops[body as usize].min(first);
+            }
+        }
+    }
+    let (mut set, colliders) = contexts.into_inner();
+    for ((body, info), fraction) in step.input.bodies.iter().zip(&step.infos).zip(stops) {
+        let parent = colliders.colliders.get(info.collider).and_then(|collider| collider.parent());
+        let rigid = parent.and_then(|parent| set.bodies.get_mut(parent));
+        if let Some(rigid) = rigid.filter(|_| fraction < 1.0 && body.stops) {
+            rigid.set_position(body.sweep.pose_at(fraction), true);
+        }
+    }
+}
