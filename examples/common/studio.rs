@@ -54,7 +54,7 @@ impl Studio {
             return Err(format!("{}: {error}", file.display()));
         }
         let picture = Screenshot::image(self.target.clone());
-        self.app.world_mut().spawn(picture).observe(save_to_disk(file.to_path_buf()));
+        self.app.world_mut().spawn(picture).observe(save_to_disk(file));
         Ok(())
     }
 
