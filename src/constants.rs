@@ -71,12 +71,6 @@ pub const MAX_STEP_PARTS: usize = 256;
 /// Largest deviation of a chord from the arc it stands for, per metre of the body's bounding radius.
 pub const CHORD_TOLERANCE: f32 = 1.0e-3;
 
-/// The same where the first touch of one pair is asked for, and is looked at closely.
-pub const FINE_CHORD_TOLERANCE: f32 = 2.0e-5;
-
-/// Part of a step that is looked at closely from a first touch on, where the chords have made it early.
-pub const CLOSE_LOOK: f32 = 1.0 / 32.0;
-
 /// Cosine of the angle up to which the contact of a sphere counts as part of its primitive's flat or straight contact (25 degrees).
 pub const VERTEX_NORMAL_COSINE: f32 = 0.9;
 

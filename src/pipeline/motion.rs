@@ -73,8 +73,6 @@ pub(super) struct PairMotion<'a> {
     moved: f32,
     /// Overlap that the pair may gain, in metres.
     pub slop: f32,
-    /// How far points may stray from their chords, per metre of the size; [`CHORD_TOLERANCE`] or less.
-    pub tolerance: f32,
     /// Overlap that the solver leaves on purpose, in metres.
     pub allowed: f32,
 }
@@ -119,7 +117,6 @@ impl<'a> PairMotion<'a> {
                     size,
                     moved,
                     slop: slop(size, 0.0),
-                    tolerance: CHORD_TOLERANCE,
                     allowed: input.allowed_overlap,
                 }]
             }
@@ -144,7 +141,6 @@ impl<'a> PairMotion<'a> {
                         size,
                         moved,
                         slop: slop(size, rounding),
-                        tolerance: CHORD_TOLERANCE,
                         allowed: input.allowed_overlap,
                     }
                 };
@@ -156,7 +152,7 @@ impl<'a> PairMotion<'a> {
     /// The motion as chords. Facing a part that moves, they are seen from it: a box can turn no other way.
     pub fn chords(&self) -> Chords {
         let sweeps = [&self.sweep1, &self.sweep2];
-        let tolerance = self.tolerance * self.size;
+        let tolerance = CHORD_TOLERANCE * self.size;
         match self.facing {
             Facing::Part(_) if !self.sweep2.is_at_rest() => Chords::in_frame_of_second(sweeps, self.arms[0], tolerance),
             _ => Chords::new(sweeps, self.arms, tolerance),

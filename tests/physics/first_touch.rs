@@ -1,7 +1,7 @@
 //! The first touch of two bodies, asked by itself: beside distances of all primitives at many instants.
 
 use bevy_medial::{
-    constants::FINE_CHORD_TOLERANCE,
+    constants::CHORD_TOLERANCE,
     geometry::{Placement, Pose3, Sweep},
     medial_axis::MedialAxis,
     pipeline::{Body, Culling, Hull, Shape, first_touch},
@@ -32,7 +32,7 @@ fn a_first_touch_is_where_the_distance_first_is_zero() {
     let small = Shape::new(MedialAxis::torus(0.3, 0.05, 9).unwrap());
     let shapes = [&ring, &small];
     // Chords stray by so much from either body's way.
-    let early = 4.0 * FINE_CHORD_TOLERANCE * 0.7 + 1e-5;
+    let early = 2.0 * CHORD_TOLERANCE * 0.7;
     let mut random = Random(5);
     let (mut hits, mut misses) = (0, 0);
     for round in 0..300 {
