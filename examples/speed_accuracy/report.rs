@@ -52,9 +52,11 @@ pub fn write_all(folder: &Path, command: &str, models: &[Model], rows: &[Row], s
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     write(&folder.join("queries.csv"), &csv(rows))?;
     write(&folder.join("scenes.csv"), &csv(scenes))?;
+    let time: Axis = ("microseconds per query", |row| row.microseconds);
     let mut charts = vec![
-        ("error_time", by(rows, "Error against time of a query", "microseconds per query", |row| row.microseconds)?),
-        ("error_bytes", by(rows, "Error against size", "bytes per shape", |row| row.bytes)?),
+        ("error_time", by(rows, "Typical error against time of a query", time, MEDIAN)?),
+        ("great_error_time", by(rows, "Great errors against time of a query", time, P95)?),
+        ("error_bytes", by(rows, "Great errors against size", ("bytes per shape", |row| row.bytes), P95)?),
         ("levels", levels(models)?),
     ];
     for rows in scenes.chunk_by(|a, b| a.scene == b.scene) {
@@ -72,14 +74,18 @@ pub fn write_all(folder: &Path, command: &str, models: &[Model], rows: &[Row], s
     Ok(())
 }
 
-/// The error of queries against something else.
-fn by(rows: &[Row], title: &str, x: &str, value: fn(&Row) -> f64) -> Result<String, Box<dyn std::error::Error>> {
-    let curve = |rows: &[Row]| Curve {
-        name: rows[0].method,
-        points: rows.iter().map(|row| [value(row), row.hit_error_median_percent]).collect(),
-    };
+/// What an axis shows.
+type Axis = (&'static str, fn(&Row) -> f64);
+
+const MEDIAN: Axis = ("median error of hits, % of the size", |row| row.hit_error_median_percent);
+const P95: Axis = ("95th percentile of the errors of hits, % of the size", |row| row.hit_error_p95_percent);
+
+/// Queries, by two of their figures.
+fn by(rows: &[Row], title: &str, x: Axis, y: Axis) -> Result<String, Box<dyn std::error::Error>> {
+    let curve =
+        |rows: &[Row]| Curve { name: rows[0].method, points: rows.iter().map(|row| [x.1(row), y.1(row)]).collect() };
     let curves = rows.chunk_by(|a, b| a.method == b.method).map(curve).collect();
-    Chart { title, x, y: "median error of hits, % of the size", curves, front: true }.svg()
+    Chart { title, x: x.0, y: y.0, curves, front: true }.svg()
 }
 
 /// Primitives that a budget takes, of each model's chain of sizes.
@@ -157,11 +163,24 @@ fn queries_table(rows: &[Row]) -> Vec<Vec<String>> {
 }
 
 fn verdicts_table(rows: &[Row]) -> Vec<Vec<String>> {
-    let head = ["beside", "parts", "times as fast at its error", "times less error in its time"];
+    let head = [
+        "beside",
+        "parts",
+        "times as fast at its median error",
+        "at its 95 %",
+        "times less median error in its time",
+        "95 %",
+    ];
     let times = |ratio: Option<f64>, none: &str| ratio.map_or_else(|| none.to_owned(), |ratio| format!("{ratio:.1}"));
-    let row = |verdict: Verdict| {
-        let Verdict { rival, parts, faster, nearer } = verdict;
-        vec![rival.into(), format!("{parts:.0}"), times(faster, "never that good"), times(nearer, "never that fast")]
+    let row = |Verdict { rival, parts, by: [median, p95] }: Verdict| {
+        vec![
+            rival.into(),
+            format!("{parts:.0}"),
+            times(median.faster, "never that good"),
+            times(p95.faster, "never that good"),
+            times(median.nearer, "never that fast"),
+            times(p95.nearer, "never that fast"),
+        ]
     };
     std::iter::once(head.map(String::from).into()).chain(verdicts(rows).into_iter().map(row)).collect()
 }

@@ -6,6 +6,12 @@ use crate::{methods::Method, queries::Row};
 pub struct Verdict {
     pub rival: &'static str,
     pub parts: f64,
+    /// By the median of the errors, and by their 95th percentile.
+    pub by: [Ratios; 2],
+}
+
+/// How much better the medial mesh is.
+pub struct Ratios {
     /// Its time over that of a medial mesh of the same error. None if the finest that was tried is not as good.
     pub faster: Option<f64>,
     /// Its error over that of a medial mesh that takes the same time. None if the coarsest takes longer.
@@ -14,25 +20,28 @@ pub struct Verdict {
 
 /// Of each resolution of each other method that has another shape, or another scheme for the time of impact.
 pub fn verdicts(rows: &[Row]) -> Vec<Verdict> {
-    let own: Vec<[f64; 2]> = curve(rows, Method::Medial.name());
+    let errors: [fn(&Row) -> f64; 2] = [|row| row.hit_error_median_percent, |row| row.hit_error_p95_percent];
     let rivals = [Method::Alternating, Method::Spheres, Method::Decomposition, Method::Hull, Method::TriMesh];
-    let of_row = |row: &Row| {
-        let [time, error] = [row.microseconds, row.hit_error_median_percent];
-        Verdict {
-            rival: row.method,
-            parts: row.parts,
-            faster: along(&own, 1, error).map(|own| time / own),
-            nearer: along(&own, 0, time).map(|own| error / own),
-        }
+    let own = errors.map(|error| curve(rows, Method::Medial.name(), error));
+    let of_row = |row: &Row| Verdict {
+        rival: row.method,
+        parts: row.parts,
+        by: [0, 1].map(|i: usize| {
+            let [time, error] = [row.microseconds, errors[i](row)];
+            Ratios {
+                faster: along(&own[i], 1, error).map(|own| time / own),
+                nearer: along(&own[i], 0, time).map(|own| error / own),
+            }
+        }),
     };
     rivals.iter().flat_map(|rival| rows.iter().filter(|row| row.method == rival.name())).map(of_row).collect()
 }
 
 /// Time and error of each resolution, the coarsest first, as far as each is better than all before.
-fn curve(rows: &[Row], method: &str) -> Vec<[f64; 2]> {
+fn curve(rows: &[Row], method: &str, error: fn(&Row) -> f64) -> Vec<[f64; 2]> {
     let mut points: Vec<[f64; 2]> = Vec::new();
     for row in rows.iter().filter(|row| row.method == method) {
-        let point = [row.microseconds, row.hit_error_median_percent];
+        let point = [row.microseconds, error(row)];
         if points.last().is_none_or(|last| point[0] > last[0] && point[1] < last[1]) {
             points.push(point);
         }

@@ -2,7 +2,7 @@
 //!
 //! Each sphere of a primitive moves on one line over the step, as the published test has it; boxes are the slabs that they are as medial meshes.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, hash_map::Entry};
 
 use bevy::prelude::*;
 use bevy_medial::{
@@ -129,11 +129,10 @@ impl Way {
 type Boxes = HashMap<[u32; 3], Shape>;
 
 fn boxed(boxes: &mut Boxes, half: Vec3) -> Option<Shape> {
-    let key = half.to_array().map(f32::to_bits);
-    if !boxes.contains_key(&key) {
-        boxes.insert(key, Shape::new(MedialAxis::rounded_box(half, 0.0).ok()?));
+    match boxes.entry(half.to_array().map(f32::to_bits)) {
+        Entry::Occupied(known) => Some(known.get().clone()),
+        Entry::Vacant(new) => Some(new.insert(Shape::new(MedialAxis::rounded_box(half, 0.0).ok()?)).clone()),
     }
-    boxes.get(&key).cloned()
 }
 
 fn stop(
