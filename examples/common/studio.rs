@@ -1,6 +1,9 @@
 //! Pictures without a window, on any graphics adapter.
 
-use std::{fs, io, path::Path};
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 use bevy::{
     camera::RenderTarget,
@@ -54,7 +57,7 @@ impl Studio {
             return Err(format!("{}: {error}", file.display()));
         }
         let picture = Screenshot::image(self.target.clone());
-        self.app.world_mut().spawn(picture).observe(save_to_disk(file));
+        self.app.world_mut().spawn(picture).observe(save_to_disk(PathBuf::from(file)));
         Ok(())
     }
 
