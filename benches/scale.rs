@@ -222,13 +222,13 @@ fn rain(deer: &Shape, count: usize, steps: usize, record: bool) -> Rain {
     rain
 }
 
-/// Bodies that are just apart, all on their way down.
+/// Bodies two metres apart, all on their way down.
 fn fall(shape: &Shape, count: usize) -> StepInput {
     let side = (count as f32).cbrt().ceil() as usize;
     let body = |index: usize| {
         let cell = [index % side, index / side % side, index / (side * side)].map(|i| i as f32);
         let rotation = Quat::from_rotation_y(index as f32);
-        let center = Vec3::from(cell) * 1.1;
+        let center = Vec3::from(cell) * 2.0;
         let start = Pose3::from_parts(center - rotation * shape.bounding_sphere().center, rotation);
         let turn = Vec3::new(0.01, 0.02, 0.0);
         let end = Pose3::from_parts(start.translation - Vec3::Y * 0.1, Quat::from_scaled_axis(turn) * start.rotation);

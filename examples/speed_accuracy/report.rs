@@ -126,6 +126,10 @@ is within 12 degrees of the surface), one a near miss (by less than 2 % of the s
 
 Convex decomposition, convex hulls and triangle meshes are asked by parry's nonlinear shape cast, the one that rapier's CCD uses. \"Spheres only\" are as many inscribed spheres, asked as medial
 meshes are. \"Alternating TOI\" is the published scheme on the same medial meshes, on pairs that a BVH of spheres leaves.
+
+Medial meshes are off by about as much everywhere, and so are spheres. Pieces of a convex decomposition have corners of the mesh itself at all that sticks out, where most first touches are, and span what
+is hollow: half of their answers are nearly exact, and one in twenty is off by percents. So the median speaks for a fine decomposition, if there is a millisecond for a query, and the
+95th percentile for a medial mesh. What a method misses is a body that is thinner than the true one where they meet; what it makes up is one that is thicker.
 ";
 
 fn queries_table(rows: &[Row]) -> Vec<Vec<String>> {
