@@ -12,6 +12,8 @@
 
 #[path = "common/activity.rs"]
 mod activity;
+#[path = "common/outcome.rs"]
+mod outcome;
 
 use std::{
     fmt::Write,
@@ -56,13 +58,7 @@ struct Args {
 const PASSES: [&str; 7] = ["place", "sort", "tree", "broad", "chords", "mid", "narrow"];
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    outcome::of(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {

@@ -13,6 +13,8 @@
 #[path = "common/activity.rs"]
 #[expect(dead_code, reason = "the median alone is asked for")]
 mod activity;
+#[path = "common/outcome.rs"]
+mod outcome;
 #[path = "common/tables.rs"]
 mod tables;
 
@@ -65,13 +67,7 @@ struct Row {
 }
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    outcome::of(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {

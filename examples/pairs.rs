@@ -8,6 +8,8 @@
 //! Kinds are `sphere`, `cone`, `slab` and, for B, `box`. A and B give `x y z r vx vy vz` per sphere (position and displacement
 //! over the step), a box `cx cy cz qx qy qz qw hx hy hz`. Answers: a fraction of the step, `none`, or `overlap`.
 
+#[path = "../benches/common/outcome.rs"]
+mod outcome;
 #[path = "../benches/common/pairs.rs"]
 mod pairs;
 
@@ -53,13 +55,7 @@ enum Backend {
 }
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    outcome::of(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {

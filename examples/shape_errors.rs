@@ -10,6 +10,8 @@
 
 #[path = "../benches/common/hulls.rs"]
 mod hulls;
+#[path = "../benches/common/outcome.rs"]
+mod outcome;
 
 use std::{ops::ControlFlow, path::PathBuf, process::ExitCode, time::Instant};
 
@@ -36,13 +38,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    outcome::of(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {

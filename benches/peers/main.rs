@@ -19,6 +19,8 @@ mod engines;
 #[path = "../common/hulls.rs"]
 mod hulls;
 mod measure;
+#[path = "../common/outcome.rs"]
+mod outcome;
 mod overlap;
 mod report;
 mod shapes;
@@ -107,13 +109,7 @@ const CULLS: [Cull; 4] = [Cull::None, Cull::BvhObb, Cull::BvhSphere, Cull::BvhAa
 const DT: f32 = 1.0 / 60.0;
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    outcome::of(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), String> {

@@ -12,6 +12,8 @@ mod button;
 #[path = "../common/display.rs"]
 mod display;
 mod job;
+#[path = "../../benches/common/outcome.rs"]
+mod outcome;
 mod panel;
 mod shown;
 #[path = "../common/slider.rs"]
@@ -56,13 +58,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    outcome::of(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {

@@ -23,6 +23,8 @@ mod display;
 mod dress;
 mod grab;
 mod offscreen;
+#[path = "../../benches/common/outcome.rs"]
+mod outcome;
 mod overlay;
 mod panel;
 #[path = "../common/studio.rs"]
@@ -123,13 +125,7 @@ fn percent(text: &str) -> Result<f32, String> {
 }
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    outcome::of(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {

@@ -22,6 +22,8 @@ mod hulls;
 mod measure;
 mod methods;
 mod models;
+#[path = "../../benches/common/outcome.rs"]
+mod outcome;
 #[path = "../../benches/peers/overlap.rs"]
 mod overlap;
 mod pairs;
@@ -87,13 +89,7 @@ const MEDIAL: [usize; 9] = [1, 2, 4, 8, 15, 30, 60, 120, 240];
 const SPHERES: [usize; 6] = [4, 16, 64, 256, 1024, 4096];
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    outcome::of(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {

@@ -11,6 +11,8 @@ mod hazards;
 mod heat_map;
 mod judge;
 mod methods;
+#[path = "../../benches/common/outcome.rs"]
+mod outcome;
 mod report;
 mod run;
 mod shapes;
@@ -43,13 +45,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    outcome::of(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), String> {

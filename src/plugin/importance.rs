@@ -73,9 +73,6 @@ pub(crate) fn look_from_focuses(
     let place = |entity| hierarchy.compute_global_transform(entity).map_or(Vec3::ZERO, |place| place.translation());
     let focuses: Vec<(f32, Vec3)> = focuses.iter().map(|(entity, focus)| (focus.near, place(entity))).collect();
     for (entity, known_place, known) in &bodies {
-        if focuses.is_empty() && known.is_none() {
-            continue;
-        }
         let at = if known.is_some() { known_place.translation() } else { place(entity) };
         let nearness = focuses
             .iter()

@@ -170,7 +170,11 @@ impl Plugin for MedialPhysicsPlugin {
             .add_message::<MedialContactEnded>()
             .add_systems(
                 self.schedule,
-                (levels::check_budgets, importance::look_from_focuses)
+                (
+                    levels::check_budgets,
+                    importance::look_from_focuses
+                        .run_if(any_with_component::<MedialFocus>.or_else(any_with_component::<importance::Nearness>)),
+                )
                     .before(MedialSystems::Attach)
                     .before(MedialSystems::Detect),
             )
