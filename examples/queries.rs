@@ -1,4 +1,4 @@
-//! Questions about medial bodies: what a ray hits, which point is nearest, what is in a box, how far a shape can go; and picking with the mouse.
+//! Questions about medial bodies: what a ray hits, which point is nearest, what is in a box, how far a shape can go, what a body is about to hit; and picking with the mouse.
 //!
 //! ```text
 //! cargo run --release --example queries
@@ -37,14 +37,20 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
     }
 }
 
-fn ask_once(rapier: ReadRapierContext, names: Query<&Name>, mut asked: Local<bool>) -> Result {
+fn ask_once(
+    rapier: ReadRapierContext,
+    names: Query<&Name>,
+    bodies: Query<Entity, With<MedialMesh>>,
+    mut asked: Local<bool>,
+) -> Result {
     if std::mem::replace(&mut *asked, true) {
         return Ok(());
     }
     let name = |entity: Entity| names.get(entity).map_or("nobody", Name::as_str);
     // All of rapier's filters hold: groups, predicates, excluded entities.
     let filter = QueryFilter::only_dynamic();
-    rapier.single()?.with_medial_queries(filter, |queries| {
+    let rapier = rapier.single()?;
+    rapier.with_medial_queries(filter, |queries| {
         let origin = Vec3::new(-5.0, 1.0, 0.0);
         match queries.cast_ray_and_get_normal(origin, Vec3::X, 10.0, true) {
             Some((entity, hit)) => {
@@ -64,5 +70,12 @@ fn ask_once(rapier: ReadRapierContext, names: Query<&Name>, mut asked: Local<boo
             println!("a ball of 20 cm goes {:.2} m until it hits {}", hit.time_of_impact, name(entity));
         }
     });
+    // As all of them move now, turning as they go.
+    let within = 5.0;
+    for body in &bodies {
+        if let Some((entity, impact)) = rapier.first_impact(body, within, QueryFilter::default()) {
+            println!("{} would hit {} in {:.2} s", name(body), name(entity), within * impact.fraction);
+        }
+    }
     Ok(())
 }

@@ -126,13 +126,6 @@ fn approach(models: [&Model; 2], random: &mut Rng) -> Option<Approach> {
     Some(Approach { sweeps, class, truth, speed })
 }
 
-/// A motion whose end follows from the rest.
-fn motion(center: Vec3, rotation: Quat, local_center: Vec3, translation: Vec3, turn: Vec3) -> Sweep {
-    let place = |center: Vec3, rotation: Quat| Pose3::from_parts(center - rotation * local_center, rotation);
-    let end = place(center + translation, (Quat::from_scaled_axis(turn) * rotation).normalize());
-    Sweep { start: place(center, rotation), end, translation, rotation: turn, local_center }
-}
-
 /// A unit vector, all alike likely.
 fn direction(random: &mut Rng) -> Vec3 {
     loop {

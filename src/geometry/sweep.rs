@@ -29,6 +29,14 @@ impl Sweep {
         Self { start: pose, end: pose, translation: Vec3::ZERO, rotation: Vec3::ZERO, local_center: Vec3::ZERO }
     }
 
+    /// The motion by a displacement of the centre of mass, in metres, and a rotation, axis times angle in radians.
+    pub fn onward(start: Pose3, local_center: Vec3, translation: Vec3, rotation: Vec3) -> Self {
+        let center = start.transform_point(local_center) + translation;
+        let turned = (Quat::from_scaled_axis(rotation) * start.rotation).normalize();
+        let end = Pose3::from_parts(center - turned * local_center, turned);
+        Self { start, end, translation, rotation, local_center }
+    }
+
     /// The motion from `start` to `end`, of all rotations that end there the one nearest to `rotation_hint`
     /// (axis times angle: the angular velocity times the step, or zero for the shortest).
     pub fn between(start: Pose3, end: Pose3, local_center: Vec3, rotation_hint: Vec3) -> Self {

@@ -77,6 +77,12 @@ pub(crate) fn swept_cone(body: &Body) -> [Sphere; 2] {
     SweptSphere::new(body, 0.0).cone(Vec3::ZERO)
 }
 
+/// True unless two bodies are apart at all times by the spheres around them.
+pub(super) fn meet(bodies: &[Body; 2]) -> bool {
+    let [first, second] = bodies.each_ref().map(|body| SweptSphere::new(body, 0.0));
+    first.meets(&second)
+}
+
 pub(super) fn run(
     input: &StepInput,
     statics: &Statics,

@@ -3,8 +3,11 @@
 use glam::Vec3;
 
 use super::{
-    Body, Culling, Impact, Side, Statics, StepInput, broad_phase::BodyPair, first_impact::first_impact,
-    mid_phase::Candidates, motion::PairMotion,
+    Body, Culling, Impact, Side, Statics, StepInput,
+    broad_phase::{BodyPair, meet},
+    first_impact::first_impact,
+    mid_phase::Candidates,
+    motion::PairMotion,
 };
 
 /// The first impact of two bodies on their ways, with no overlap allowed: where they touch, or where an overlap that they have from the
@@ -15,6 +18,9 @@ use super::{
 ///
 /// `primitives` of the first and the second, in any order, that may meet, if culling is done elsewhere. The second has to be medial as well then.
 pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u32; 2]]>) -> Option<Impact> {
+    if primitives.is_none() && !meet(&bodies) {
+        return None;
+    }
     let input = StepInput { bodies: bodies.into(), culling, ..Default::default() };
     let statics = Statics::default();
     let pair = BodyPair { first: Side::Body(0), second: Side::Body(1), stops: true };

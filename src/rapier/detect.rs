@@ -76,7 +76,7 @@ struct Start {
 }
 
 /// Pose of a collider by its body's, which is newer than the collider's own after a change by the user.
-fn collider_pose(collider: &RapierCollider, body: Option<&RapierBody>) -> Pose3 {
+pub(super) fn collider_pose(collider: &RapierCollider, body: Option<&RapierBody>) -> Pose3 {
     match (body, collider.position_wrt_parent()) {
         (Some(body), Some(local)) => body.position() * local,
         _ => *collider.position(),
@@ -143,7 +143,7 @@ fn owner(world: u32, body: RigidBodyHandle) -> u64 {
 }
 
 /// What a shape is made of. None for one that nothing is known about.
-fn solid(shape: &SharedShape) -> Option<Solid> {
+pub(super) fn solid(shape: &SharedShape) -> Option<Solid> {
     match shape.as_shape::<MedialShape>() {
         Some(medial) => Some(medial.shape.clone().into()),
         None => is_known(&**shape).then(|| Solid::Parts(Arc::new(shape.clone()))),

@@ -12,6 +12,7 @@
 //! | `KinematicCharacterController`, `move_shape` | by `cast_shape` as above | |
 //! | `contact_pair`, `intersection_pair`, events | the simulation's, exact | |
 //! | `cast_shape_nonlinear` of rapier's `QueryPipeline` | as `cast_shape` | finds no medial shape |
+//! | what a body is about to hit, turning as it goes | | `first_impact`, exact |
 //!
 //! Picking is `MedialPickingPlugin` of the feature `picking`, which hits medial bodies and static boxes, or `bevy_rapier3d`'s own back end, its feature
 //! `picking-backend`, which asks `intersect_ray` for each pointer and hits all colliders.
@@ -33,12 +34,23 @@
 //!
 //! A compound cannot be nested, so `Collider::compound` panics when given the collider of a medial mesh, as it does for a triangle mesh.
 
+use bevy::prelude::*;
 use bevy_rapier3d::{
     plugin::context::{
         RapierQueryPipeline,
         systemparams::{RapierContext, RapierContextMut},
     },
     prelude::QueryFilter,
+    rapier::{
+        dynamics::RigidBodySet,
+        geometry::{Collider as RapierCollider, ColliderHandle},
+    },
+};
+
+use super::detect::{collider_pose, solid};
+use crate::{
+    geometry::Sweep,
+    pipeline::{Body, Culling, Impact, first_touch},
 };
 
 /// Rapier's scene queries by the simulation's own dispatcher, which knows medial shapes.
@@ -61,6 +73,16 @@ use bevy_rapier3d::{
 pub trait MedialQueries {
     /// Calls `ask` with the queries of what passes the filter: as rapier's `with_query_pipeline`, which knows parry's shapes only.
     fn with_medial_queries<T>(&self, filter: QueryFilter, ask: impl FnOnce(RapierQueryPipeline) -> T) -> T;
+
+    /// What a medial body is about to hit within some seconds, if it and all others go on at the velocities that they have, turning as they go:
+    /// no force acts, nothing gives way, and no spin tumbles. The collider's entity, and the impact, whose fraction is one of that time.
+    ///
+    /// `entity`: the one with the [`MedialMesh`](crate::plugin::MedialMesh). Other shapes of its rigid body are not in its way, and the filter
+    /// tells what else is not; its collision groups are not asked. What it is in touch with already counts if an overlap would grow. None if
+    /// there is nothing, or if the entity has no medial collider. Looks at all colliders once.
+    fn first_impact(&self, entity: Entity, seconds: f32, filter: QueryFilter) -> Option<(Entity, Impact)> {
+        self.with_medial_queries(filter, |queries| first_impact(&queries, entity, seconds))
+    }
 }
 
 impl MedialQueries for RapierContext<'_> {
@@ -77,4 +99,37 @@ impl MedialQueries for RapierContextMut<'_> {
         let broad_phase = &self.simulation.broad_phase;
         RapierQueryPipeline::new_scoped(broad_phase, &self.colliders, &self.rigidbody_set, &filter, dispatcher, ask)
     }
+}
+
+fn first_impact(queries: &RapierQueryPipeline, entity: Entity, seconds: f32) -> Option<(Entity, Impact)> {
+    let pipeline = &queries.query_pipeline;
+    let is_asked = |handle: &ColliderHandle| queries.collider_entity(*handle) == entity;
+    let (asked, collider) = pipeline.colliders.iter().find(|(handle, _)| is_asked(handle))?;
+    let body = in_motion(pipeline.bodies, collider, seconds)?;
+    let in_the_way = |(handle, other): &(ColliderHandle, &RapierCollider)| {
+        *handle != asked
+            && other.is_enabled()
+            && (other.parent().is_none() || other.parent() != collider.parent())
+            && pipeline.filter.test(pipeline.bodies, *handle, other)
+    };
+    let impacts = pipeline.colliders.iter().filter(in_the_way).filter_map(|(handle, other)| {
+        let other = in_motion(pipeline.bodies, other, seconds)?;
+        let impact = first_touch([body.clone(), other], Culling::Hybrid, None)?;
+        Some((queries.collider_entity(handle), impact))
+    });
+    impacts.min_by(|a, b| a.1.fraction.total_cmp(&b.1.fraction))
+}
+
+/// A collider that goes on as it does. None if nothing is known about its shape.
+fn in_motion(bodies: &RigidBodySet, collider: &RapierCollider, seconds: f32) -> Option<Body> {
+    let body = collider.parent().and_then(|parent| bodies.get(parent));
+    let pose = collider_pose(collider, body);
+    let sweep = match body.filter(|body| body.is_moving()) {
+        Some(body) => {
+            let center = pose.inverse_transform_point(body.center_of_mass());
+            Sweep::onward(pose, center, body.linvel() * seconds, body.angvel() * seconds)
+        }
+        None => Sweep::at_rest(pose),
+    };
+    Some(Body::new(solid(collider.shared_shape())?, sweep))
 }
