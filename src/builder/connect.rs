@@ -5,13 +5,13 @@ use std::{collections::BTreeSet, ops::Range};
 use glam::DVec3;
 
 use super::{
-    descent::Target,
     envelope::{Complex, Envelope, edges_of},
     hull::{Cone, Hull},
     parallel,
     points::Points,
     solid::{Sets, Solid},
     surface_samples::Samples,
+    target::Target,
 };
 use crate::geometry::Primitive;
 

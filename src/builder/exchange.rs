@@ -3,14 +3,15 @@
 use std::collections::BTreeSet;
 
 use super::{
-    connect,
-    descent::{self, Rest, Target},
+    connect, descent,
     envelope::{Complex, edges_of},
     hull::{Ball, Hull},
+    merge::{mergers, renamed},
     parallel,
     points::Points,
-    refine::{Plan, State, mergers, renamed},
+    refine::{Plan, State},
     surface_samples::{self, Samples},
+    target::{Rest, Target},
 };
 use crate::geometry::Primitive;
 

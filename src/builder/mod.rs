@@ -7,7 +7,8 @@
 //!                     |    |
 //!                     |    +-- build: --solid--> checked, scaled, in a tree --some searches, judge--> the best --> Built
 //!                     |          search: --surface_samples--> points, normals, medial balls --clusters--> spheres
-//!                     |                  --connect--> edges, faces --refine (exchange, descent)--> spheres that fit
+//!                     |                  --connect--> edges, faces --refine--> spheres that fit
+//!          refine: merge --> exchange, rejoin --> descent, again and again
 //!                     |
 //!                     +-- measure(mesh, axis) --> two-sided error of a medial mesh
 //! ```
@@ -27,16 +28,20 @@ mod levels;
 #[cfg(feature = "mesh_files")]
 pub mod load;
 mod measure;
+mod merge;
 mod mesh;
+mod normal_equations;
 mod parallel;
 mod points;
 mod progress;
 mod refine;
+mod rejoin;
 mod report;
 mod samples;
 mod search;
 mod solid;
 mod surface_samples;
+mod target;
 mod tree;
 mod vectors;
 

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::{
     BuildError, BuildOptions, BuildReport, Built, clusters,
     connect::{self, Limits},
-    descent::{self, Penalty, Target},
+    descent,
     envelope::Complex,
     judge::Judge,
     parallel,
@@ -15,6 +15,7 @@ use super::{
     refine::{self, Plan},
     solid::Solid,
     surface_samples::{Samples, medial_ball},
+    target::{Penalty, Target},
 };
 use crate::{geometry::Sphere, medial_axis::MedialAxis};
 

@@ -1,0 +1,200 @@
+//! What a shape is to fit: samples of the surface, points of the envelope, and what their errors cost.
+
+use glam::DVec3;
+
+use super::{
+    envelope::{Envelope, Hit, SurfacePoint},
+    parallel,
+    points::Points,
+    solid::Solid,
+};
+
+/// What an error costs: its square, and more where it is large beside the others, so that the largest come down.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Penalty {
+    /// Square of the error from which on the cost is steep.
+    steep: f64,
+}
+
+impl Penalty {
+    /// Errors of this many times their root mean square are large.
+    const LARGE: f64 = 2.5;
+    /// Beyond this, in squares of large ones, the cost grows as the square again: one bad place does not hide all others.
+    const STEEPEST: f64 = 9.0;
+
+    /// Suited to a mean square of errors.
+    pub fn new(mean_square: f64) -> Self {
+        Self { steep: Self::LARGE * Self::LARGE * mean_square.max(1e-12) }
+    }
+
+    /// The same, steep from lesser errors on by a factor.
+    pub fn steeper(self, factor: f64) -> Self {
+        Self { steep: self.steep / (factor * factor) }
+    }
+
+    pub fn of(&self, error: f64) -> f64 {
+        let square = error * error / self.steep;
+        let bent = square.min(Self::STEEPEST);
+        self.steep * (bent + bent.powi(2) + (square - bent) * (1.0 + 2.0 * bent))
+    }
+
+    /// Slope of the cost over twice the error: the weight of a least squares residual that pulls as the cost does.
+    pub fn pull(&self, error: f64) -> f64 {
+        let square = (error * error / self.steep).min(Self::STEEPEST);
+        1.0 + 2.0 * square
+    }
+}
+
+/// How much the way from the envelope to the surface counts beside the other.
+const OUTWARD: f64 = 1.0;
+
+/// How deep a point of the envelope sinks into other primitives until it counts no more, in spacings.
+const FADE: f64 = 0.3;
+
+/// Points of the envelope this deep within the solid may come out of it in a descent, as a part of the diagonal.
+pub(super) const NEARLY_OUTSIDE: f64 = 0.004;
+
+/// A point of the envelope and the point of the surface that it should be at.
+pub(super) struct Anchor {
+    /// Index of its place.
+    pub place: usize,
+    pub primitive: u32,
+    pub weights: [f64; 3],
+    pub normal: DVec3,
+    pub target: DVec3,
+    /// Unit direction from the target to the point when it was taken.
+    pub out: DVec3,
+    pub weight: f64,
+}
+
+impl Anchor {
+    pub fn error(&self, envelope: &Envelope) -> f64 {
+        let ball = envelope.hulls[self.primitive as usize].blend(&self.weights);
+        (ball.center + self.normal * ball.radius - self.target).dot(self.out)
+    }
+}
+
+/// What a shape is to fit.
+pub(super) struct Target<'a> {
+    pub solid: &'a Solid,
+    pub points: &'a Points,
+    /// Weights of the points.
+    pub weights: &'a [f64],
+    /// Area of the whole surface.
+    pub area: f64,
+    pub penalty: Penalty,
+    /// Distance of points of the envelope.
+    pub spacing: f64,
+    /// How much a sample outside of the envelope counts beside one within.
+    pub uncovered: f64,
+    /// How deep within the solid points of the envelope count in a descent, as at the bottom of a crease, as a part of the diagonal.
+    pub creases: f64,
+    /// What else there is that does not move, if the shape is a part of one.
+    pub rest: Option<Rest<'a>>,
+}
+
+/// The part of a shape that does not move.
+pub(super) struct Rest<'a> {
+    pub envelope: &'a Envelope,
+    /// The primitives of the envelope that count.
+    pub primitives: Vec<u32>,
+    /// Their distances to the target's points.
+    pub distances: Vec<f64>,
+    /// Which spheres of the moving part do not move either.
+    pub frozen: Vec<bool>,
+}
+
+/// Stands for the primitives of the rest in a hit.
+pub(super) const NONE: u32 = u32::MAX;
+
+impl Target<'_> {
+    pub fn hits(&self, envelope: &Envelope) -> Vec<Hit> {
+        let mut hits = envelope.hits(self.points);
+        if let Some(rest) = &self.rest {
+            for (hit, &distance) in hits.iter_mut().zip(&rest.distances) {
+                if distance < hit.distance {
+                    (hit.distance, hit.primitive) = (distance, NONE);
+                }
+            }
+        }
+        hits
+    }
+
+    /// Visible points of the envelope with their nearest points of the surface.
+    pub fn anchors(&self, envelope: &Envelope) -> Vec<Anchor> {
+        self.anchors_at(envelope, &envelope.surface(self.spacing), &[], 0.0)
+    }
+
+    /// Visible points of the envelope that lie within the solid, as at the bottom of a crease, and what each costs.
+    pub fn creases(&self, envelope: &Envelope) -> Vec<(DVec3, f64)> {
+        let mut creases = vec![];
+        for anchor in self.anchors_at(envelope, &envelope.surface(self.spacing), &[], f64::INFINITY) {
+            let ball = envelope.hulls[anchor.primitive as usize].blend(&anchor.weights);
+            let point = ball.center + anchor.normal * ball.radius;
+            if !self.solid.is_out(point, point - anchor.target, anchor.normal) {
+                creases.push((point, anchor.weight * self.penalty.of(anchor.error(envelope))));
+            }
+        }
+        creases
+    }
+
+    /// The same at given places; those that lie no deeper within the solid than `depth_limit` count as well. A place fades as it
+    /// sinks into other primitives. `near`: for each place a point of the surface that may be nearby, or none at all.
+    pub fn anchors_at(
+        &self,
+        envelope: &Envelope,
+        places: &[SurfacePoint],
+        near: &[DVec3],
+        depth_limit: f64,
+    ) -> Vec<Anchor> {
+        // While places are sought, so do those that may come to light.
+        let margin = if near.is_empty() { depth_limit.min(NEARLY_OUTSIDE) } else { 0.0 };
+        let fade = FADE * self.spacing + margin;
+        let points = Points::new(places.iter().map(|s| envelope.point(s)).collect());
+        let mut depths = envelope.depths(&points);
+        if let Some(rest) = &self.rest {
+            let others = rest.envelope.depths_among(&points, &rest.primitives);
+            depths.iter_mut().zip(others).for_each(|(depth, other)| *depth = depth.max(other));
+        }
+        let weight = |i: usize| 1.0 - depths[i] / fade;
+        let visible: Vec<(usize, f64)> =
+            (0..places.len()).map(|i| (i, weight(i))).filter(|(_, weight)| *weight > 0.0).collect();
+        let anchors = parallel::map(visible.len(), 32, |at| {
+            let (i, weight) = visible[at];
+            let (s, point) = (&places[i], points.positions[i]);
+            let target = self.solid.closest_off_rims(point, near.get(i).copied())?;
+            let away = point - target;
+            let out = if away.length() > 1e-9 { away.normalize() } else { s.normal };
+            // Where the envelope lies within the solid, the samples above see it, and without its jumps at creases.
+            if away.length() > depth_limit && !self.solid.is_out(point, away, s.normal) {
+                return None;
+            }
+            let (primitive, weights, normal) = (s.primitive, s.weights, s.normal);
+            Some(Anchor {
+                place: i,
+                primitive,
+                weights,
+                normal,
+                target,
+                out,
+                weight: OUTWARD * weight * s.area / self.area,
+            })
+        });
+        anchors.into_iter().flatten().collect()
+    }
+
+    pub fn side(&self, distance: f64) -> f64 {
+        if distance > 0.0 { self.uncovered } else { 1.0 }
+    }
+
+    /// What the distance of a sample to the envelope costs.
+    pub fn cost_of(&self, distance: f64) -> f64 {
+        self.side(distance) * self.penalty.of(distance)
+    }
+
+    pub fn total(&self, hits: &[Hit], anchors: &[Anchor], envelope: &Envelope) -> f64 {
+        let inward: f64 = hits.iter().zip(self.weights).map(|(h, w)| w * self.cost_of(h.distance)).sum();
+        let outward: f64 = anchors.iter().map(|a| a.weight * self.penalty.of(a.error(envelope))).sum();
+        inward + outward
+    }
+}
