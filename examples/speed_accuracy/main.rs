@@ -41,7 +41,10 @@ mod verdict;
 #[path = "../../benches/peers/world.rs"]
 mod world;
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
 use approach::{Class, approaches};
 use bevy_medial::scenes::load_models;
@@ -64,6 +67,9 @@ struct Args {
     /// Folder of meshes with medial meshes beside them.
     #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/models"))]
     models: PathBuf,
+    /// Folder of research models that are met as well; none if it is not there.
+    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/models"))]
+    research: PathBuf,
     /// Approaches of each pair of models.
     #[arg(long)]
     approaches: Option<usize>,
@@ -82,6 +88,9 @@ const PAIRS: [[&str; 2]; 6] = [
     ["torus", "torus"],
 ];
 
+/// Who meets whom among the research models, if they are there.
+const RESEARCH_PAIRS: [[&str; 2]; 2] = [["bear", "dolphin"], ["bug", "cow"]];
+
 /// Sizes of medial meshes, up to about 500 primitives.
 const MEDIAL: [usize; 9] = [1, 2, 4, 8, 15, 30, 60, 120, 240];
 
@@ -93,23 +102,32 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
+    let research = if args.research.is_dir() && !args.quick { &RESEARCH_PAIRS[..] } else { &[] };
     let (pairs, medial, spheres, decompositions, count) = match args.quick {
         true => (&PAIRS[..2], &MEDIAL[3..6], &SPHERES[1..3], 1, 20),
         false => (&PAIRS[..], &MEDIAL[..], &SPHERES[..], DECOMPOSITIONS.len(), 500),
     };
     let count = args.approaches.unwrap_or(count);
-    let mut names: Vec<&str> = pairs.iter().flatten().copied().collect();
-    names.sort_unstable();
-    names.dedup();
-    let progress = ProgressBar::new(names.len() as u64).with_message("medial meshes");
-    let load = |name: &&str| Model::load(&args.models.join(name).with_extension("obj"), medial);
-    let models = progress.wrap_iter(names.iter()).map(load).collect::<Result<Vec<Model>, String>>()?;
+    let paths_in = |folder: &Path, pair: &[&str; 2]| pair.map(|name| folder.join(name).with_extension("obj"));
+    let own = pairs.iter().map(|pair| paths_in(&args.models, pair));
+    let pairs: Vec<[PathBuf; 2]> = own.chain(research.iter().map(|pair| paths_in(&args.research, pair))).collect();
+    let mut paths: Vec<&PathBuf> = pairs.iter().flatten().collect();
+    paths.sort_unstable();
+    paths.dedup();
+    let progress = ProgressBar::new(paths.len() as u64).with_message("medial meshes");
+    let load = |path: &&PathBuf| {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let kind = if path.starts_with(&args.models) { "" } else { " (research)" };
+        Model::load(path, format!("{name}{kind}"), medial)
+    };
+    let models = progress.wrap_iter(paths.iter()).map(load).collect::<Result<Vec<Model>, String>>()?;
     progress.finish_and_clear();
 
-    let named = |name: &str| models.iter().find(|model| model.name == name).ok_or_else(|| format!("{name} is missing"));
     let mut cases = Vec::new();
-    for (seed, pair) in (1..).zip(pairs) {
-        let models = [named(pair[0])?, named(pair[1])?];
+    for (seed, pair) in (1..).zip(&pairs) {
+        let [first, second] = pair.each_ref().map(|path| paths.binary_search(&path).map(|at| &models[at]));
+        let (Ok(first), Ok(second)) = (first, second) else { continue };
+        let models = [first, second];
         cases.push(Case { models, approaches: approaches(models, count, seed)? });
     }
     let of = |class| cases.iter().flat_map(|case| &case.approaches).filter(|a| a.class == class).count();

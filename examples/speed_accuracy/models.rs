@@ -37,12 +37,11 @@ pub struct Medial {
 }
 
 impl Model {
-    /// Reads a mesh and fits medial meshes of so many spheres to it.
+    /// Reads a mesh, calls it by a name and fits medial meshes of so many spheres to it.
     ///
     /// # Errors
     /// If the mesh cannot be read or has no medial mesh.
-    pub fn load(path: &Path, spheres: &[usize]) -> Result<Self, String> {
-        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    pub fn load(path: &Path, name: String, spheres: &[usize]) -> Result<Self, String> {
         let mesh = load(path).map_err(|error| error.to_string())?;
         let fit = |&spheres: &usize| {
             let clock = Instant::now();
