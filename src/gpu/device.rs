@@ -1,6 +1,8 @@
 use bevy::tasks::block_on;
 use thiserror::Error;
 
+use crate::pipeline::Side;
+
 /// A device, and the queue that passes are submitted to. Clones are the same device.
 #[derive(Clone, Debug)]
 pub struct GpuDevice {
@@ -35,6 +37,17 @@ pub enum GpuError {
         /// How much is needed.
         wanted: u64,
     },
+    /// The device has no more memory.
+    #[error("the GPU `{adapter}` has no memory left for {bytes} bytes")]
+    Memory {
+        /// Its name.
+        adapter: String,
+        /// How many were asked for.
+        bytes: u64,
+    },
+    /// Nothing can be found for a body, or a static: its numbers are NaN or infinite.
+    #[error("{0:?}: its place, motion or size is not finite")]
+    NotFinite(Side),
     /// A shader or a pass is refused.
     #[error("the GPU `{adapter}` refuses the pass `{pass}`: {reason}")]
     Refused {
@@ -51,6 +64,13 @@ pub enum GpuError {
         /// Its name.
         adapter: String,
     },
+}
+
+impl GpuError {
+    /// True if another step may do.
+    pub fn is_of_one_step(&self) -> bool {
+        matches!(self, Self::Limit { .. } | Self::Memory { .. } | Self::NotFinite(_))
+    }
 }
 
 impl GpuDevice {
@@ -127,20 +147,25 @@ impl GpuDevice {
     }
 
     /// A buffer of so many bytes, at least 16.
-    pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
-        self.device.create_buffer(&wgpu::BufferDescriptor {
+    pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
             size: bytes.max(16).next_multiple_of(16),
             usage,
             mapped_at_creation: false,
-        })
+        });
+        match block_on(scope.pop()) {
+            None => Ok(buffer),
+            Some(_) => Err(GpuError::Memory { adapter: self.name().into(), bytes }),
+        }
     }
 
     /// A buffer to read so many bytes from.
     pub(super) fn staging(&self, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
         let size = bytes.next_power_of_two();
         self.require("bytes in a buffer", self.limits().max_buffer_size, size)?;
-        Ok(self.buffer("staging", size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST))
+        self.buffer("staging", size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
     }
 
     /// Waits for a submission and reads a buffer that it wrote, from the start.

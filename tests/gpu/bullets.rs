@@ -1,0 +1,33 @@
+//! Fast impacts and near misses where the GPU culls: none is lost, none leaves a trace.
+
+use bevy::prelude::*;
+use bevy_medial::{prelude::*, scenes::headless_app};
+
+use crate::{device, flights, renderer::rendering_app};
+
+fn waiting(dt: f32) -> App {
+    with_settings(headless_app(dt), false)
+}
+
+fn ahead(dt: f32) -> App {
+    with_settings(rendering_app(dt), true)
+}
+
+fn with_settings(mut app: App, pipelined: bool) -> App {
+    app.insert_resource(MedialSettings { backend: MedialBackend::Gpu, pipelined, ..default() });
+    app
+}
+
+#[test]
+fn bullets_hit_where_the_gpu_is_waited_for() {
+    if device().is_some() {
+        flights::check(waiting);
+    }
+}
+
+#[test]
+fn bullets_hit_where_the_gpu_looks_ahead() {
+    if device().is_some() {
+        flights::check(ahead);
+    }
+}
