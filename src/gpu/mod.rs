@@ -26,6 +26,7 @@ mod timer;
 
 pub use capacity::GpuCapacity;
 pub use culling::GpuCulling;
+pub(crate) use device::copy_when_mapped;
 pub use device::{GpuDevice, GpuError};
 pub use impacts::{GpuImpacts, MovingPair};
 pub(crate) use pass::Pass;

@@ -34,7 +34,7 @@ use bevy::{
 
 use super::{MedialStep, gpu::of_renderer};
 use crate::{
-    gpu::{Batch, GpuCapacity, GpuCulling, GpuError, Pass, Passes, Prediction, shaders},
+    gpu::{Batch, GpuCapacity, GpuCulling, GpuError, Pass, Passes, Prediction, copy_when_mapped, shaders},
     pipeline::{Candidates, Widening},
 };
 
@@ -83,8 +83,8 @@ struct RenderCulling {
     answers: Sender<Answer>,
 }
 
-/// A batch whose staging buffer can be read, or cannot.
-type Mapped = (Arc<Prediction>, Batch, bool);
+/// A batch with what it has found, unless the device was lost.
+type Mapped = (Arc<Prediction>, Batch, Option<Vec<u8>>);
 
 enum State {
     Unused,
@@ -162,14 +162,12 @@ fn upload(
     let _ = device.poll(wgpu::PollType::Poll);
     let arrived: Vec<Mapped> =
         culling.mapped.1.lock().map_or_else(|_| Vec::new(), |mapped| mapped.try_iter().collect());
-    for (prediction, batch, readable) in arrived {
-        if !readable {
+    for (prediction, batch, data) in arrived {
+        let Some(data) = data else {
             warn!("medial meshes are culled on the CPU from now on: the GPU `{}` is lost", passes.device().name());
             culling.state = State::Failed;
             return;
-        }
-        let data = batch.staging.slice(..batch.bytes).get_mapped_range().to_vec();
-        batch.staging.unmap();
+        };
         if let Some(found) = passes.take(batch, &data) {
             // An app that is going down does not listen.
             let _ = culling.answers.send(Answer { prediction, found, times: passes.times().to_vec() });
@@ -235,8 +233,8 @@ fn read_back(mut culling: ResMut<RenderCulling>) {
     let Some((prediction, batch)) = culling.recorded.take() else { return };
     let sender = culling.mapped.0.clone();
     let staging = batch.staging.clone();
-    staging.slice(..batch.bytes).map_async(wgpu::MapMode::Read, move |result| {
+    copy_when_mapped(&staging, batch.bytes, move |data| {
         // A render world that is gone does not listen.
-        let _ = sender.send((prediction, batch, result.is_ok()));
+        let _ = sender.send((prediction, batch, data));
     });
 }

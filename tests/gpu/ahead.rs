@@ -67,7 +67,7 @@ fn diagnostics_tell_times_and_latency() {
     if device().is_none() {
         return;
     }
-    let (mut waiting, mut ahead) = (app("rods", MedialBackend::Gpu), app_ahead("rods"));
+    let (mut waiting, mut ahead) = (app("rods", MedialBackend::Gpu), app_ahead("rods", MedialBackend::Gpu));
     for app in [&mut waiting, &mut ahead] {
         (0..20).for_each(|_| app.update());
     }
@@ -90,7 +90,7 @@ fn buffers_grow_meanwhile() {
     if device().is_none() {
         return;
     }
-    let (mut cpu, mut ahead) = (app("tori", MedialBackend::Cpu), app_ahead("tori"));
+    let [mut cpu, mut ahead] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app_ahead("tori", backend));
     ahead.insert_resource(GpuCapacity { pairs: 1, chords: 1, candidates: 1, survivors: 1 });
     let mut latencies = Latencies::default();
     for step in 0..60 {
@@ -108,7 +108,7 @@ fn a_lost_device_loses_no_contact() {
     if device().is_none() {
         return;
     }
-    let (mut cpu, mut ahead) = (app("rods", MedialBackend::Cpu), app_ahead("rods"));
+    let [mut cpu, mut ahead] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app_ahead("rods", backend));
     let mut after = Latencies::default();
     for step in 0..90 {
         if step == 30 {
@@ -131,8 +131,7 @@ fn a_lost_device_loses_no_contact() {
 fn automatic_choice_is_told() {
     let Some(gpu) = device() else { return };
     log::keep_from(bevy::log::Level::INFO);
-    let mut app = app_ahead("dinosaur");
-    *app.world_mut().resource_mut::<MedialSettings>() = MedialSettings::default();
+    let mut app = app_ahead("dinosaur", MedialBackend::Auto);
     (0..40).for_each(|_| app.update());
     let lines = log::lines("medial meshes are culled on the ");
     println!("{lines:?}");

@@ -65,13 +65,13 @@ fn a_step_that_is_too_large_is_refused_alone() {
         return;
     }
     // No multiple of what sizes are multiples of.
-    let mut culling = GpuCulling::new(&small_device(200_004), TINY).unwrap();
+    let mut culling = GpuCulling::new(&small_device(1_000_004), TINY).unwrap();
     let mut random = Random(8);
     let mut small = |culling: &mut GpuCulling| compare(culling, 5, || random_step(&mut random, 12, 5, 2.0, Vec3::ZERO));
     small(&mut culling);
 
     // More than half of the limit in bodies, and more than the limit in chords.
-    let (input, statics) = random_step(&mut Random(9), 1100, 20, 6.0, Vec3::ZERO);
+    let (input, statics) = random_step(&mut Random(9), 5000, 20, 20.0, Vec3::ZERO);
     for _ in 0..2 {
         let error = culling.cull(&input, &statics).unwrap_err();
         assert!(matches!(error, GpuError::Limit { limit: "bytes in a buffer", .. }), "{error}");
@@ -79,7 +79,7 @@ fn a_step_that_is_too_large_is_refused_alone() {
     small(&mut culling);
 
     // More than the limit in a shape.
-    let shape = Shape::new(MedialAxis::torus(0.5, 0.1, 20_000).unwrap());
+    let shape = Shape::new(MedialAxis::torus(0.5, 0.1, 100_000).unwrap());
     let bodies = [0.0, 0.7].map(|x| Body::new(shape.clone(), Sweep::at_rest(Pose3::from_translation(Vec3::X * x))));
     let input = StepInput { bodies: bodies.into(), prediction: 0.01, ..default() };
     for _ in 0..2 {
