@@ -66,7 +66,7 @@ fn compare(steps: usize) {
     }
     for scene in SCENES {
         let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app(scene.name, backend));
-        // An app with a renderer has other entities, which is seen in the last bits.
+        // Set up alike, but for the back end.
         let [mut cpu_beside, mut ahead] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|b| app_ahead(scene.name, b));
         let mut latencies = Latencies::default();
         let (mut contacts, mut impacts, mut departed, mut bodies) = (0, 0, 0, 0);
