@@ -8,7 +8,7 @@ use bevy_medial::{gpu::GpuCapacity, plugin::diagnostic_paths, prelude::*};
 use bevy_rapier3d::prelude::{Collider, GravityScale, RigidBody, Velocity};
 
 use crate::{
-    common::{DT, mesh},
+    common::{DT, mesh, spawn_ground},
     device, log,
     parity::{Latencies, app, app_ahead, assert_same, culled_on_gpu},
     renderer::rendering_app,
@@ -60,6 +60,39 @@ fn bodies_that_keep_to_their_way_are_not_culled_again() {
     let step = app.world().resource::<MedialStep>();
     assert!(step.gpu_latency.is_some());
     assert_eq!(step.gpu_departed, 2);
+}
+
+#[test]
+fn a_stack_stands_the_same_way() {
+    if device().is_none() {
+        return;
+    }
+    let mut apps = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| {
+        let mut app = rendering_app(DT);
+        app.insert_resource(MedialSettings { backend, pipelined: true, ..default() });
+        spawn_ground(&mut app);
+        let mesh = mesh(&mut app, MedialAxis::rounded_box(Vec3::new(0.3, 0.15, 0.3), 0.02).unwrap());
+        for layer in 0..10 {
+            let aside = 0.005 * Vec3::new((3.0 * layer as f32).sin(), 0.0, (5.0 * layer as f32).cos());
+            let place = Transform::from_translation(Vec3::Y * (0.15 + 0.301 * layer as f32) + aside);
+            let turned = place.with_rotation(Quat::from_rotation_y(0.2 * (7.0 * layer as f32).sin()));
+            app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), turned));
+        }
+        app
+    });
+    let mut latencies = Latencies::default();
+    let (mut touching, mut departed) = (0, 0);
+    for step in 0..400 {
+        apps.iter_mut().for_each(App::update);
+        let [cpu, ahead] = &apps;
+        assert_same(cpu, ahead, &format!("step {step}"));
+        latencies.note(ahead);
+        let step = ahead.world().resource::<MedialStep>();
+        touching += usize::from(step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count() >= 10);
+        departed += step.gpu_departed;
+    }
+    println!("{latencies:?}, {touching} steps with all in touch, {departed} bodies off their way");
+    assert!(latencies.answered() > 350 && touching > 300 && departed < 400);
 }
 
 #[test]

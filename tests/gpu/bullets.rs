@@ -21,13 +21,23 @@ fn with_settings(mut app: App, pipelined: bool) -> App {
 #[test]
 fn bullets_hit_where_the_gpu_is_waited_for() {
     if device().is_some() {
-        flights::check(waiting);
+        flights::check(waiting, (0..12).step_by(2));
     }
 }
 
 #[test]
 fn bullets_hit_where_the_gpu_looks_ahead() {
     if device().is_some() {
-        flights::check(ahead);
+        flights::check(ahead, (1..12).step_by(2));
+    }
+}
+
+/// `cargo test --release --test gpu -- --ignored all_bullets`.
+#[test]
+#[ignore = "minutes"]
+fn all_bullets_hit_on_all_back_ends() {
+    if device().is_some() {
+        flights::check(waiting, 0..12);
+        flights::check(ahead, 0..12);
     }
 }

@@ -6,7 +6,7 @@ use crate::flights::{Aim, Cell, SPEEDS, check, run_hits, run_misses, shapes};
 
 #[test]
 fn bullets_hit_as_in_fine_steps_and_miss_without_a_trace() {
-    check(headless_app);
+    check(headless_app, 0..12);
 }
 
 #[test]

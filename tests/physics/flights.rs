@@ -517,12 +517,12 @@ fn stays_clear(first: &Solid, second: &Solid) -> bool {
     true
 }
 
-/// Some of the cells: every speed with and without spin, every shape at every target.
-pub fn check(app: fn(f32) -> App) {
+/// Some of the cells, by numbers of up to 12, in which there is every speed with and without spin, and every shape at every target.
+pub fn check(app: fn(f32) -> App, cells: impl Iterator<Item = usize>) {
     let aims = [Aim::Wall, Aim::Resting, Aim::HeadOn];
     let shapes = shapes();
-    let (mut close, mut ratios, mut misses) = (0, Vec::new(), 0);
-    for i in 0..12 {
+    let (mut close, mut ratios, mut misses, mut flown) = (0, Vec::new(), 0, [0; 2]);
+    for i in cells {
         let (name, shape) = shapes[i % 4].clone();
         let spin = if (i + i / 6) % 2 == 0 { 0.0 } else { 100.0 };
         let cell = Cell { shape, aim: aims[i % 3], speed: SPEEDS[i % 6], spin, app };
@@ -532,14 +532,16 @@ pub fn check(app: fn(f32) -> App) {
         assert!(hits.momentum_error < 0.01);
         close += hits.within(0.25);
         ratios.extend(hits.ratios);
+        flown[0] += hits.count;
         if cell.speed > 1.0 {
             let [proven, ghosts] = run_misses(&cell, 1, 10);
             assert_eq!(ghosts, 0);
             misses += proven;
+            flown[1] += 10;
         }
     }
     ratios.sort_by(f64::total_cmp);
     let (compared, median) = (ratios.len(), ratios[ratios.len() / 2]);
-    assert!(compared > 200 && misses > 90, "{compared} hits, {misses} misses");
+    assert!(6 * compared > 5 * flown[0] && 10 * misses > 9 * flown[1], "{compared} hits, {misses} misses of {flown:?}");
     assert!(close * 20 >= compared * 19 && (median - 1.0).abs() < 0.02, "{close} of {compared}, median {median}");
 }
