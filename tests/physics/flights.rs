@@ -517,8 +517,9 @@ fn stays_clear(first: &Solid, second: &Solid) -> bool {
     true
 }
 
-/// Some of the cells, by numbers of up to 12, in which there is every speed with and without spin, and every shape at every target.
-pub fn check(app: fn(f32) -> App, cells: impl Iterator<Item = usize>) {
+/// Some of the cells, by numbers of up to 12, in which there is every speed with and without spin, and every shape at every target. How many
+/// transfers are within 25 % of the reference, and how many there are.
+pub fn check(app: fn(f32) -> App, cells: impl Iterator<Item = usize>) -> [usize; 2] {
     let aims = [Aim::Wall, Aim::Resting, Aim::HeadOn];
     let shapes = shapes();
     let (mut close, mut ratios, mut misses, mut flown) = (0, Vec::new(), 0, [0; 2]);
@@ -543,5 +544,6 @@ pub fn check(app: fn(f32) -> App, cells: impl Iterator<Item = usize>) {
     ratios.sort_by(f64::total_cmp);
     let (compared, median) = (ratios.len(), ratios[ratios.len() / 2]);
     assert!(6 * compared > 5 * flown[0] && 10 * misses > 9 * flown[1], "{compared} hits, {misses} misses of {flown:?}");
-    assert!(close * 20 >= compared * 19 && (median - 1.0).abs() < 0.02, "{close} of {compared}, median {median}");
+    assert!((median - 1.0).abs() < 0.02, "median {median}");
+    [close, compared]
 }
