@@ -5,18 +5,22 @@
 //! ```
 //!
 //! - the scenes: the inputs of a run's steps, culled again on the GPU and on the CPU (with all its threads); medians of the active steps;
-//! - 100, 1,000 and 10,000 tori of 180 primitives in a heap;
+//! - the round trip of a call for two bodies, then 100, 1,000 and 10,000 tori of 180 primitives in a heap, and from where on the GPU is faster;
 //! - times of impact of 2.1 million primitive pairs, the paper's brute force.
 //!
-//! The built program needs nothing but `assets/models` beside it and a graphics driver; a software one will do.
+//! The built program needs nothing but a graphics driver; a software one will do.
 
 #[path = "common/activity.rs"]
 mod activity;
 #[path = "common/outcome.rs"]
 mod outcome;
+#[path = "common/tables.rs"]
+#[expect(dead_code, reason = "the processor is not asked for")]
+mod tables;
+#[path = "common/today.rs"]
+mod today;
 
 use std::{
-    fmt::Write,
     path::PathBuf,
     process::ExitCode,
     time::{Duration, Instant},
@@ -28,15 +32,17 @@ use bevy::{
     tasks::{ComputeTaskPool, TaskPool},
 };
 use bevy_medial::{
+    builder::MedialLevels,
     geometry::{Obb, Pose3, Sphere, Sweep},
     gpu::{GpuCapacity, GpuCulling, GpuDevice, GpuError, GpuImpacts, MovingPair},
     pipeline::{Body, Shape, StaticBody, Statics, StepInput, step},
     plugin::MedialStep,
     prelude::MedialAxis,
-    query::Moving,
-    scenes::{Monitor, Scene, headless_app, load_models},
+    query::{Moving, times_of_impact},
+    scenes::{Model, Monitor, Scene, headless_app, load_models},
 };
 use clap::Parser;
+use serde::Serialize;
 
 #[derive(Parser)]
 struct Args {
@@ -46,16 +52,52 @@ struct Args {
     /// Folder for `gpu.csv`.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Folder of the models.
-    #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/models"))]
-    models: PathBuf,
+    /// Folder of other models than the crate's own.
+    #[arg(long)]
+    models: Option<PathBuf>,
     /// What `cargo bench` adds.
     #[arg(long, hide = true)]
     bench: bool,
 }
 
+macro_rules! models {
+    ($($name:literal)*) => {
+        [$(($name, include_bytes!(concat!("../assets/models/", $name, ".medial")).as_slice())),*]
+    };
+}
+
+/// The crate's models, in the program itself.
+const MODELS: [(&str, &[u8]); 10] =
+    models!["armadillo" "bear" "bug" "bunny" "cow" "deer" "dinosaur" "dolphin" "spider" "torus"];
+
 /// The passes, in order.
 const PASSES: [&str; 7] = ["place", "sort", "tree", "broad", "chords", "mid", "narrow"];
+
+/// What a step took; times in milliseconds.
+#[derive(Clone, Debug, Default, Serialize)]
+struct Row {
+    date: String,
+    gpu: String,
+    what: String,
+    bodies: usize,
+    /// Those that brute force would test.
+    primitive_pairs: usize,
+    /// Those whose time of impact the GPU computed.
+    tested: usize,
+    place_ms: f64,
+    sort_ms: f64,
+    tree_ms: f64,
+    broad_ms: f64,
+    chords_ms: f64,
+    mid_ms: f64,
+    narrow_ms: f64,
+    /// With upload, wait and readback.
+    call_ms: f64,
+    /// Broad and mid phase on the CPU; of brute force the same as on the GPU, on one thread.
+    cpu_ms: f64,
+    /// That the narrow phase tests in a second of the GPU's time.
+    pairs_per_second: f64,
+}
 
 fn main() -> ExitCode {
     outcome::of(run(&Args::parse()))
@@ -63,99 +105,132 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let gpu = GpuDevice::request()?;
-    println!("GPU: {}", gpu.name());
-    let mut csv = format!(
-        "gpu,what,bodies,primitive_pairs,{},call_ms,cpu_ms\n",
-        PASSES.map(|pass| format!("{pass}_ms")).join(",")
-    );
-    println!(
-        "{:24} {:>10} | {} | {:>9} {:>9}",
-        "ms",
-        "pairs",
-        PASSES.map(|p| format!("{p:>8}")).join(" "),
-        "call",
-        "CPU"
-    );
-    let models = load_models(&args.models)?;
+    println!("GPU: {}, {}", gpu.name(), today::today());
+    let passes = PASSES.map(|pass| format!("{pass:>8}")).join(" ");
+    println!("{:16} {:>11} {:>9} | {passes} | {:>9} {:>9} {:>9}", "ms", "pairs", "tested", "call", "CPU", "pairs/s");
+    let models = models(args)?;
+    let mut rows = Vec::new();
     for (name, steps) in [("rods", 600), ("dinosaur", 120), ("tori", 600), ("stairs", 600)] {
-        let steps = if args.quick { 40 } else { steps };
-        let mut app = headless_app(1.0 / 60.0);
-        let scene = Scene::by_name(name).ok_or("no such scene")?;
-        scene.spawn(app.world_mut(), &models, 1);
-        let mut culling = GpuCulling::new(&gpu, GpuCapacity::default())?;
-        let (mut rows, mut activities) = (Vec::new(), Vec::new());
-        for _ in 0..steps {
-            app.update();
-            let step = app.world().resource::<MedialStep>();
-            rows.push(Row::measure(&mut culling, &step.input, &step.statics)?);
-            let row = app.world().resource::<Monitor>().rows.last();
-            activities.push(Activity {
-                contact_pairs: step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count(),
-                energy: row.map_or(0.0, |row| row.kinetic_energy_per_kg),
-            });
-        }
-        let active = active(&activities);
-        let rows: Vec<Row> = rows.into_iter().zip(active).filter(|(_, active)| *active).map(|(row, _)| row).collect();
-        tell(&mut csv, gpu.name(), name, &rows);
+        rows.extend(tell(&gpu, name, scene(&gpu, &models, name, if args.quick { 40 } else { steps })?));
     }
-    for bodies in [100, 1000, 10_000] {
-        if args.quick && bodies > 100 {
-            continue;
+    let heaps: &[usize] = if args.quick { &[2, 10, 100] } else { &[2, 10, 32, 100, 316, 1000, 3162, 10_000] };
+    let mut crossover = None;
+    for &bodies in heaps {
+        let name = if bodies == 2 { "round trip".into() } else { format!("heap of {bodies}") };
+        let row = tell(&gpu, &name, heap_rows(&gpu, bodies)?);
+        if let Some(row) = &row {
+            let from = crossover.filter(|_| row.call_ms < row.cpu_ms);
+            crossover = from.or((row.call_ms < row.cpu_ms).then_some(row.primitive_pairs));
         }
-        let (input, statics) = heap(bodies);
-        let mut culling = GpuCulling::new(&gpu, GpuCapacity::default())?;
-        // The first call makes room.
-        Row::measure(&mut culling, &input, &statics)?;
-        let rows: Result<Vec<Row>, GpuError> = (0..5).map(|_| Row::measure(&mut culling, &input, &statics)).collect();
-        tell(&mut csv, gpu.name(), &format!("heap of {bodies}"), &rows?);
+        rows.extend(row);
     }
-    brute_force(&gpu, if args.quick { 20_000 } else { 2_100_000 }, &mut csv)?;
+    match crossover {
+        Some(pairs) => println!("the GPU is faster in heaps from {pairs} primitive pairs on"),
+        None => println!("the CPU is faster in the largest heap"),
+    }
+    rows.extend(tell(&gpu, "brute force", vec![brute_force(&gpu, if args.quick { 20_000 } else { 2_100_000 })?]));
     if let Some(folder) = &args.out {
         std::fs::create_dir_all(folder)?;
-        let file = folder.join("gpu.csv");
-        std::fs::write(&file, csv).map_err(|error| format!("{}: {error}", file.display()))?;
+        tables::write(&folder.join("gpu.csv"), &tables::csv(&rows))?;
     }
     Ok(())
 }
 
-/// What one step took.
-struct Row {
-    bodies: usize,
-    pairs: usize,
-    passes: Vec<Duration>,
-    call: Duration,
-    /// Broad and mid phase.
-    cpu: Duration,
+fn models(args: &Args) -> Result<Vec<Model>, Box<dyn std::error::Error>> {
+    if let Some(folder) = &args.models {
+        return Ok(load_models(folder)?);
+    }
+    let model = |(name, bytes): (&str, &[u8])| {
+        let axis = MedialLevels::from_bytes(bytes)?.into_medial_axis().ok_or("a model without levels")?;
+        Ok(Model { name: name.into(), axis })
+    };
+    MODELS.into_iter().map(model).collect()
+}
+
+/// The active steps of a scene.
+fn scene(gpu: &GpuDevice, models: &[Model], name: &str, steps: usize) -> Result<Vec<Row>, Box<dyn std::error::Error>> {
+    let mut app = headless_app(1.0 / 60.0);
+    Scene::by_name(name).ok_or("no such scene")?.spawn(app.world_mut(), models, 1);
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default())?;
+    let (mut rows, mut activities) = (Vec::new(), Vec::new());
+    for _ in 0..steps {
+        app.update();
+        let step = app.world().resource::<MedialStep>();
+        rows.push(Row::measure(&mut culling, &step.input, &step.statics)?);
+        let row = app.world().resource::<Monitor>().rows.last();
+        activities.push(Activity {
+            contact_pairs: step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count(),
+            energy: row.map_or(0.0, |row| row.kinetic_energy_per_kg),
+        });
+    }
+    let active = active(&activities);
+    Ok(rows.into_iter().zip(active).filter(|(_, active)| *active).map(|(row, _)| row).collect())
+}
+
+/// Several calls for a heap.
+fn heap_rows(gpu: &GpuDevice, bodies: usize) -> Result<Vec<Row>, GpuError> {
+    let (input, statics) = heap(bodies);
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default())?;
+    // The first call makes room.
+    culling.cull(&input, &statics)?;
+    let (clock, mut rows) = (Instant::now(), Vec::new());
+    while rows.is_empty() || (rows.len() < 5 && clock.elapsed() < Duration::from_secs(10)) {
+        rows.push(Row::measure(&mut culling, &input, &statics)?);
+    }
+    Ok(rows)
+}
+
+fn milliseconds(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
 }
 
 impl Row {
     fn measure(culling: &mut GpuCulling, input: &StepInput, statics: &Statics) -> Result<Self, GpuError> {
         let clock = Instant::now();
         culling.cull(input, statics)?;
-        let call = clock.elapsed();
+        let call_ms = milliseconds(clock.elapsed());
         let cpu = step(input, statics, ComputeTaskPool::get_or_init(TaskPool::default));
-        Ok(Self {
+        let mut row = Self {
             bodies: input.bodies.len(),
-            pairs: cpu.counts.primitive_pairs,
-            passes: culling.times().iter().map(|(_, time)| *time).collect(),
-            call,
-            cpu: cpu.times.broad + cpu.times.mid,
-        })
+            primitive_pairs: cpu.counts.primitive_pairs,
+            tested: culling.counts()[2] as usize,
+            call_ms,
+            cpu_ms: milliseconds(cpu.times.broad + cpu.times.mid),
+            ..default()
+        };
+        for (place, (_, time)) in row.passes().into_iter().zip(culling.times()) {
+            *place = milliseconds(*time);
+        }
+        Ok(row)
+    }
+
+    /// Times of the passes, in order.
+    fn passes(&mut self) -> [&mut f64; 7] {
+        let Self { place_ms, sort_ms, tree_ms, broad_ms, chords_ms, mid_ms, narrow_ms, .. } = self;
+        [place_ms, sort_ms, tree_ms, broad_ms, chords_ms, mid_ms, narrow_ms]
     }
 }
 
-fn tell(csv: &mut String, gpu: &str, what: &str, rows: &[Row]) {
-    let Some(first) = rows.first() else { return println!("{what}: no step is active") };
-    let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
-    let middle = |time: &dyn Fn(&Row) -> Duration| median(rows.iter().map(|row| milliseconds(time(row))));
-    let passes: Vec<f64> =
-        (0..PASSES.len()).map(|pass| middle(&|row| row.passes.get(pass).copied().unwrap_or_default())).collect();
-    let (call, cpu) = (middle(&|row| row.call), middle(&|row| row.cpu));
-    let text = passes.iter().map(|ms| format!("{ms:8.3}")).collect::<Vec<_>>().join(" ");
-    println!("{what:24} {:10} | {text} | {call:9.3} {cpu:9.3}", first.pairs);
-    let text = passes.iter().map(|ms| format!("{ms:.4}")).collect::<Vec<_>>().join(",");
-    // A string can be written to.
-    let _ = writeln!(csv, "{gpu},{what},{},{},{text},{call:.4},{cpu:.4}", first.bodies, first.pairs);
+/// The medians of some steps, printed.
+fn tell(gpu: &GpuDevice, what: &str, mut rows: Vec<Row>) -> Option<Row> {
+    let Some(mut row) = rows.first().cloned() else {
+        println!("{what}: no step is active");
+        return None;
+    };
+    (row.date, row.gpu, row.what) = (today::today(), gpu.name().into(), what.into());
+    for pass in 0..PASSES.len() {
+        *row.passes()[pass] = median(rows.iter_mut().map(|row| *row.passes()[pass]));
+    }
+    row.tested = median(rows.iter().map(|row| row.tested as f64)) as usize;
+    row.call_ms = median(rows.iter().map(|row| row.call_ms));
+    row.cpu_ms = median(rows.iter().map(|row| row.cpu_ms));
+    row.pairs_per_second = if row.narrow_ms > 0.0 { (row.tested as f64 * 1e3 / row.narrow_ms).round() } else { 0.0 };
+    let passes = row.passes().map(|ms| format!("{ms:8.3}")).join(" ");
+    let Row { primitive_pairs, tested, call_ms, cpu_ms, pairs_per_second, .. } = row;
+    println!(
+        "{what:16} {primitive_pairs:11} {tested:9} | {passes} | {call_ms:9.3} {cpu_ms:9.3} {pairs_per_second:9.2e}"
+    );
+    Some(row)
 }
 
 /// Falling tori in layers on a ground, each near its neighbours.
@@ -177,7 +252,7 @@ fn heap(bodies: usize) -> (StepInput, Statics) {
 }
 
 /// Times of impact of moving cones, in as many parts as the device wants.
-fn brute_force(gpu: &GpuDevice, count: usize, csv: &mut String) -> Result<(), GpuError> {
+fn brute_force(gpu: &GpuDevice, count: usize) -> Result<Row, GpuError> {
     let mut impacts = GpuImpacts::new(gpu)?;
     let cone = |i: usize, x: f32| {
         let angle = i as f32;
@@ -189,19 +264,17 @@ fn brute_force(gpu: &GpuDevice, count: usize, csv: &mut String) -> Result<(), Gp
         }
     };
     const PART: usize = 1 << 17;
-    let mut time = Duration::ZERO;
+    let mut row = Row { primitive_pairs: count, tested: count, ..default() };
     for part in (0..count).step_by(PART) {
-        let pairs: Vec<MovingPair> =
-            (part..count.min(part + PART)).map(|i| MovingPair::new(&cone(i, -3.0), &cone(i + 7, 0.0))).collect();
-        impacts.run(&pairs)?;
-        time += impacts.time().unwrap_or_default();
+        let pairs: Vec<_> = (part..count.min(part + PART)).map(|i| (cone(i, -3.0), cone(i + 7, 0.0))).collect();
+        let packed: Vec<MovingPair> = pairs.iter().map(|(first, second)| MovingPair::new(first, second)).collect();
+        let clock = Instant::now();
+        impacts.run(&packed)?;
+        row.call_ms += milliseconds(clock.elapsed());
+        row.narrow_ms += milliseconds(impacts.time().unwrap_or_default());
+        let clock = Instant::now();
+        std::hint::black_box(times_of_impact(&pairs, 1.0));
+        row.cpu_ms += milliseconds(clock.elapsed());
     }
-    let milliseconds = time.as_secs_f64() * 1e3;
-    println!(
-        "brute force: {count} pairs of cones in {milliseconds:.2} ms, {:.1} ns each",
-        milliseconds * 1e6 / count as f64
-    );
-    // A string can be written to.
-    let _ = writeln!(csv, "{},brute force,,{count},,,,,,,{milliseconds:.4},,", gpu.name());
-    Ok(())
+    Ok(row)
 }

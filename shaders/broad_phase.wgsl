@@ -36,10 +36,16 @@ fn cone(index: u32, origin: vec3f) -> Hull {
 fn add(first: u32, second: u32, chords: u32) {
     let pair = atomicAdd(&counters.pairs, 1u);
     if pair >= params.max_pairs {
+        if pair >= MANY {
+            atomicStore(&counters.pairs, MANY);
+        }
         return;
     }
     pairs[pair] = Pair(first, second);
     let start = atomicAdd(&counters.chords, chords);
+    if start >= MANY {
+        atomicStore(&counters.chords, MANY);
+    }
     for (var i = 0u; i < chords && start + i < params.max_chords; i++) {
         pair_chords[start + i] = vec3u(pair, i, chords);
     }

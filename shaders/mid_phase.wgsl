@@ -71,6 +71,8 @@ fn add(chord: u32, first: u32, second: u32) {
     let candidate = atomicAdd(&counters.candidates, 1u);
     if candidate < params.max_candidates {
         candidates[candidate] = Candidate(chord, first, second);
+    } else if candidate >= MANY {
+        atomicStore(&counters.candidates, MANY);
     }
 }
 

@@ -21,6 +21,9 @@ struct Params {
     max_survivors: u32,
 }
 
+// Where counters stop: more than there is ever room for, and far enough from the end of their range for all that is added meanwhile.
+const MANY: u32 = 0x80000000u;
+
 // How many there are of each. They count on where a buffer is full.
 struct Counters {
     pairs: atomic<u32>,

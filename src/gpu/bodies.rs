@@ -7,9 +7,30 @@ use super::{
     shapes::Shapes,
 };
 use crate::{
-    geometry::Aabb,
-    pipeline::{Body, ConvexParts, Core, Solid, StaticBody},
+    geometry::{Aabb, Pose3},
+    pipeline::{Body, ConvexParts, Core, Side, Solid, StaticBody},
 };
+
+/// The first of these bodies and statics of which a number that the passes go by is NaN or infinite.
+pub(super) fn not_finite(bodies: &[Body], statics: &[StaticBody]) -> Option<Side> {
+    let is_finite = |body: &Body| {
+        let sweep = &body.sweep;
+        let vectors = [sweep.translation, sweep.rotation, sweep.local_center];
+        is_finite_solid(&body.solid) && is_finite_pose(&sweep.start) && vectors.into_iter().all(Vec3::is_finite)
+    };
+    let is_finite_static = |body: &StaticBody| is_finite_solid(&body.solid) && is_finite_pose(&body.pose);
+    let body = bodies.iter().position(|body| !is_finite(body)).map(|i| Side::Body(i as u32));
+    body.or_else(|| statics.iter().position(|body| !is_finite_static(body)).map(|i| Side::Static(i as u32)))
+}
+
+fn is_finite_pose(pose: &Pose3) -> bool {
+    pose.translation.is_finite() && pose.rotation.is_finite()
+}
+
+fn is_finite_solid(solid: &Solid) -> bool {
+    let bound = solid.bounding_sphere();
+    bound.center.is_finite() && bound.radius.is_finite()
+}
 
 /// A body. In metres: how far outside of its bounding sphere it may meet something, and how far it may leave its way.
 pub(super) fn body(body: &Body, [margin, slack]: [f32; 2], shapes: &mut Shapes) -> layout::Body {

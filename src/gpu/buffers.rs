@@ -64,8 +64,10 @@ impl Buffers {
         let limits = gpu.limits();
         let bytes = bytes.max(LEAST);
         let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+        // Sizes are multiples of 16.
+        let most = most - most % 16;
         gpu.require("bytes in a buffer", most, bytes)?;
-        *known = Some(gpu.buffer(&format!("{slot:?}"), bytes.next_power_of_two().min(most), slot.usage()));
+        *known = Some(gpu.buffer(&format!("{slot:?}"), bytes.next_power_of_two().min(most), slot.usage())?);
         self.generation += 1;
         Ok(())
     }

@@ -20,53 +20,27 @@
 
 use std::time::Duration;
 
-use bevy::prelude::*;
-use bytemuck::{Pod, bytes_of, cast_slice, pod_collect_to_vec};
+use bevy::log::info_once;
+use bytemuck::{bytes_of, cast_slice};
 use glam::Vec3;
 
 use super::{
-    GpuDevice, GpuError, bodies,
+    GpuCapacity, GpuDevice, GpuError, bodies,
     buffers::{Buffers, Slot},
-    layout::{Counters, Pair, Params, STATIC, Survivor, UNKNOWN},
+    layout::{CANDIDATE, CHORD, Counters, NODE, PAIR_CHORD, Pair, Params, SWEPT, Survivor},
     pass::Pass,
     passes::{Bound, KEY, Passes, SORT_BLOCK, TREE_BLOCK, UNIFORM, exchanges},
+    readback::{Batch, Room},
     shapes::Shapes,
     timer::Timer,
 };
 use crate::{
     geometry::{Aabb, Sphere},
-    pipeline::{Candidates, Side, Statics, StepInput, Widening},
+    pipeline::{Candidates, Statics, StepInput, Widening},
 };
 
-/// Sizes in bytes of what only the shaders write.
-const SWEPT: u64 = 32;
-const NODE: u64 = 32;
-const PAIR_CHORD: u64 = 16;
-pub(super) const CHORD: u64 = 176;
-pub(super) const CANDIDATE: u64 = 12;
 /// Passes of which times are told.
 const PASSES: u32 = 7;
-
-/// How many of each there is room for at first. More of them, and the buffers grow.
-#[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
-#[reflect(Resource, Default, Clone, PartialEq)]
-pub struct GpuCapacity {
-    /// Body pairs.
-    pub pairs: u32,
-    /// Chords of their motions.
-    pub chords: u32,
-    /// Primitive pairs that the mid phase leaves.
-    pub candidates: u32,
-    /// Those that the narrow phase leaves.
-    pub survivors: u32,
-}
-
-impl Default for GpuCapacity {
-    /// Some MiB.
-    fn default() -> Self {
-        Self { pairs: 1 << 12, chords: 1 << 13, candidates: 1 << 17, survivors: 1 << 15 }
-    }
-}
 
 /// Culls steps on a GPU.
 pub struct GpuCulling {
@@ -77,8 +51,10 @@ pub struct GpuCulling {
     /// What the passes bind, for buffers of a generation and a number of leaves.
     bound: Option<(u64, u32, Bound)>,
     capacity: GpuCapacity,
-    /// Pairs and survivors that are read back at once.
-    expected: [u32; 2],
+    /// The last one that the device had room for.
+    reserved: GpuCapacity,
+    /// What is read back at once.
+    expected: Room,
     /// Those that have been uploaded, and how many.
     statics: Option<(u64, u32)>,
     /// Buffers to read from that nobody uses.
@@ -86,18 +62,6 @@ pub struct GpuCulling {
     timer: Timer,
     times: Vec<(&'static str, Duration)>,
     counts: Counters,
-}
-
-/// What is on its way from the GPU.
-pub(crate) struct Batch {
-    pub staging: wgpu::Buffer,
-    /// Bytes of it that are of use.
-    pub bytes: u64,
-    /// For how many there is room.
-    pairs: u32,
-    survivors: u32,
-    /// Passes in the order of their times.
-    labels: Vec<&'static str>,
 }
 
 /// How many workgroups a pass has.
@@ -113,16 +77,22 @@ impl GpuCulling {
     /// # Errors
     /// If the device refuses them.
     pub fn new(gpu: &GpuDevice, capacity: GpuCapacity) -> Result<Self, GpuError> {
+        Self::with_passes(gpu, Passes::new(gpu)?, capacity)
+    }
+
+    /// Passes that are there already.
+    pub(crate) fn with_passes(gpu: &GpuDevice, passes: Passes, capacity: GpuCapacity) -> Result<Self, GpuError> {
         Ok(Self {
-            passes: Passes::new(gpu)?,
+            passes,
             shapes: Shapes::default(),
             buffers: Buffers::new(),
             bound: None,
             capacity,
-            expected: [256, 1024],
+            reserved: capacity,
+            expected: Room { pairs: 256, survivors: 1024 },
             statics: None,
             staging: Vec::new(),
-            timer: Timer::new(gpu, PASSES),
+            timer: Timer::new(gpu, PASSES)?,
             times: Vec::new(),
             counts: Counters::default(),
             gpu: gpu.clone(),
@@ -153,7 +123,7 @@ impl GpuCulling {
     /// The pairs that may meet within the step; waits for the GPU. Where a buffer is too small, it grows, and the step is culled once more.
     ///
     /// # Errors
-    /// If the scene is more than the device can take, or the device is lost. Nothing is found then.
+    /// If a place or motion is not finite, the scene is more than the device can take, or the device is lost. Nothing is found then.
     pub fn cull(&mut self, input: &StepInput, statics: &Statics) -> Result<Vec<Candidates>, GpuError> {
         let mut widening = Widening::new(input);
         loop {
@@ -174,13 +144,18 @@ impl GpuCulling {
     /// something, and how far it may leave its way.
     ///
     /// # Errors
-    /// If the scene is more than the device can take.
+    /// If a place or motion is not finite, or the scene is more than the device can take.
     pub(crate) fn upload(
         &mut self,
         input: &StepInput,
         statics: &Statics,
         margins: impl Fn(usize) -> [f32; 2],
     ) -> Result<(), GpuError> {
+        let known = (statics.id(), statics.bodies().len() as u32);
+        let new_statics = (self.statics != Some(known)).then(|| statics.bodies());
+        if let Some(side) = bodies::not_finite(&input.bodies, new_statics.unwrap_or_default()) {
+            return Err(GpuError::NotFinite(side));
+        }
         if self.shapes.tidy() {
             self.statics = None;
         }
@@ -193,17 +168,21 @@ impl GpuCulling {
             .map(|(index, body)| bodies::body(body, margins(index), &mut self.shapes))
             .collect();
         buffers.write(gpu, Slot::Bodies, cast_slice(&bodies))?;
-        let known = (statics.id(), statics.bodies().len() as u32);
         if self.statics != Some(known) {
             let still: Vec<_> = statics.bodies().iter().map(|body| bodies::still(body, &mut self.shapes)).collect();
             buffers.write(gpu, Slot::Statics, cast_slice(&still))?;
             buffers.write(gpu, Slot::StaticNodes, statics.bvh().bytes())?;
             self.statics = Some(known);
         }
-        self.shapes.upload(gpu, buffers)?;
+        if let Err(error) = self.shapes.upload(gpu, buffers) {
+            // The next step may have others.
+            (self.shapes, self.statics) = (Shapes::default(), None);
+            return Err(error);
+        }
 
         let space = Aabb::from_spheres(bodies.iter().map(|body| Sphere::new(body.position, 0.0)));
-        let size = (space.max - space.min).max(Vec3::splat(f32::MIN_POSITIVE));
+        // Cells of bodies in one place are as small as they may be and countable.
+        let size = (space.max - space.min).max(Vec3::splat(1e-30));
         let GpuCapacity { pairs, chords, candidates, survivors } = self.capacity;
         let params = Params {
             bodies: bodies.len() as u32,
@@ -219,6 +198,19 @@ impl GpuCulling {
             unused: [0; 2],
         };
         buffers.write(gpu, Slot::Params, bytes_of(&params))?;
+        if let Err(error) = self.reserve(leaves) {
+            // The next step may be smaller.
+            self.capacity = self.reserved;
+            return Err(error);
+        }
+        self.reserved = self.capacity;
+        self.bind(leaves);
+        Ok(())
+    }
+
+    /// Makes room for what the passes write.
+    fn reserve(&mut self, leaves: u32) -> Result<(), GpuError> {
+        let GpuCapacity { pairs, chords, candidates, survivors } = self.capacity;
         for (slot, count, size) in [
             (Slot::Swept, leaves, SWEPT),
             (Slot::Keys, leaves, KEY),
@@ -231,14 +223,14 @@ impl GpuCulling {
             (Slot::Candidates, candidates, CANDIDATE),
             (Slot::Survivors, survivors, size_of::<Survivor>() as u64),
             (Slot::Groups, 9, 4),
+            // What no step has needed yet.
+            (Slot::Shapes, 0, 0),
+            (Slot::Spheres, 0, 0),
+            (Slot::Primitives, 0, 0),
+            (Slot::ShapeNodes, 0, 0),
         ] {
-            buffers.reserve(gpu, slot, u64::from(count) * size)?;
+            self.buffers.reserve(&self.gpu, slot, u64::from(count) * size)?;
         }
-        // What no step has needed yet.
-        for slot in [Slot::Shapes, Slot::Spheres, Slot::Primitives, Slot::ShapeNodes] {
-            buffers.reserve(gpu, slot, 0)?;
-        }
-        self.bind(leaves);
         Ok(())
     }
 
@@ -247,13 +239,11 @@ impl GpuCulling {
     /// # Errors
     /// If the scene is more than the device can take.
     pub(crate) fn encode(&mut self, encoder: &mut wgpu::CommandEncoder) -> Result<Batch, GpuError> {
-        let [pairs, survivors] =
-            [self.expected[0].min(self.capacity.pairs), self.expected[1].min(self.capacity.survivors)];
-        let counters_size = size_of::<Counters>() as u64;
-        let pairs_size = u64::from(pairs) * size_of::<Pair>() as u64;
-        let survivors_size = u64::from(survivors) * size_of::<Survivor>() as u64;
-        let times_at = counters_size + pairs_size + survivors_size;
-        let bytes = times_at + self.timer.bytes();
+        let room = Room {
+            pairs: self.expected.pairs.min(self.capacity.pairs),
+            survivors: self.expected.survivors.min(self.capacity.survivors),
+        };
+        let bytes = room.times_at() + self.timer.bytes();
         let staging = self.staging.pop().filter(|staging| staging.size() >= bytes);
         let staging = staging.map_or_else(|| self.gpu.staging(bytes), Ok)?;
         let (buffers, passes) = (&self.buffers, &self.passes);
@@ -302,33 +292,27 @@ impl GpuCulling {
                 encoder.copy_buffer_to_buffer(buffers.get(slot), 0, &staging, at, size);
             }
         };
-        copy(Slot::Counters, 0, counters_size);
-        copy(Slot::Pairs, counters_size, pairs_size);
-        copy(Slot::Survivors, counters_size + pairs_size, survivors_size);
-        timer.resolve(encoder, PASSES, &staging, times_at);
-        Ok(Batch { staging, bytes, pairs, survivors, labels })
+        copy(Slot::Counters, 0, Room::PAIRS_AT);
+        copy(Slot::Pairs, Room::PAIRS_AT, room.survivors_at() - Room::PAIRS_AT);
+        copy(Slot::Survivors, room.survivors_at(), room.times_at() - room.survivors_at());
+        timer.resolve(encoder, PASSES, &staging, room.times_at());
+        Ok(Batch { staging, bytes, room, labels })
     }
 
     /// Takes what the passes have found, the bytes of the batch's staging buffer; nothing if a buffer was too small and has grown.
     pub(crate) fn take(&mut self, batch: Batch, data: &[u8]) -> Option<Vec<Candidates>> {
-        let pairs_at = size_of::<Counters>();
-        let survivors_at = pairs_at + batch.pairs as usize * size_of::<Pair>();
-        let times_at = survivors_at + batch.survivors as usize * size_of::<Survivor>();
-        let counts = list::<Counters>(data, 1)[0];
+        let counts = Room::counts(data);
         if let Some(larger) = self.capacity.for_counts(&counts) {
-            info!("GPU buffers grow from {:?} to {larger:?}; `GpuCapacity` sets where they begin", self.capacity);
+            info_once!("GPU buffers grow from {:?} on; `GpuCapacity` sets where they begin", self.capacity);
             self.capacity = larger;
             return None;
         }
         self.counts = counts;
-        self.times = batch.labels.into_iter().zip(self.timer.durations(&data[times_at..])).collect();
+        self.times =
+            batch.labels.into_iter().zip(self.timer.durations(&data[batch.room.times_at() as usize..])).collect();
         self.staging.push(batch.staging);
-        // A quarter more than what there is now.
-        self.expected = [counts.pairs, counts.survivors].map(|count| (count + count / 4).next_multiple_of(256));
-        if counts.pairs > batch.pairs || counts.survivors > batch.survivors {
-            return None;
-        }
-        Some(candidates(&list(&data[pairs_at..], counts.pairs), &list(&data[survivors_at..], counts.survivors)))
+        self.expected = Room::for_counts(&counts);
+        batch.room.candidates(data)
     }
 
     /// Makes the bind groups, if buffers have been made anew.
@@ -344,48 +328,4 @@ impl GpuCulling {
         let bound = Bound::new(&self.gpu, &self.passes, &self.buffers, leaves, &steps);
         self.bound = Some((generation, leaves, bound));
     }
-}
-
-impl GpuCapacity {
-    /// What there has to be room for, if that is more.
-    fn for_counts(&self, counts: &Counters) -> Option<Self> {
-        let larger = |room: u32, count: u32| if count > room { count.saturating_add(count / 4) } else { room };
-        let needed = Self {
-            pairs: larger(self.pairs, counts.pairs),
-            chords: larger(self.chords, counts.chords),
-            candidates: larger(self.candidates, counts.candidates),
-            survivors: larger(self.survivors, counts.survivors),
-        };
-        (needed != *self).then_some(needed)
-    }
-}
-
-impl Pair {
-    fn sides(&self) -> [Side; 2] {
-        let index = self.second & !(STATIC | UNKNOWN);
-        let second = if self.second & STATIC == 0 { Side::Body(index) } else { Side::Static(index) };
-        [Side::Body(self.first), second]
-    }
-}
-
-/// The first elements of a list.
-fn list<T: Pod>(bytes: &[u8], count: u32) -> Vec<T> {
-    pod_collect_to_vec(&bytes[..count as usize * size_of::<T>()])
-}
-
-/// Gathers the primitives of each pair. The order is that of the GPU; whoever goes on sorts them.
-fn candidates(pairs: &[Pair], survivors: &[Survivor]) -> Vec<Candidates> {
-    let mut found: Vec<Candidates> = pairs
-        .iter()
-        .map(|pair| {
-            let primitives = if pair.second & UNKNOWN == 0 { Some(Vec::new()) } else { None };
-            Candidates { sides: pair.sides(), primitives }
-        })
-        .collect();
-    for survivor in survivors {
-        if let Some(primitives) = &mut found[survivor.pair as usize].primitives {
-            primitives.push([survivor.first, survivor.second]);
-        }
-    }
-    found
 }

@@ -1,5 +1,12 @@
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{Arc, Mutex, PoisonError},
+};
+
 use bevy::tasks::block_on;
 use thiserror::Error;
+
+use crate::pipeline::Side;
 
 /// A device, and the queue that passes are submitted to. Clones are the same device.
 #[derive(Clone, Debug)]
@@ -7,6 +14,8 @@ pub struct GpuDevice {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
+    /// The last error of a device of the app's own. The renderer's go to whoever handles those: error scopes are of no use, as threads may share them.
+    error: Arc<Mutex<Option<wgpu::Error>>>,
 }
 
 /// Why the GPU cannot do it.
@@ -35,6 +44,17 @@ pub enum GpuError {
         /// How much is needed.
         wanted: u64,
     },
+    /// The device has no more memory.
+    #[error("the GPU `{adapter}` has no memory left for {bytes} bytes")]
+    Memory {
+        /// Its name.
+        adapter: String,
+        /// How many were asked for.
+        bytes: u64,
+    },
+    /// Nothing can be found for a body, or a static: its numbers are NaN or infinite.
+    #[error("{0:?}: its place, motion or size is not finite")]
+    NotFinite(Side),
     /// A shader or a pass is refused.
     #[error("the GPU `{adapter}` refuses the pass `{pass}`: {reason}")]
     Refused {
@@ -51,6 +71,13 @@ pub enum GpuError {
         /// Its name.
         adapter: String,
     },
+}
+
+impl GpuError {
+    /// True if another step may do.
+    pub fn is_of_one_step(&self) -> bool {
+        matches!(self, Self::Limit { .. } | Self::Memory { .. } | Self::NotFinite(_))
+    }
 }
 
 impl GpuDevice {
@@ -72,10 +99,14 @@ impl GpuDevice {
             required_limits: adapter.limits(),
             ..Default::default()
         };
-        match block_on(adapter.request_device(&descriptor)) {
-            Ok((device, queue)) => Self::new(device, queue, info),
-            Err(reason) => Err(GpuError::NoDevice { adapter: info.name, reason }),
-        }
+        let (device, queue) = block_on(adapter.request_device(&descriptor))
+            .map_err(|reason| GpuError::NoDevice { adapter: info.name.clone(), reason })?;
+        let gpu = Self::new(device, queue, info)?;
+        let error = gpu.error.clone();
+        gpu.device.on_uncaptured_error(Arc::new(move |found| {
+            *error.lock().unwrap_or_else(PoisonError::into_inner) = Some(found);
+        }));
+        Ok(gpu)
     }
 
     /// A device that is there already, such as that of the renderer.
@@ -84,7 +115,7 @@ impl GpuDevice {
     /// If it cannot do what is needed.
     pub fn new(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Result<Self, GpuError> {
         let limits = device.limits();
-        let gpu = Self { device, queue, info };
+        let gpu = Self { device, queue, info, error: Arc::default() };
         gpu.require("storage buffers in a pass", limits.max_storage_buffers_per_shader_stage.into(), 8)?;
         gpu.require("invocations in a workgroup", limits.max_compute_invocations_per_workgroup.into(), 256)?;
         Ok(gpu)
@@ -116,31 +147,42 @@ impl GpuDevice {
         self.device.limits()
     }
 
+    /// What a device of the app's own has refused since it was last asked.
+    fn take_error(&self) -> Option<wgpu::Error> {
+        self.error.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
     /// Runs what makes something of a pass; an error of the device becomes one here.
     pub(super) fn checked<T>(&self, pass: &'static str, make: impl FnOnce(&wgpu::Device) -> T) -> Result<T, GpuError> {
-        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let made = make(&self.device);
-        match block_on(scope.pop()) {
-            None => Ok(made),
-            Some(error) => Err(GpuError::Refused { adapter: self.name().into(), pass, reason: error.to_string() }),
-        }
+        self.check(pass).map(|()| made)
+    }
+
+    fn check(&self, pass: &'static str) -> Result<(), GpuError> {
+        let refused =
+            |error: wgpu::Error| GpuError::Refused { adapter: self.name().into(), pass, reason: error.to_string() };
+        self.take_error().map_or(Ok(()), |error| Err(refused(error)))
     }
 
     /// A buffer of so many bytes, at least 16.
-    pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
-        self.device.create_buffer(&wgpu::BufferDescriptor {
+    pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
             size: bytes.max(16).next_multiple_of(16),
             usage,
             mapped_at_creation: false,
-        })
+        });
+        match self.take_error() {
+            Some(wgpu::Error::OutOfMemory { .. }) => Err(GpuError::Memory { adapter: self.name().into(), bytes }),
+            _ => Ok(buffer),
+        }
     }
 
     /// A buffer to read so many bytes from.
     pub(super) fn staging(&self, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
         let size = bytes.next_power_of_two();
         self.require("bytes in a buffer", self.limits().max_buffer_size, size)?;
-        Ok(self.buffer("staging", size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST))
+        self.buffer("staging", size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
     }
 
     /// Waits for a submission and reads a buffer that it wrote, from the start.
@@ -151,18 +193,29 @@ impl GpuDevice {
         submission: wgpu::SubmissionIndex,
     ) -> Result<Vec<u8>, GpuError> {
         let lost = || GpuError::Lost { adapter: self.name().into() };
-        let slice = buffer.slice(..bytes);
         let (sender, receiver) = std::sync::mpsc::channel();
-        slice.map_async(wgpu::MapMode::Read, move |result| {
+        copy_when_mapped(buffer, bytes, move |data| {
             // Nobody listens any more: nothing is lost.
-            let _ = sender.send(result);
+            let _ = sender.send(data);
         });
         self.device
             .poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
             .map_err(|_| lost())?;
-        receiver.recv().ok().and_then(Result::ok).ok_or_else(lost)?;
-        let data = slice.get_mapped_range().to_vec();
-        buffer.unmap();
-        Ok(data)
+        let data = receiver.recv().ok().flatten().ok_or_else(lost)?;
+        self.check("the whole step").map(|()| data)
     }
+}
+
+/// Hands the first bytes of a buffer to `done` once they can be read; none if the device is lost.
+pub(crate) fn copy_when_mapped(buffer: &wgpu::Buffer, bytes: u64, done: impl FnOnce(Option<Vec<u8>>) + Send + 'static) {
+    let mapped = buffer.clone();
+    buffer.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {
+        // Even now the device may be lost: wgpu panics then, and nobody can ask before.
+        let copy = AssertUnwindSafe(|| mapped.slice(..bytes).get_mapped_range().to_vec());
+        let data = result.ok().and_then(|()| catch_unwind(copy).ok());
+        if data.is_some() {
+            mapped.unmap();
+        }
+        done(data);
+    });
 }

@@ -84,7 +84,7 @@ impl GpuImpacts {
     /// If the device refuses the shader.
     pub fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
         let text = shader(&[KERNELS, &[include_str!("../../shaders/impacts.wgsl")]].concat());
-        Ok(Self { pass: Pass::new(gpu, "impacts", text)?, timer: Timer::new(gpu, 1), time: None, gpu: gpu.clone() })
+        Ok(Self { pass: Pass::new(gpu, "impacts", text)?, timer: Timer::new(gpu, 1)?, time: None, gpu: gpu.clone() })
     }
 
     /// How long the device took for the last pairs, without upload and readback, if it can tell.
@@ -108,8 +108,8 @@ impl GpuImpacts {
         }
         let size = (pairs.len() * size_of::<Answer>()) as u64;
         use wgpu::BufferUsages as Usage;
-        let input = gpu.buffer("pairs", bytes, Usage::STORAGE | Usage::COPY_DST);
-        let output = gpu.buffer("results", size, Usage::STORAGE | Usage::COPY_SRC);
+        let input = gpu.buffer("pairs", bytes, Usage::STORAGE | Usage::COPY_DST)?;
+        let output = gpu.buffer("results", size, Usage::STORAGE | Usage::COPY_SRC)?;
         let staging = gpu.staging(size + self.timer.bytes())?;
         gpu.queue.write_buffer(&input, 0, bytemuck::cast_slice(pairs));
         let mut encoder = gpu.device.create_command_encoder(&Default::default());

@@ -14,6 +14,13 @@ pub(super) const STATIC: u32 = 1 << 31;
 /// Marks the second side of pairs whose primitives the CPU finds.
 pub(super) const UNKNOWN: u32 = 1 << 30;
 
+/// Sizes in bytes of what only the shaders write: `Swept`, `TreeNode`, an item of `pair_chords`, `Chord`, `Candidate`.
+pub(super) const SWEPT: u64 = 32;
+pub(super) const NODE: u64 = 32;
+pub(super) const PAIR_CHORD: u64 = 16;
+pub(super) const CHORD: u64 = 176;
+pub(super) const CANDIDATE: u64 = 12;
+
 /// `Params` in `step.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -124,17 +131,25 @@ pub(super) struct Exchange {
 mod tests {
     use std::mem::offset_of;
 
-    use wgpu::naga::{TypeInner, front::wgsl::parse_str};
+    use wgpu::naga::{Expression, Literal, Module, TypeInner, front::wgsl::parse_str};
 
     use super::*;
     use crate::gpu::{
-        culling::{CANDIDATE, CHORD},
         pass::{KERNELS, shader},
+        passes::{SORT_BLOCK, TREE_BLOCK},
     };
 
+    const STEP: &[&str] = &[include_str!("../../shaders/motion.wgsl"), include_str!("../../shaders/step.wgsl")];
+    const CHORDS: &[&str] = &[include_str!("../../shaders/chord.wgsl")];
+    const SORT: &[&str] = &[include_str!("../../shaders/sort.wgsl")];
+    const TREE: &[&str] = &[include_str!("../../shaders/tree.wgsl")];
+
+    fn module(files: &[&[&str]]) -> Module {
+        parse_str(&shader(&files.concat())).unwrap()
+    }
+
     /// Size of a struct in the shaders, and where its members are.
-    fn in_shader(files: &[&str], name: &str) -> (u32, Vec<(String, u32)>) {
-        let module = parse_str(&shader(files)).unwrap();
+    fn in_shader(module: &Module, name: &str) -> (u32, Vec<(String, u32)>) {
         let found = module.types.iter().find_map(|(_, ty)| match (&ty.name, &ty.inner) {
             (Some(found), TypeInner::Struct { members, span }) if found == name => {
                 Some((*span, members.iter().map(|m| (m.name.clone().unwrap(), m.offset)).collect()))
@@ -144,9 +159,23 @@ mod tests {
         found.unwrap_or_else(|| panic!("{name} is not there"))
     }
 
+    /// A whole number in the shaders; of a vector of equal ones, that.
+    fn number(module: &Module, name: &str) -> u32 {
+        let constant = module.constants.iter().find(|(_, constant)| constant.name.as_deref() == Some(name));
+        let mut expression = constant.unwrap_or_else(|| panic!("{name} is not there")).1.init;
+        loop {
+            match &module.global_expressions[expression] {
+                Expression::Literal(Literal::U32(value)) => return *value,
+                Expression::Splat { value, .. } => expression = *value,
+                Expression::Compose { components, .. } => expression = components[0],
+                other => panic!("{name} is {other:?}"),
+            }
+        }
+    }
+
     macro_rules! assert_layout {
-        ($files:expr, $name:ident { $($member:ident)* }) => {
-            let (size, members) = in_shader($files, stringify!($name));
+        ($module:expr, $name:ident { $($member:ident)* }) => {
+            let (size, members) = in_shader($module, stringify!($name));
             assert_eq!(size as usize, size_of::<$name>(), stringify!($name));
             let own = vec![$((stringify!($member).to_owned(), offset_of!($name, $member) as u32)),*];
             assert_eq!(members, own, stringify!($name));
@@ -155,9 +184,8 @@ mod tests {
 
     #[test]
     fn structs_are_those_of_the_shaders() {
-        let step = &[include_str!("../../shaders/motion.wgsl"), include_str!("../../shaders/step.wgsl")][..];
-        let chord = &[step, &[include_str!("../../shaders/chord.wgsl")]].concat()[..];
-        let narrow = [KERNELS, chord, &[include_str!("../../shaders/narrow_phase.wgsl")]].concat();
+        let step = &module(&[STEP, TREE]);
+        let narrow = &module(&[KERNELS, STEP, CHORDS, &[include_str!("../../shaders/narrow_phase.wgsl")]]);
         assert_layout!(step, Params {
             bodies leaves static_nodes prediction low max_pairs cells max_chords max_candidates max_survivors
         });
@@ -170,11 +198,33 @@ mod tests {
         });
         assert_layout!(step, Counters { pairs chords candidates survivors });
         assert_layout!(step, Pair { first second });
-        assert_layout!(chord, Shape { spheres primitives primitive_count nodes node_count });
-        assert_layout!(&narrow, Survivor { pair first second fraction });
-        assert_layout!(&[include_str!("../../shaders/sort.wgsl")], Exchange { size distance });
-        for (size, name) in [(CHORD, "Chord"), (CANDIDATE, "Candidate")] {
-            assert_eq!(u64::from(in_shader(&narrow, name).0), size, "{name}");
+        assert_layout!(narrow, Shape { spheres primitives primitive_count nodes node_count });
+        assert_layout!(narrow, Survivor { pair first second fraction });
+        assert_layout!(&module(&[SORT]), Exchange { size distance });
+        for (module, size, name) in [
+            (step, SWEPT, "Swept"),
+            (step, NODE, "TreeNode"),
+            (step, NODE, "BvhNode"),
+            (narrow, CHORD, "Chord"),
+            (narrow, CANDIDATE, "Candidate"),
+        ] {
+            assert_eq!(u64::from(in_shader(module, name).0), size, "{name}");
         }
+    }
+
+    #[test]
+    fn constants_are_those_of_the_shaders() {
+        let step = module(&[STEP]);
+        for (name, value) in [
+            ("OTHER_SHAPE", OTHER_SHAPE),
+            ("BOX_SHAPE", BOX_SHAPE),
+            ("NO_OWNER", NO_OWNER as u32),
+            ("STATIC", STATIC),
+            ("UNKNOWN", UNKNOWN),
+        ] {
+            assert_eq!(number(&step, name), value, "{name}");
+        }
+        assert_eq!(number(&module(&[SORT]), "BLOCK"), SORT_BLOCK);
+        assert_eq!(number(&module(&[STEP, TREE]), "BLOCK"), TREE_BLOCK);
     }
 }

@@ -41,15 +41,15 @@ pub(super) fn shader(files: &[&str]) -> String {
 }
 
 /// An entry point and the layout of what it binds.
-pub(super) struct Pass {
-    pub label: &'static str,
+pub(crate) struct Pass {
+    label: &'static str,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
 }
 
 impl Pass {
     /// A pass whose shader is the `text`, with the label as the name of its entry point.
-    pub fn new(gpu: &GpuDevice, label: &'static str, text: String) -> Result<Self, GpuError> {
+    pub(super) fn new(gpu: &GpuDevice, label: &'static str, text: String) -> Result<Self, GpuError> {
         gpu.checked(label, |device| {
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(label),
@@ -63,12 +63,17 @@ impl Pass {
                 compilation_options: Default::default(),
                 cache: None,
             });
-            Self { label, layout: pipeline.get_bind_group_layout(0), pipeline }
+            Self::of(label, pipeline)
         })
     }
 
+    /// A pass of a pipeline without a layout of its own.
+    pub fn of(label: &'static str, pipeline: wgpu::ComputePipeline) -> Self {
+        Self { label, layout: pipeline.get_bind_group_layout(0), pipeline }
+    }
+
     /// The buffers that it binds, with their numbers.
-    pub fn bind(&self, gpu: &GpuDevice, buffers: &[(u32, wgpu::BufferBinding)]) -> wgpu::BindGroup {
+    pub(super) fn bind(&self, gpu: &GpuDevice, buffers: &[(u32, wgpu::BufferBinding)]) -> wgpu::BindGroup {
         let entries: Vec<_> = buffers
             .iter()
             .map(|(binding, buffer)| wgpu::BindGroupEntry {
@@ -84,7 +89,7 @@ impl Pass {
     }
 
     /// Sets the pass up within a compute pass.
-    pub fn set(&self, pass: &mut wgpu::ComputePass, group: &wgpu::BindGroup) {
+    pub(super) fn set(&self, pass: &mut wgpu::ComputePass, group: &wgpu::BindGroup) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, group, &[]);
     }

@@ -1,5 +1,7 @@
 //! The compute passes of a step, and what each binds.
 
+use std::collections::HashMap;
+
 use super::{
     GpuDevice, GpuError,
     buffers::{Buffers, Slot},
@@ -17,42 +19,66 @@ pub(super) const UNIFORM: u64 = 256;
 
 /// What the passes share.
 const STEP: &[&str] = &[include_str!("../../shaders/motion.wgsl"), include_str!("../../shaders/step.wgsl")];
-const SORT: &str = include_str!("../../shaders/sort.wgsl");
-const TREE: &str = include_str!("../../shaders/tree.wgsl");
-const CHORD: &str = include_str!("../../shaders/chord.wgsl");
+const SORT: &[&str] = &[include_str!("../../shaders/sort.wgsl")];
+const TREE: &[&str] = &[include_str!("../../shaders/tree.wgsl")];
+const CHORD: &[&str] = &[include_str!("../../shaders/chord.wgsl")];
+
+/// The entry points, and the files that the shader of each is joined of.
+const ENTRIES: [(&str, &[&[&str]]); 11] = [
+    ("place", &[STEP, &[include_str!("../../shaders/place.wgsl")]]),
+    ("sort_blocks", &[SORT]),
+    ("sort_far", &[SORT]),
+    ("sort_near", &[SORT]),
+    ("tree_bottom", &[STEP, TREE]),
+    ("tree_top", &[STEP, TREE]),
+    ("broad_phase", &[KERNELS, STEP, &[include_str!("../../shaders/broad_phase.wgsl")]]),
+    ("dispatch", &[STEP, &[include_str!("../../shaders/dispatch.wgsl")]]),
+    ("place_chords", &[STEP, CHORD, &[include_str!("../../shaders/chords.wgsl")]]),
+    ("mid_phase", &[STEP, CHORD, &[include_str!("../../shaders/mid_phase.wgsl")]]),
+    ("narrow_phase", &[KERNELS, STEP, CHORD, &[include_str!("../../shaders/narrow_phase.wgsl")]]),
+];
+
+/// The entry points, and the text of the shader of each.
+pub(crate) fn shaders() -> impl Iterator<Item = (&'static str, String)> {
+    ENTRIES.iter().map(|(label, files)| (*label, shader(&files.concat())))
+}
 
 /// The passes.
-pub(super) struct Passes {
-    pub place: Pass,
-    pub sort_blocks: Pass,
-    pub sort_far: Pass,
-    pub sort_near: Pass,
-    pub tree_bottom: Pass,
-    pub tree_top: Pass,
-    pub broad_phase: Pass,
-    pub dispatch: Pass,
-    pub place_chords: Pass,
-    pub mid_phase: Pass,
-    pub narrow_phase: Pass,
+pub(crate) struct Passes {
+    pub(super) place: Pass,
+    pub(super) sort_blocks: Pass,
+    pub(super) sort_far: Pass,
+    pub(super) sort_near: Pass,
+    pub(super) tree_bottom: Pass,
+    pub(super) tree_top: Pass,
+    pub(super) broad_phase: Pass,
+    pub(super) dispatch: Pass,
+    pub(super) place_chords: Pass,
+    pub(super) mid_phase: Pass,
+    pub(super) narrow_phase: Pass,
 }
 
 impl Passes {
+    /// The passes on a device, made here and now.
     pub fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
-        let pass = |label, files: &[&str]| Pass::new(gpu, label, shader(files));
-        let step = |label, files: &[&str]| pass(label, &[STEP, files].concat());
-        let with_kernels = |label, files: &[&str]| pass(label, &[KERNELS, STEP, files].concat());
+        let mut texts: HashMap<&str, String> = shaders().collect();
+        Self::each(|label| Pass::new(gpu, label, texts.remove(label).unwrap_or_default()))
+    }
+
+    /// Each by its entry point.
+    pub fn each<E>(mut pass: impl FnMut(&'static str) -> Result<Pass, E>) -> Result<Self, E> {
         Ok(Self {
-            place: step("place", &[include_str!("../../shaders/place.wgsl")])?,
-            sort_blocks: pass("sort_blocks", &[SORT])?,
-            sort_far: pass("sort_far", &[SORT])?,
-            sort_near: pass("sort_near", &[SORT])?,
-            tree_bottom: step("tree_bottom", &[TREE])?,
-            tree_top: step("tree_top", &[TREE])?,
-            broad_phase: with_kernels("broad_phase", &[include_str!("../../shaders/broad_phase.wgsl")])?,
-            dispatch: step("dispatch", &[include_str!("../../shaders/dispatch.wgsl")])?,
-            place_chords: step("place_chords", &[CHORD, include_str!("../../shaders/chords.wgsl")])?,
-            mid_phase: step("mid_phase", &[CHORD, include_str!("../../shaders/mid_phase.wgsl")])?,
-            narrow_phase: with_kernels("narrow_phase", &[CHORD, include_str!("../../shaders/narrow_phase.wgsl")])?,
+            place: pass("place")?,
+            sort_blocks: pass("sort_blocks")?,
+            sort_far: pass("sort_far")?,
+            sort_near: pass("sort_near")?,
+            tree_bottom: pass("tree_bottom")?,
+            tree_top: pass("tree_top")?,
+            broad_phase: pass("broad_phase")?,
+            dispatch: pass("dispatch")?,
+            place_chords: pass("place_chords")?,
+            mid_phase: pass("mid_phase")?,
+            narrow_phase: pass("narrow_phase")?,
         })
     }
 }

@@ -4,7 +4,7 @@
 //! answer is there, most bodies are where they were expected to be, and their pairs hold. Those that have left their way, are new or have
 //! changed are culled on the CPU, against everything. Nothing is lost.
 
-use std::{collections::HashMap, sync::Arc};
+use std::collections::HashMap;
 
 use bevy::tasks::TaskPool;
 use glam::Quat;
@@ -61,7 +61,8 @@ impl Prediction {
         [widening.margin(&self.input, body), self.slack[body]]
     }
 
-    /// The pairs that may meet in a step, by what was found for all of them; none if the step is not one of them, or statics have changed.
+    /// The pairs that may meet in a step, by what was found for all of them, and how many bodies had to be culled on the CPU for that; none if the
+    /// step is not one of them, or statics have changed.
     pub fn candidates(
         &self,
         found: &[Candidates],
@@ -70,7 +71,7 @@ impl Prediction {
         keys: impl Iterator<Item = u64>,
         number: u64,
         pool: &TaskPool,
-    ) -> Option<Vec<Candidates>> {
+    ) -> Option<(Vec<Candidates>, usize)> {
         let step = u32::try_from(number.checked_sub(self.after)?).ok()?;
         let holds = statics.id() == self.statics.id() && input.prediction <= self.input.prediction;
         if !holds || !(1..=LOOK_AHEAD_STEPS).contains(&step) {
@@ -108,7 +109,7 @@ impl Prediction {
                 all.extend(near.map(|sides| Candidates { sides, primitives: None }));
             }
             if !widening.widen(input, all.iter().map(|pair| pair.sides)) {
-                return Some(all);
+                return Some((all, departed.iter().filter(|departed| **departed).count()));
             }
             for (body, departed) in departed.iter_mut().enumerate() {
                 *departed |= widening.is_wider(body);
@@ -120,9 +121,8 @@ impl Prediction {
     fn deviation(&self, known: usize, body: &Body, step: u32) -> f32 {
         let expected = self.input.bodies[known].sweep;
         let Sweep { local_center, .. } = body.sweep;
-        if local_center != expected.local_center {
-            return f32::INFINITY;
-        }
+        // It comes from poses in the world, each step with another rounding. The way of a point differs by no more than twice of that.
+        let shift = 2.0 * local_center.distance(expected.local_center);
         let arm = body.solid.bounding_sphere().farthest(local_center);
         let steps = LOOK_AHEAD_STEPS as f32;
         let at = |pose: &Pose3, step: u32| {
@@ -133,7 +133,7 @@ impl Prediction {
         };
         // In between, rates that differ count besides.
         let rates = (body.sweep.rotation - expected.rotation / steps).length() * arm;
-        at(&body.sweep.start, step - 1).max(at(&body.sweep.end, step)) + rates
+        at(&body.sweep.start, step - 1).max(at(&body.sweep.end, step)) + rates + shift
     }
 }
 
@@ -151,10 +151,11 @@ fn continued(sweep: &Sweep, start: Pose3) -> Sweep {
 fn is_same(known: &Body, body: &Body) -> bool {
     let solid = match (&known.solid, &body.solid) {
         (Solid::Medial(a), Solid::Medial(b)) => a.axis.address() == b.axis.address() && a.scale == b.scale,
-        (Solid::Parts(a), Solid::Parts(b)) => Arc::ptr_eq(a, b),
+        (Solid::Parts(a), Solid::Parts(b)) => a.address() == b.address(),
         _ => false,
     };
     solid
         && (known.groups, known.owner, known.world) == (body.groups, body.owner, body.world)
         && (known.active || !body.active)
+        && (known.stops || !body.stops)
 }

@@ -7,7 +7,7 @@ use bytemuck::cast_slice;
 use super::{
     buffers::{Buffers, Slot},
     device::{GpuDevice, GpuError},
-    layout,
+    layout::{self, NODE},
 };
 use crate::medial_axis::{MedialAxis, packed::PackedMedialMesh};
 
@@ -22,9 +22,6 @@ pub(super) struct Shapes {
     nodes: Vec<u8>,
     changed: bool,
 }
-
-/// Bytes of a node of a hierarchy.
-const NODE: usize = 32;
 
 impl Shapes {
     /// Index of a shape.
@@ -44,8 +41,8 @@ impl Shapes {
             // The first is the bound.
             primitives: self.primitives.len() as u32 + 1,
             primitive_count: primitives.len() as u32 - 1,
-            nodes: (self.nodes.len() / NODE) as u32,
-            node_count: (nodes.len() / NODE) as u32,
+            nodes: (self.nodes.len() / NODE as usize) as u32,
+            node_count: (nodes.len() / NODE as usize) as u32,
         });
         self.spheres.extend(spheres);
         self.primitives.extend(primitives);
@@ -73,11 +70,12 @@ impl Shapes {
 
     /// Uploads what is new.
     pub fn upload(&mut self, gpu: &GpuDevice, buffers: &mut Buffers) -> Result<(), GpuError> {
-        if std::mem::take(&mut self.changed) {
+        if self.changed {
             buffers.write(gpu, Slot::Shapes, cast_slice(&self.table))?;
             buffers.write(gpu, Slot::Spheres, cast_slice(&self.spheres))?;
             buffers.write(gpu, Slot::Primitives, cast_slice(&self.primitives))?;
             buffers.write(gpu, Slot::ShapeNodes, &self.nodes)?;
+            self.changed = false;
         }
         Ok(())
     }

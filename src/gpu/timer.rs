@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use bytemuck::pod_collect_to_vec;
 
-use super::GpuDevice;
+use super::{GpuDevice, GpuError};
 
 /// Times of passes, told by the device itself.
 pub(super) struct Timer {
@@ -14,15 +14,15 @@ pub(super) struct Timer {
 
 impl Timer {
     /// A timer of so many passes at most.
-    pub fn new(gpu: &GpuDevice, passes: u32) -> Self {
-        let supported = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY);
-        let queries = supported.then(|| {
+    pub fn new(gpu: &GpuDevice, passes: u32) -> Result<Self, GpuError> {
+        let mut queries = None;
+        if gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             let (ty, count) = (wgpu::QueryType::Timestamp, 2 * passes);
             let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor { label: Some("passes"), ty, count });
             let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
-            (set, gpu.buffer("times", 16 * u64::from(passes), usage))
-        });
-        Self { queries, passes, nanoseconds_per_tick: gpu.queue.get_timestamp_period().into() }
+            queries = Some((set, gpu.buffer("times", 16 * u64::from(passes), usage)?));
+        }
+        Ok(Self { queries, passes, nanoseconds_per_tick: gpu.queue.get_timestamp_period().into() })
     }
 
     /// What a pass, by its number, has to write.

@@ -44,6 +44,9 @@ pub mod paths {
     /// How many steps late the GPU's answer was that the step went by.
     #[cfg(feature = "gpu")]
     pub const GPU_LATENCY: DiagnosticPath = DiagnosticPath::const_new("medial/gpu/latency_steps");
+    /// Bodies that were culled on the CPU in such a step, as they were not where the GPU had expected them.
+    #[cfg(feature = "gpu")]
+    pub const GPU_DEPARTED: DiagnosticPath = DiagnosticPath::const_new("medial/gpu/departed_bodies");
     /// Bodies that have stopped at an impact, or slid on, or were carried along.
     pub const STOPPED: DiagnosticPath = DiagnosticPath::const_new("medial/stopped");
     /// Entities, moving or not, by their level of detail, the finest first; the last counts all coarser ones as well.
@@ -78,7 +81,9 @@ pub(super) fn register(app: &mut App) {
         paths::GPU.into_iter().for_each(|path| {
             app.register_diagnostic(Diagnostic::new(path).with_suffix("ms"));
         });
-        app.register_diagnostic(Diagnostic::new(paths::GPU_LATENCY));
+        for path in [paths::GPU_LATENCY, paths::GPU_DEPARTED] {
+            app.register_diagnostic(Diagnostic::new(path));
+        }
     }
 }
 
@@ -112,6 +117,7 @@ pub(super) fn measure(
         }
         if let Some(steps) = step.gpu_latency {
             diagnostics.add_measurement(&paths::GPU_LATENCY, || steps.into());
+            diagnostics.add_measurement(&paths::GPU_DEPARTED, || step.gpu_departed as f64);
         }
     }
 }

@@ -1,22 +1,21 @@
 //! The GPU back end in an app: on which device it runs, and when it is worth it.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use bevy::{
     prelude::*,
     render::renderer::{RenderAdapterInfo, RenderDevice, RenderQueue},
 };
 
-use super::{MedialBackend, MedialSettings, MedialStep, pipelined::LookAhead};
+use super::{
+    MedialBackend, MedialSettings, MedialStep,
+    choice::{Choice, LEAST_PAIRS},
+    pipelined::LookAhead,
+};
 use crate::{
     gpu::{GpuCapacity, GpuCulling, GpuDevice, GpuError},
-    pipeline::{Candidates, Statics, StepInput, Times},
+    pipeline::{Candidates, Statics, StepInput},
 };
-
-/// Primitive pairs below which the CPU is done before a GPU could answer.
-const LEAST_PAIRS: usize = 1 << 18;
-/// Steps after which both are compared anew.
-const COMPARE_AFTER: u32 = 600;
 
 /// The back end, as far as it is there.
 #[derive(Default)]
@@ -24,6 +23,7 @@ pub(super) struct GpuBackend {
     /// The renderer's device.
     renderer: Option<GpuDevice>,
     state: State,
+    /// What [`MedialBackend::Auto`] goes by.
     choice: Choice,
     pub look_ahead: LookAhead,
     pub capacity: GpuCapacity,
@@ -37,15 +37,6 @@ enum State {
     Ready(Box<GpuCulling>),
     /// It has failed, and is not asked again.
     Failed,
-}
-
-/// What [`MedialBackend::Auto`] goes by.
-#[derive(Default)]
-struct Choice {
-    gpu_is_faster: bool,
-    /// What culling took at the last comparison, and the steps since.
-    compared: Option<(usize, u32)>,
-    cpu: Duration,
 }
 
 /// Takes the renderer's device, if there is one, and the settings.
@@ -75,56 +66,35 @@ pub(super) fn of_renderer(
 }
 
 impl GpuBackend {
-    /// True if the GPU is to look ahead.
-    pub fn looks_ahead(&self, settings: &MedialSettings, pairs: usize) -> bool {
-        settings.pipelined
-            && self.look_ahead.answers.is_some()
-            && match settings.backend {
-                MedialBackend::Cpu => false,
-                MedialBackend::Gpu => true,
-                MedialBackend::Auto => self.is_hardware() && pairs >= LEAST_PAIRS,
-            }
+    /// True if the GPU is to cull a step of so many primitive pairs.
+    pub fn is_wanted(&self, backend: MedialBackend, pairs: usize) -> bool {
+        match backend {
+            MedialBackend::Cpu => false,
+            MedialBackend::Gpu => true,
+            MedialBackend::Auto => hardware(self.renderer.as_ref(), pairs).is_some() && self.choice.is_gpu(pairs),
+        }
     }
 
-    /// True if the renderer runs on hardware.
-    fn is_hardware(&self) -> bool {
-        self.renderer.as_ref().is_some_and(|gpu| !gpu.is_software())
+    /// True if the GPU looks ahead, where it is wanted.
+    pub fn looks_ahead(&self, settings: &MedialSettings) -> bool {
+        settings.pipelined && self.look_ahead.answers.is_some()
     }
 
-    /// The pairs that may meet, if the GPU is to find them and does. Whatever goes wrong is told once; the CPU takes over.
-    pub fn cull(
-        &mut self,
-        backend: MedialBackend,
-        input: &StepInput,
-        statics: &Statics,
-        pairs: usize,
-    ) -> Option<Vec<Candidates>> {
-        let compares = match backend {
-            MedialBackend::Cpu => return None,
-            MedialBackend::Gpu => false,
-            MedialBackend::Auto => {
-                if !self.is_hardware() || pairs < LEAST_PAIRS {
-                    return None;
-                }
-                let compares = self.choice.compares(pairs);
-                if !compares && !self.choice.gpu_is_faster {
-                    return None;
-                }
-                compares
-            }
-        };
-        let culling = self.start(backend)?;
-        let clock = Instant::now();
-        match culling.cull(input, statics) {
-            Ok(found) => {
-                if compares {
-                    let name = culling.device().name().to_owned();
-                    self.choice.compare(clock.elapsed(), pairs, &name);
-                }
-                Some(found)
-            }
-            // Only this step is too large.
-            Err(error @ GpuError::Limit { .. }) => {
+    /// Takes note of who has culled a step, and of what the step took.
+    pub fn note(&mut self, backend: MedialBackend, on_gpu: bool, pairs: usize, time: Duration) {
+        if backend == MedialBackend::Auto
+            && let Some(gpu) = hardware(self.renderer.as_ref(), pairs)
+            && let Some(line) = self.choice.note(on_gpu, pairs, time, gpu.name())
+        {
+            info!("{line}");
+        }
+    }
+
+    /// The pairs that may meet. Whatever goes wrong is told once; the CPU takes over.
+    pub fn cull(&mut self, backend: MedialBackend, input: &StepInput, statics: &Statics) -> Option<Vec<Candidates>> {
+        match self.start(backend)?.cull(input, statics) {
+            Ok(found) => Some(found),
+            Err(error) if error.is_of_one_step() => {
                 warn_once!("this step is culled on the CPU: {error}");
                 None
             }
@@ -157,11 +127,6 @@ impl GpuBackend {
         }
     }
 
-    /// Notes what the CPU took to cull a step.
-    pub fn note(&mut self, times: &Times) {
-        self.choice.cpu = times.broad + times.mid;
-    }
-
     /// Time of each pass of the last answer.
     pub fn times(&self) -> &[(&'static str, Duration)] {
         match &self.look_ahead.latest {
@@ -179,28 +144,17 @@ impl GpuBackend {
     }
 }
 
-impl Choice {
-    /// True if the GPU is to be tried in this step: for the first time, a while after, or because there is far more or less to do.
-    fn compares(&mut self, pairs: usize) -> bool {
-        match &mut self.compared {
-            Some((known, steps)) => {
-                *steps += 1;
-                *steps > COMPARE_AFTER || pairs > 2 * *known || 2 * pairs < *known
-            }
-            None => self.cpu > Duration::ZERO,
-        }
+/// The renderer's hardware, for scenes that are large enough; if it has none the log says so.
+fn hardware(renderer: Option<&GpuDevice>, pairs: usize) -> Option<&GpuDevice> {
+    if pairs < LEAST_PAIRS {
+        return None;
     }
-
-    fn compare(&mut self, gpu: Duration, pairs: usize, name: &str) {
-        let faster = gpu < self.cpu;
-        if self.compared.is_none() || faster != self.gpu_is_faster {
-            let chosen = if faster { "the GPU" } else { "the CPU" };
-            info!(
-                "medial meshes are culled on {chosen}: {pairs} primitive pairs take {gpu:?} on `{name}`, {:?} on the CPU",
-                self.cpu
-            );
+    match renderer {
+        None => info_once!("medial meshes are culled on the CPU: nothing renders on a GPU"),
+        Some(gpu) if gpu.is_software() => {
+            info_once!("medial meshes are culled on the CPU: `{}`, which renders, is a program on it", gpu.name());
         }
-        self.gpu_is_faster = faster;
-        self.compared = Some((pairs, 0));
+        Some(gpu) => return Some(gpu),
     }
+    None
 }

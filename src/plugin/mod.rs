@@ -20,6 +20,8 @@
 mod build;
 #[cfg(feature = "bevy_mesh")]
 mod build_cache;
+#[cfg(feature = "gpu")]
+mod choice;
 mod components;
 mod diagnostics;
 #[cfg(feature = "debug")]
@@ -182,7 +184,7 @@ impl Plugin for MedialPhysicsPlugin {
         diagnostics::register(app);
         (self.add_systems)(app, self.schedule);
         #[cfg(feature = "gpu")]
-        if app.get_sub_app(bevy::render::RenderApp).is_some() {
+        {
             app.init_resource::<crate::gpu::GpuCapacity>()
                 .register_type::<crate::gpu::GpuCapacity>()
                 .add_systems(Startup, gpu::adopt_renderer);

@@ -10,6 +10,7 @@
 //! | main world, two or three steps later | the pairs of that step, by the latest answer |
 
 use std::{
+    collections::HashMap,
     sync::{
         Arc, Mutex,
         mpsc::{Receiver, Sender, channel},
@@ -20,16 +21,20 @@ use std::{
 use bevy::{
     prelude::*,
     render::{
-        Extract, ExtractSchedule, Render, RenderApp, RenderSystems,
+        Extract, ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems,
+        render_resource::{
+            CachedComputePipelineId, CachedPipelineState, ComputePipelineDescriptor, Pipeline, PipelineCache,
+        },
         renderer::{
             FlushCommands, RenderAdapterInfo, RenderContext, RenderDevice, RenderGraph, RenderGraphSystems, RenderQueue,
         },
     },
+    shader::ShaderCacheError,
 };
 
 use super::{MedialStep, gpu::of_renderer};
 use crate::{
-    gpu::{Batch, GpuCapacity, GpuCulling, Prediction},
+    gpu::{Batch, GpuCapacity, GpuCulling, GpuError, Pass, Passes, Prediction, copy_when_mapped, shaders},
     pipeline::{Candidates, Widening},
 };
 
@@ -66,6 +71,8 @@ impl LookAhead {
 /// The back end in the render world.
 #[derive(Resource)]
 struct RenderCulling {
+    /// Of each entry point.
+    shaders: Vec<(&'static str, Handle<Shader>)>,
     state: State,
     capacity: GpuCapacity,
     asked: Option<Arc<Prediction>>,
@@ -76,22 +83,31 @@ struct RenderCulling {
     answers: Sender<Answer>,
 }
 
-/// A batch whose staging buffer can be read, or cannot.
-type Mapped = (Arc<Prediction>, Batch, bool);
+/// A batch with what it has found, unless the device was lost.
+type Mapped = (Arc<Prediction>, Batch, Option<Vec<u8>>);
 
 enum State {
     Unused,
+    /// The cache makes the pipelines of the entry points.
+    Waiting(HashMap<&'static str, CachedComputePipelineId>),
     Ready(Box<GpuCulling>),
     Failed,
 }
 
 /// Adds the back end to the render world, if there is one.
 pub(super) fn add(app: &mut App) {
+    if app.get_sub_app(RenderApp).is_none() {
+        return;
+    }
+    let mut assets = app.world_mut().resource_mut::<Assets<Shader>>();
+    let mut add = |label, text| assets.add(Shader::from_wgsl(text, format!("bevy_medial/{label}.wgsl")));
+    let shaders = shaders().map(|(label, text)| (label, add(label, text))).collect();
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     let (answers, receiver) = channel();
     let (mapped, arrived) = channel();
     render_app
         .insert_resource(RenderCulling {
+            shaders,
             state: State::Unused,
             capacity: GpuCapacity::default(),
             asked: None,
@@ -100,6 +116,7 @@ pub(super) fn add(app: &mut App) {
             mapped: (mapped, Mutex::new(arrived)),
             answers,
         })
+        .add_systems(RenderStartup, forget)
         .add_systems(ExtractSchedule, extract)
         .add_systems(Render, upload.in_set(RenderSystems::PrepareResources))
         .add_systems(RenderGraph, record.in_set(RenderGraphSystems::Render))
@@ -107,6 +124,13 @@ pub(super) fn add(app: &mut App) {
         .add_systems(RenderGraph, (|mut commands: FlushCommands| commands.flush()).in_set(RenderGraphSystems::Submit))
         .add_systems(Render, read_back.in_set(RenderSystems::Cleanup));
     app.world_mut().resource_mut::<MedialStep>().gpu.look_ahead.answers = Some(Mutex::new(receiver));
+}
+
+/// The renderer begins, or begins anew after its device was lost.
+fn forget(mut culling: ResMut<RenderCulling>) {
+    culling.state = State::Unused;
+    (culling.uploaded, culling.recorded) = (None, None);
+    culling.mapped.1.lock().iter().for_each(|mapped| mapped.try_iter().for_each(drop));
 }
 
 fn extract(step: Extract<Res<MedialStep>>, mut culling: ResMut<RenderCulling>) {
@@ -119,33 +143,31 @@ fn upload(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     info: Res<RenderAdapterInfo>,
+    cache: Res<PipelineCache>,
     mut last: Local<u64>,
 ) {
     let culling = &mut *culling;
     let asked = culling.asked.take().filter(|asked| asked.after() != std::mem::replace(&mut *last, asked.after()));
-    if let (State::Unused, Some(_)) = (&culling.state, &asked) {
-        let passes = of_renderer(&device, &queue, &info).and_then(|gpu| GpuCulling::new(&gpu, culling.capacity));
-        culling.state = match passes {
-            Ok(passes) => State::Ready(Box::new(passes)),
-            Err(error) => {
-                warn!("medial meshes are culled on the CPU: {error}");
-                State::Failed
-            }
-        };
+    if asked.is_some() {
+        let gpu = || of_renderer(&device, &queue, &info);
+        let capacity = culling.capacity;
+        let state = std::mem::replace(&mut culling.state, State::Failed);
+        match prepare(state, &culling.shaders, &cache, |passes| GpuCulling::with_passes(&gpu()?, passes, capacity)) {
+            Ok(state) => culling.state = state,
+            Err(error) => warn!("medial meshes are culled on the CPU: {error}"),
+        }
     }
     let State::Ready(passes) = &mut culling.state else { return };
     // Callbacks of what is done run in here; a device that is lost says so to them.
     let _ = device.poll(wgpu::PollType::Poll);
     let arrived: Vec<Mapped> =
         culling.mapped.1.lock().map_or_else(|_| Vec::new(), |mapped| mapped.try_iter().collect());
-    for (prediction, batch, readable) in arrived {
-        if !readable {
+    for (prediction, batch, data) in arrived {
+        let Some(data) = data else {
             warn!("medial meshes are culled on the CPU from now on: the GPU `{}` is lost", passes.device().name());
             culling.state = State::Failed;
             return;
-        }
-        let data = batch.staging.slice(..batch.bytes).get_mapped_range().to_vec();
-        batch.staging.unmap();
+        };
         if let Some(found) = passes.take(batch, &data) {
             // An app that is going down does not listen.
             let _ = culling.answers.send(Answer { prediction, found, times: passes.times().to_vec() });
@@ -157,6 +179,43 @@ fn upload(
             Ok(()) => culling.uploaded = Some(asked),
             Err(error) => warn_once!("steps are culled on the CPU: {error}"),
         }
+    }
+}
+
+/// Goes on towards passes that can run.
+fn prepare(
+    state: State,
+    shaders: &[(&'static str, Handle<Shader>)],
+    cache: &PipelineCache,
+    culling: impl FnOnce(Passes) -> Result<GpuCulling, GpuError>,
+) -> Result<State, Box<dyn std::error::Error>> {
+    let queue = |(label, shader): &(&'static str, Handle<Shader>)| {
+        let descriptor = ComputePipelineDescriptor {
+            label: Some((*label).into()),
+            shader: shader.clone(),
+            entry_point: Some((*label).into()),
+            ..default()
+        };
+        (*label, cache.queue_compute_pipeline(descriptor))
+    };
+    let pipelines = match state {
+        State::Unused => return Ok(State::Waiting(shaders.iter().map(queue).collect())),
+        State::Waiting(pipelines) => pipelines,
+        State::Ready(_) | State::Failed => return Ok(state),
+    };
+    let passes = Passes::each(|label| match cache.get_compute_pipeline_state(pipelines[label]) {
+        CachedPipelineState::Ok(Pipeline::ComputePipeline(pipeline)) => Ok(Pass::of(label, (**pipeline).clone())),
+        // The shader is on its way.
+        CachedPipelineState::Err(
+            ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable,
+        ) => Err(None),
+        CachedPipelineState::Err(error) => Err(Some(format!("the pass `{label}` is refused: {error}"))),
+        _ => Err(None),
+    });
+    match passes {
+        Ok(passes) => Ok(State::Ready(Box::new(culling(passes)?))),
+        Err(None) => Ok(State::Waiting(pipelines)),
+        Err(Some(error)) => Err(error.into()),
     }
 }
 
@@ -174,8 +233,8 @@ fn read_back(mut culling: ResMut<RenderCulling>) {
     let Some((prediction, batch)) = culling.recorded.take() else { return };
     let sender = culling.mapped.0.clone();
     let staging = batch.staging.clone();
-    staging.slice(..batch.bytes).map_async(wgpu::MapMode::Read, move |result| {
+    copy_when_mapped(&staging, batch.bytes, move |data| {
         // A render world that is gone does not listen.
-        let _ = sender.send((prediction, batch, result.is_ok()));
+        let _ = sender.send((prediction, batch, data));
     });
 }

@@ -133,6 +133,9 @@ pub struct MedialStep {
     /// By how many steps the answer of the GPU was late that the last step went by; none if it went by no such answer.
     #[cfg(feature = "gpu")]
     pub gpu_latency: Option<u32>,
+    /// Bodies that have been culled on the CPU then, as they were not where the GPU had expected them.
+    #[cfg(feature = "gpu")]
+    pub gpu_departed: usize,
 }
 
 impl MedialStep {
@@ -179,6 +182,8 @@ impl MedialStep {
         let pool = ComputeTaskPool::get_or_init(Default::default);
         self.number += 1;
         let culled = self.cull();
+        #[cfg(feature = "gpu")]
+        let on_gpu = culled.is_some();
         let filter = |first, second| filter(self, first, second);
         self.output = match culled {
             Some((candidates, time)) => {
@@ -189,23 +194,27 @@ impl MedialStep {
             None => pipeline::step_filtered(&self.input, &self.statics, filter, pool),
         };
         #[cfg(feature = "gpu")]
-        self.look_ahead();
+        {
+            let (pairs, time) = (self.output.counts.primitive_pairs, self.output.times.total());
+            self.gpu.note(self.settings.backend, on_gpu, pairs, time);
+            self.look_ahead(pairs);
+        }
     }
 
     /// What the GPU has found, if it was asked, and how long it took.
     #[cfg(feature = "gpu")]
     fn cull(&mut self) -> Option<(Vec<Candidates>, Duration)> {
-        self.gpu_latency = None;
-        if self.input.culling == Culling::None {
+        (self.gpu_latency, self.gpu_departed) = (None, 0);
+        // As many as in the step before.
+        let pairs = self.output.counts.primitive_pairs;
+        if self.input.culling == Culling::None || !self.gpu.is_wanted(self.settings.backend, pairs) {
             return None;
         }
-        self.gpu.note(&self.output.times);
         let clock = Instant::now();
-        let pairs = self.output.counts.primitive_pairs;
-        let candidates = if self.gpu.looks_ahead(&self.settings, pairs) {
+        let candidates = if self.gpu.looks_ahead(&self.settings) {
             self.look_up()
         } else {
-            self.gpu.cull(self.settings.backend, &self.input, &self.statics, pairs)
+            self.gpu.cull(self.settings.backend, &self.input, &self.statics)
         };
         Some((candidates?, clock.elapsed()))
     }
@@ -216,16 +225,18 @@ impl MedialStep {
         let pool = ComputeTaskPool::get_or_init(Default::default);
         let keys = self.infos.iter().map(BodyInfo::key);
         let Answer { prediction, found, .. } = self.gpu.look_ahead.latest()?;
-        let candidates = prediction.candidates(found, &self.input, &self.statics, keys, self.number, pool);
-        self.gpu_latency = candidates.as_ref().map(|_| (self.number - prediction.after()) as u32);
-        candidates
+        let (candidates, departed) =
+            prediction.candidates(found, &self.input, &self.statics, keys, self.number, pool)?;
+        self.gpu_latency = Some((self.number - prediction.after()) as u32);
+        self.gpu_departed = departed;
+        Some(candidates)
     }
 
     /// Asks the GPU to look at the next steps.
     #[cfg(feature = "gpu")]
-    fn look_ahead(&mut self) {
-        let pairs = self.output.counts.primitive_pairs;
-        self.gpu.look_ahead.asked = self.gpu.looks_ahead(&self.settings, pairs).then(|| {
+    fn look_ahead(&mut self, pairs: usize) {
+        let asks = self.gpu.looks_ahead(&self.settings) && self.gpu.is_wanted(self.settings.backend, pairs);
+        self.gpu.look_ahead.asked = asks.then(|| {
             let keys = self.infos.iter().map(BodyInfo::key);
             let end_of = |body| self.final_pose(Side::Body(body));
             Arc::new(Prediction::new(&self.input, &self.statics, keys, end_of, self.number))

@@ -1,5 +1,7 @@
 //! Rapier's colliders in the terms of the pipeline: the convex parts of their shapes that are in reach.
 
+use std::sync::Arc;
+
 use bevy_rapier3d::parry::{
     bounding_volume::Aabb as ParryAabb,
     math::{Pose, Vector},
@@ -64,6 +66,11 @@ impl ConvexParts for SharedShape {
 
     fn within(&self, reach: &Aabb) -> Vec<Part<'_>> {
         parts_within(&**self, reach)
+    }
+
+    /// Clones have the same.
+    fn address(&self) -> usize {
+        Arc::as_ptr(&self.0).addr()
     }
 }
 

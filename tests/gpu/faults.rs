@@ -2,71 +2,159 @@
 
 use std::process::Command;
 
-use bevy::prelude::*;
+use bevy::{prelude::*, tasks::block_on};
 use bevy_medial::{
-    gpu::{GpuCapacity, GpuCulling, GpuError},
-    pipeline::{Statics, StepInput, step},
+    geometry::{Pose3, Sweep},
+    gpu::{GpuCapacity, GpuCulling, GpuDevice, GpuError},
+    pipeline::{Body, Shape, Side, StaticBody, Statics, StepInput, step},
     prelude::*,
-    scenes::{SCENES, Scene, headless_app},
+    scenes::Scene,
 };
+use bevy_rapier3d::prelude::RigidBody;
 
 use crate::{
-    common::{Random, models},
+    common::{Random, mesh, models},
     culling::{compare, pool, run_on_gpu},
-    device,
+    device, log,
+    parity::{app, assert_same, culled_on_gpu},
     random_steps::random_step,
 };
 
-/// An app with a scene.
-fn app(scene: &str, backend: MedialBackend) -> App {
-    let mut app = headless_app(1.0 / 60.0);
-    app.world_mut().resource_mut::<MedialSettings>().backend = backend;
-    Scene::by_name(scene).unwrap().spawn(app.world_mut(), models(), 1);
-    app
-}
-
-/// Asserts that two apps have had the same step, to the bit.
-pub fn assert_same(cpu: &App, gpu: &App, what: &str) {
-    let [cpu, gpu] = [cpu, gpu].map(|app| app.world().resource::<MedialStep>());
-    assert_eq!(cpu.output.pairs, gpu.output.pairs, "{what}");
-    assert_eq!(cpu.output.manifolds, gpu.output.manifolds, "{what}");
-    assert_eq!(cpu.output.stops, gpu.output.stops, "{what}");
-}
-
-/// Steps in which the GPU has culled, so far.
-fn culled_on_gpu(app: &App) -> bool {
-    app.world().resource::<MedialStep>().gpu_culling().is_some()
-}
-
-#[test]
-fn scenes_go_the_same_way() {
-    if device().is_none() {
-        return;
-    }
-    for scene in SCENES {
-        let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app(scene.name, backend));
-        let mut contacts = 0;
-        for step in 0..scene.steps.min(300) {
-            cpu.update();
-            gpu.update();
-            assert_same(&cpu, &gpu, &format!("{}, step {step}", scene.name));
-            contacts += cpu.world().resource::<MedialStep>().output.counts.contacts;
-        }
-        assert!(culled_on_gpu(&gpu) && !culled_on_gpu(&cpu));
-        assert!(contacts > 100, "{}: {contacts} contacts", scene.name);
-    }
-}
+const TINY: GpuCapacity = GpuCapacity { pairs: 1, chords: 1, candidates: 1, survivors: 1 };
 
 #[test]
 fn buffers_that_are_too_small_grow() {
     let Some(gpu) = device() else { return };
-    let tiny = GpuCapacity { pairs: 1, chords: 1, candidates: 1, survivors: 1 };
-    let mut culling = GpuCulling::new(gpu, tiny).unwrap();
+    let mut culling = GpuCulling::new(gpu, TINY).unwrap();
     let mut random = Random(5);
     compare(&mut culling, 10, || random_step(&mut random, 12, 5, 2.0, Vec3::ZERO));
     let grown = culling.capacity();
     println!("{grown:?}");
     assert!(grown.pairs > 1 && grown.chords > 1 && grown.candidates > 1 && grown.survivors > 1);
+}
+
+#[test]
+fn apps_set_the_first_size_of_buffers() {
+    if device().is_none() {
+        return;
+    }
+    let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app("rods", backend));
+    gpu.insert_resource(TINY);
+    for step in 0..80 {
+        cpu.update();
+        gpu.update();
+        assert_same(&cpu, &gpu, &format!("step {step}"));
+    }
+    let grown = gpu.world().resource::<MedialStep>().gpu_culling().unwrap().capacity();
+    assert!(grown.pairs > 1 && grown.pairs < GpuCapacity::default().pairs, "{grown:?}");
+}
+
+/// A device that takes `bytes` in a buffer.
+fn small_device(bytes: u64) -> GpuDevice {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = block_on(instance.request_adapter(&Default::default())).unwrap();
+    let required_limits = wgpu::Limits { max_storage_buffer_binding_size: bytes, ..adapter.limits() };
+    let descriptor = wgpu::DeviceDescriptor { required_limits, ..Default::default() };
+    let (device, queue) = block_on(adapter.request_device(&descriptor)).unwrap();
+    GpuDevice::new(device, queue, adapter.get_info()).unwrap()
+}
+
+#[test]
+fn a_step_that_is_too_large_is_refused_alone() {
+    if device().is_none() {
+        return;
+    }
+    // No multiple of what sizes are multiples of.
+    let mut culling = GpuCulling::new(&small_device(1_000_004), TINY).unwrap();
+    let mut random = Random(8);
+    let mut small = |culling: &mut GpuCulling| compare(culling, 5, || random_step(&mut random, 12, 5, 2.0, Vec3::ZERO));
+    small(&mut culling);
+
+    // More than half of the limit in bodies, and more than the limit in chords.
+    let (input, statics) = random_step(&mut Random(9), 5000, 20, 20.0, Vec3::ZERO);
+    for _ in 0..2 {
+        let error = culling.cull(&input, &statics).unwrap_err();
+        assert!(matches!(error, GpuError::Limit { limit: "bytes in a buffer", .. }), "{error}");
+    }
+    small(&mut culling);
+
+    // More than the limit in a shape.
+    let shape = Shape::new(MedialAxis::torus(0.5, 0.1, 100_000).unwrap());
+    let bodies = [0.0, 0.7].map(|x| Body::new(shape.clone(), Sweep::at_rest(Pose3::from_translation(Vec3::X * x))));
+    let input = StepInput { bodies: bodies.into(), prediction: 0.01, ..default() };
+    for _ in 0..2 {
+        let error = culling.cull(&input, &Statics::default()).unwrap_err();
+        assert!(matches!(error, GpuError::Limit { .. }), "{error}");
+    }
+    small(&mut culling);
+}
+
+#[test]
+fn devices_that_cannot_do_it_are_told() {
+    let Some(gpu) = device() else { return };
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = block_on(instance.request_adapter(&Default::default())).unwrap();
+    let required_limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..adapter.limits() };
+    let descriptor = wgpu::DeviceDescriptor { required_limits, ..Default::default() };
+    let (device, queue) = block_on(adapter.request_device(&descriptor)).unwrap();
+    let error = GpuDevice::new(device, queue, adapter.get_info()).unwrap_err().to_string();
+    assert_eq!(error, format!("the GPU `{}` allows 4 storage buffers in a pass, 8 are needed", gpu.name()));
+}
+
+#[test]
+fn numbers_that_are_none_are_refused_and_named() {
+    let Some(gpu) = device() else { return };
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
+    let mut random = Random(10);
+    let mut sound = || random_step(&mut random, 12, 5, 2.0, Vec3::ZERO);
+    let spoils: [fn(&mut Sweep); 4] = [
+        |sweep| sweep.start.translation.x = f32::NAN,
+        |sweep| sweep.start.rotation.w = f32::NAN,
+        |sweep| sweep.translation.y = f32::INFINITY,
+        |sweep| sweep.rotation.z = f32::NAN,
+    ];
+    for (body, spoil) in (3..).zip(spoils) {
+        let (mut input, statics) = sound();
+        spoil(&mut input.bodies[body].sweep);
+        let error = culling.cull(&input, &statics).unwrap_err();
+        assert!(matches!(error, GpuError::NotFinite(Side::Body(found)) if found as usize == body), "{error}");
+        assert_eq!(error.to_string(), format!("Body({body}): its place, motion or size is not finite"));
+    }
+    let (input, statics) = sound();
+    let mut bodies = statics.bodies().to_vec();
+    bodies[1] = StaticBody { pose: Pose3::from_translation(Vec3::splat(f32::NAN)), ..bodies[1].clone() };
+    let error = culling.cull(&input, &Statics::new(bodies)).unwrap_err();
+    assert!(matches!(error, GpuError::NotFinite(Side::Static(1))), "{error}");
+    compare(&mut culling, 5, sound);
+}
+
+#[test]
+fn bodies_that_are_nowhere_are_named_and_the_rest_goes_on() {
+    if device().is_none() {
+        return;
+    }
+    log::keep_from(bevy::log::Level::INFO);
+    let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app("rods", backend));
+    for number in 0..60 {
+        for app in [&mut cpu, &mut gpu] {
+            if number == 20 {
+                let mesh = mesh(app, MedialAxis::sphere(0.2).unwrap());
+                let nowhere = Transform::from_xyz(0.0, f32::NAN, 0.0);
+                app.world_mut().spawn((Name::new("a body that is nowhere"), RigidBody::Dynamic, mesh, nowhere));
+            }
+            if number == 40 {
+                // One that was somewhere.
+                let mut bodies =
+                    app.world_mut().query_filtered::<&mut Transform, (With<MedialMesh>, With<RigidBody>)>();
+                bodies.iter_mut(app.world_mut()).next().unwrap().translation.z = f32::NAN;
+            }
+            app.update();
+        }
+        assert_same(&cpu, &gpu, &format!("step {number}"));
+    }
+    assert!(culled_on_gpu(&gpu));
+    assert_eq!(log::lines("a body that is nowhere").len(), 2);
+    assert_eq!(gpu.world().resource::<MedialStep>().infos.len(), 8);
 }
 
 #[test]
@@ -93,7 +181,7 @@ fn bodies_in_one_place_meet_each_other() {
     let mut random = Random(7);
     let (mut input, statics) = random_step(&mut random, 40, 0, 1.0, Vec3::ZERO);
     let sweep = input.bodies[0].sweep;
-    input.bodies.iter_mut().for_each(|body| body.sweep = bevy_medial::geometry::Sweep::at_rest(sweep.start));
+    input.bodies.iter_mut().for_each(|body| body.sweep = Sweep::at_rest(sweep.start));
     let cpu = step(&input, &statics, pool());
     let found = run_on_gpu(&mut culling, &input, &statics);
     assert_eq!(cpu.pairs, found.pairs);
@@ -119,7 +207,7 @@ fn a_lost_device_loses_no_contact() {
 }
 
 #[test]
-fn shapes_may_go_while_they_are_in_use() {
+fn shapes_may_change_and_go_while_they_are_in_use() {
     if device().is_none() {
         return;
     }
@@ -132,6 +220,15 @@ fn shapes_may_go_while_they_are_in_use() {
                 ids.into_iter().for_each(|id| {
                     axes.remove(id);
                 });
+            }
+            if number == 10 {
+                // They are loaded anew, smaller.
+                let mut axes = app.world_mut().resource_mut::<Assets<MedialAxis>>();
+                let ids: Vec<_> = axes.ids().collect();
+                for id in ids {
+                    let smaller = MedialAxis::torus(0.3, 0.1, 12).unwrap();
+                    axes.insert(id, smaller).unwrap();
+                }
             }
             if number == 40 {
                 // Others, which the GPU does not know yet.

@@ -2,16 +2,32 @@
 //!
 //! Without an adapter the tests say so and pass; with `MEDIAL_REQUIRE_GPU=1` they fail.
 
+mod ahead;
+mod bullets;
 #[path = "../physics/common.rs"]
 #[allow(dead_code)]
 mod common;
 mod culling;
 mod faults;
+#[path = "../physics/flights.rs"]
+#[allow(dead_code)]
+mod flights;
 mod kernels;
-mod pipelined;
+#[path = "../physics/log.rs"]
+#[allow(dead_code)]
+mod log;
+mod parity;
 #[path = "../physics/random_steps.rs"]
 #[allow(dead_code)]
 mod random_steps;
+#[path = "../kernels/reference.rs"]
+#[allow(dead_code)]
+mod reference;
+#[path = "../../examples/common/renderer.rs"]
+mod renderer;
+#[path = "../physics/true_motion.rs"]
+#[allow(dead_code)]
+mod true_motion;
 
 use std::sync::OnceLock;
 

@@ -17,11 +17,12 @@ use bevy::log::{
 
 static LINES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-struct Keep;
+/// What is of this level or worse.
+struct Keep(Level);
 
 impl<S: Subscriber> Layer<S> for Keep {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
-        if *event.metadata().level() <= Level::WARN {
+        if *event.metadata().level() <= self.0 {
             let mut line = Line(String::new());
             event.record(&mut line);
             LINES.lock().unwrap().push(line.0);
@@ -39,11 +40,16 @@ impl Visit for Line {
 
 /// Keeps warnings and errors from now on.
 pub fn keep() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(|| set_global_default(registry().with(Keep)).unwrap());
+    keep_from(Level::WARN);
 }
 
-/// The warnings and errors that hold the text.
+/// Keeps from now on what is of this level or worse. The first call counts.
+pub fn keep_from(level: Level) {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| set_global_default(registry().with(Keep(level))).unwrap());
+}
+
+/// What was kept and holds the text.
 pub fn lines(text: &str) -> Vec<String> {
     LINES.lock().unwrap().iter().filter(|line| line.contains(text)).cloned().collect()
 }

@@ -14,6 +14,7 @@ mod determinism;
 mod entities;
 mod filters;
 mod first_touch;
+mod flights;
 mod gizmos;
 mod impacts;
 mod interplay;

@@ -2,15 +2,12 @@
 
 use std::time::Duration;
 
-use bevy::{
-    app::PluginsState, asset::AssetPlugin, camera::CameraPlugin, diagnostic::DiagnosticsPlugin, mesh::MeshPlugin,
-    prelude::*, render::RenderPlugin, time::TimeUpdateStrategy, window::ExitCondition,
-};
+use bevy::{prelude::*, time::TimeUpdateStrategy};
 use bevy_medial::{
     geometry::Pose3,
     medial_axis::MedialAxis,
     prelude::*,
-    scenes::{Bullet, headless_app, lift_speed_limits},
+    scenes::{Bullet, headless_app},
 };
 use bevy_rapier3d::{
     plugin::context::{RapierContextSimulation, RapierRigidBodySet},
@@ -20,7 +17,7 @@ use bevy_rapier3d::{
     },
 };
 
-use super::{Engine, alternating};
+use super::{Engine, alternating, renderer::rendering_app};
 use crate::world::{Body, Form, Kind, Setup, State};
 
 /// Where pairs are culled, or what finds impacts.
@@ -41,7 +38,7 @@ pub struct Medial {
 
 impl Medial {
     pub fn new(setup: Setup, variant: Variant) -> Self {
-        let mut app = if variant == Variant::GpuAhead { rendering_app() } else { headless_app(setup.dt) };
+        let mut app = if variant == Variant::GpuAhead { rendering_app(setup.dt) } else { headless_app(setup.dt) };
         set_dt(&mut app, setup.dt);
         let on_gpu = matches!(variant, Variant::Gpu | Variant::GpuAhead);
         app.insert_resource(MedialSettings {
@@ -64,30 +61,6 @@ impl Medial {
         }
         Self { app, entities: Vec::new(), dt: setup.dt }
     }
-}
-
-/// An app with a renderer that draws nothing.
-fn rendering_app() -> App {
-    let mut app = App::new();
-    app.add_plugins((
-        MinimalPlugins,
-        WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() },
-        AssetPlugin::default(),
-        RenderPlugin { synchronous_pipeline_compilation: true, ..default() },
-        ImagePlugin::default(),
-        MeshPlugin,
-        CameraPlugin,
-        TransformPlugin,
-        DiagnosticsPlugin,
-        MedialPhysicsPlugin::default(),
-    ));
-    lift_speed_limits(&mut app);
-    while app.plugins_state() == PluginsState::Adding {
-        bevy::tasks::tick_global_task_pools_on_main_thread();
-    }
-    app.finish();
-    app.cleanup();
-    app
 }
 
 /// Rapier's gyroscopic term is explicit in time: it makes energy out of a fast spin in free flight.

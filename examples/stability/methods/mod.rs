@@ -4,6 +4,8 @@ mod alternating;
 mod avian;
 mod medial;
 mod rapier;
+#[path = "../../common/renderer.rs"]
+mod renderer;
 
 use bevy_medial::geometry::Pose3;
 

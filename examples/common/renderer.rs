@@ -1,0 +1,36 @@
+//! An app with a renderer that draws nothing: the GPU looks ahead there.
+
+use std::time::Duration;
+
+use bevy::{
+    app::PluginsState, camera::CameraPlugin, diagnostic::DiagnosticsPlugin, mesh::MeshPlugin, prelude::*,
+    render::RenderPlugin, time::TimeUpdateStrategy, window::ExitCondition,
+};
+use bevy_medial::{prelude::*, scenes::lift_speed_limits};
+use bevy_rapier3d::prelude::TimestepMode;
+
+/// An app of this crate's plugin whose every update is a step of `dt` seconds.
+pub fn rendering_app(dt: f32) -> App {
+    let mut app = App::new();
+    app.add_plugins((
+        MinimalPlugins,
+        WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() },
+        AssetPlugin::default(),
+        RenderPlugin { synchronous_pipeline_compilation: true, ..default() },
+        ImagePlugin::default(),
+        MeshPlugin,
+        CameraPlugin,
+        TransformPlugin,
+        DiagnosticsPlugin,
+        MedialPhysicsPlugin::default(),
+    ))
+    .insert_resource(TimestepMode::Fixed { dt, substeps: 1 })
+    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(dt)));
+    lift_speed_limits(&mut app);
+    while app.plugins_state() == PluginsState::Adding {
+        bevy::tasks::tick_global_task_pools_on_main_thread();
+    }
+    app.finish();
+    app.cleanup();
+    app
+}

@@ -1,0 +1,38 @@
+use bevy::prelude::*;
+
+use super::layout::Counters;
+
+/// How many of each there is room for at first. More of them, and the buffers grow.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[reflect(Resource, Default, Clone, PartialEq)]
+pub struct GpuCapacity {
+    /// Body pairs.
+    pub pairs: u32,
+    /// Chords of their motions.
+    pub chords: u32,
+    /// Primitive pairs that the mid phase leaves.
+    pub candidates: u32,
+    /// Those that the narrow phase leaves.
+    pub survivors: u32,
+}
+
+impl Default for GpuCapacity {
+    /// Some MiB.
+    fn default() -> Self {
+        Self { pairs: 1 << 12, chords: 1 << 13, candidates: 1 << 17, survivors: 1 << 15 }
+    }
+}
+
+impl GpuCapacity {
+    /// What there has to be room for, if that is more.
+    pub(super) fn for_counts(&self, counts: &Counters) -> Option<Self> {
+        let larger = |room: u32, count: u32| if count > room { count.saturating_add(count / 4) } else { room };
+        let needed = Self {
+            pairs: larger(self.pairs, counts.pairs),
+            chords: larger(self.chords, counts.chords),
+            candidates: larger(self.candidates, counts.candidates),
+            survivors: larger(self.survivors, counts.survivors),
+        };
+        (needed != *self).then_some(needed)
+    }
+}
