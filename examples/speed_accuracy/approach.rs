@@ -89,9 +89,10 @@ fn approach(models: [&Model; 2], random: &mut Rng) -> Option<Approach> {
     let starts = [Vec3::ZERO, way * 0.5 * length + aside];
     let rotations = starts.map(|_| rotation(random));
     let centers = models.map(|model| model.center_of_mass);
+    let pose = |side: usize, center, rotation| Pose3::from_parts(center - rotation * centers[side], rotation);
     let flight = |side: usize| {
         let translation = if side == 0 { way * length } else { Vec3::ZERO };
-        Motion::new(&motion(starts[side], rotations[side], centers[side], translation, Vec3::ZERO))
+        Motion::new(&Sweep::onward(pose(side, starts[side], rotations[side]), centers[side], translation, Vec3::ZERO))
     };
     let flown = [0, 1].map(flight);
     let touch = first_touch(meshes, &flown, 0.0, 1.0);
@@ -105,7 +106,7 @@ fn approach(models: [&Model; 2], random: &mut Rng) -> Option<Approach> {
         let (translation, turn) = (way * step * share, direction(random) * random.f32());
         let center = starts[side] + flown - translation * before;
         let rotation = (Quat::from_scaled_axis(turn * -before) * rotations[side]).normalize();
-        motion(center, rotation, centers[side], translation, turn)
+        Sweep::onward(pose(side, center, rotation), centers[side], translation, turn)
     });
     let motions = sweeps.each_ref().map(Motion::new);
     // Turned back, they may overlap where they begin.

@@ -12,6 +12,7 @@ mod approach;
 #[path = "../../benches/baselines/mod.rs"]
 #[allow(dead_code, reason = "the trees alone are asked here, of one pair")]
 mod baselines;
+mod batches;
 mod charts;
 #[path = "../../benches/peers/engines/mod.rs"]
 #[allow(dead_code, reason = "not every engine and setting")]
@@ -158,9 +159,14 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
             scene_rows.extend(found);
         }
     }
+    let batches = batches::rows(if args.quick { 4 } else { 8 })?;
+    match batches::crossover(&batches) {
+        Some(pairs) => println!("in batches of {pairs} and more the GPU is faster"),
+        None => println!("the GPU is not faster, or there is none"),
+    }
     let words: Vec<String> = std::env::args().skip(1).collect();
     let command = format!("cargo run --release --example speed_accuracy -- {}", words.join(" "));
-    report::write_all(&args.out, &command, &models, &rows, &scene_rows)?;
+    report::write_all(&args.out, &command, &models, &rows, &scene_rows, &batches)?;
     println!("written to {}", args.out.display());
     Ok(())
 }

@@ -3,11 +3,12 @@
 use std::{fmt::Write, fs, path::Path};
 
 use crate::{
+    batches::{BatchRow, crossover},
     charts::{Chart, Curve},
     models::{Medial, Model},
     queries::Row,
     scenes::{METHODS, SceneRow},
-    tables::{csv, machine, write},
+    tables::{csv, machine, today, write},
     verdict::{Verdict, verdicts},
 };
 
@@ -48,7 +49,14 @@ pub fn scene_line(row: &SceneRow) -> String {
 ///
 /// # Errors
 /// If a file cannot be written or a chart not drawn.
-pub fn write_all(folder: &Path, command: &str, models: &[Model], rows: &[Row], scenes: &[SceneRow]) -> Written {
+pub fn write_all(
+    folder: &Path,
+    command: &str,
+    models: &[Model],
+    rows: &[Row],
+    scenes: &[SceneRow],
+    batches: &[BatchRow],
+) -> Written {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     write(&folder.join("queries.csv"), &csv(rows))?;
     write(&folder.join("scenes.csv"), &csv(scenes))?;
@@ -62,15 +70,17 @@ pub fn write_all(folder: &Path, command: &str, models: &[Model], rows: &[Row], s
     for rows in scenes.chunk_by(|a, b| a.scene == b.scene) {
         charts.push((rows[0].scene, of_scene(rows)?));
     }
+    if !batches.is_empty() {
+        write(&folder.join("batches.csv"), &csv(batches))?;
+        charts.push(("batches", of_batches(batches)?));
+    }
+    let run = Run { date: today(), machine: machine(), command, gpu: told_of(batches) };
     for (name, svg) in &charts {
         write(&folder.join(name).with_extension("svg"), svg)?;
     }
-    let text = markdown(command, rows, scenes, charts.iter().map(|(name, _)| *name));
+    let text = markdown(&run, rows, scenes, charts.iter().map(|(name, _)| *name));
     write(&folder.join("README.md"), &text)?;
-    write(
-        &folder.join("speed_accuracy.html"),
-        &page(command, rows, scenes, charts.iter().map(|(_, svg)| svg.as_str())),
-    )?;
+    write(&folder.join("speed_accuracy.html"), &page(&run, rows, scenes, charts.iter().map(|(_, svg)| svg.as_str())))?;
     Ok(())
 }
 
@@ -112,6 +122,33 @@ fn of_scene(rows: &[SceneRow]) -> Result<String, Box<dyn std::error::Error>> {
     let title = format!("Scene `{}`", rows[0].scene);
     let (x, y) = ("milliseconds per active step", "greatest error of the surface, %");
     Chart { title: &title, x, y, curves: METHODS.map(curve).into(), front: true }.svg()
+}
+
+/// Times of impact of many primitive pairs at once.
+fn of_batches(rows: &[BatchRow]) -> Result<String, Box<dyn std::error::Error>> {
+    let curve = |name, ms: fn(&BatchRow) -> f64| Curve {
+        name,
+        points: rows.iter().map(|row| [row.pairs as f64, ms(row)]).collect(),
+    };
+    let curves = vec![curve("CPU, one thread", |row| row.cpu_ms), curve("GPU, round trip", |row| row.gpu_ms)];
+    let (title, x) = ("Times of impact in batches", "pairs of primitives");
+    Chart { title, x, y: "milliseconds per batch", curves, front: false }.svg()
+}
+
+/// In words, which of CPU and GPU is faster.
+fn told_of(batches: &[BatchRow]) -> String {
+    let Some(first) = batches.first() else { return "There was no GPU.".into() };
+    let faster =
+        crossover(batches).map_or("in no batch".into(), |pairs| format!("in batches of {pairs} pairs and more"));
+    format!("GPU: {}, faster than a thread of the CPU {faster}.", first.gpu)
+}
+
+/// How the figures came about.
+struct Run<'a> {
+    date: String,
+    machine: String,
+    command: &'a str,
+    gpu: String,
 }
 
 const HEAD: &str = "\
@@ -216,8 +253,11 @@ fn tables(rows: &[Row], scenes: &[SceneRow]) -> [(&'static str, Vec<Vec<String>>
     ]
 }
 
-fn markdown<'a>(command: &str, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
-    let mut text = format!("# Speed against accuracy\n\n{HEAD}\nMachine: {}. Command: `{command}`.\n", machine());
+fn markdown<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
+    let mut text = {
+        let Run { date, machine, command, gpu } = run;
+        format!("# Speed against accuracy\n\n{HEAD}\n{date}. Machine: {machine}. Command: `{command}`. {gpu}\n")
+    };
     for name in charts {
         let _ = writeln!(text, "\n![{name}]({name}.svg)");
     }
@@ -234,7 +274,7 @@ fn markdown<'a>(command: &str, rows: &[Row], scenes: &[SceneRow], charts: impl I
 }
 
 /// The same as a page by itself.
-fn page<'a>(command: &str, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
+fn page<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
     let mut text = String::from(
         "<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width, initial-scale=1'>\
          <title>Speed against accuracy</title>\
@@ -246,7 +286,8 @@ fn page<'a>(command: &str, rows: &[Row], scenes: &[SceneRow], charts: impl Itera
     for part in HEAD.split("\n\n") {
         let _ = write!(text, "<p>{}</p>", escaped(part).replace("\n- ", "<br>- "));
     }
-    let _ = write!(text, "<p>Machine: {}. Command: <code>{}</code></p>", escaped(&machine()), escaped(command));
+    let [machine, command, gpu] = [&run.machine, run.command, &run.gpu].map(escaped);
+    let _ = write!(text, "<p>{}. Machine: {machine}. Command: <code>{command}</code>. {gpu}</p>", run.date);
     charts.for_each(|svg| text += svg);
     for (title, table) in tables(rows, scenes) {
         let _ = write!(text, "<h2>{title}</h2><div><table>");
