@@ -113,11 +113,11 @@ impl Touch {
         let Some(s) = side.separation(other.part, self.point, self.normal, SEAM_REACH) else { return false };
         // In the plane of a triangle both of its sides are as near; it is known which one is touched.
         let turned = s.distance.abs() < FLUSH && other.normal.dot(s.normal) > 0.5;
-        let up = if turned { s.normal } else { -s.normal };
+        let (up, distance) = if turned { (s.normal, -s.distance) } else { (-s.normal, s.distance) };
         let cosine = up.dot(self.normal);
         // How high the place is over the surface, and how high the surface over the plane that is touched there.
-        let height = s.distance - SEAM_REACH * cosine;
-        let rise = SEAM_REACH - s.distance * cosine;
+        let height = distance - SEAM_REACH * cosine;
+        let rise = SEAM_REACH - distance * cosine;
         let most = if self.carries { 0.5 } else { SEAM_COSINE };
         if height > FLUSH || rise < 2.0e-4 * SEAM_REACH || !(-0.1..most).contains(&cosine) {
             return false;
