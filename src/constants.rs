@@ -68,6 +68,10 @@ pub const PART_ANGLE: f32 = 0.5;
 /// Greatest number of such parts.
 pub const MAX_STEP_PARTS: usize = 256;
 
+/// Sine of the angle from the axis that a body spins about to that which its poses tell, from which on these are not believed. Larger, and
+/// a rod of a metre is looked for a millimetre and more beside its way; smaller, and rounding counts as well.
+pub const AXIS_ASTRAY: f32 = 2.0e-3;
+
 /// Largest deviation of a chord from the arc it stands for, per metre of the body's bounding radius.
 pub const CHORD_TOLERANCE: f32 = 1.0e-3;
 
@@ -108,6 +112,10 @@ pub const LANDING: f32 = 100.0;
 
 /// How often a body may slide on within a step before it stops. A ball rolls on after one, a body in a corner after a few.
 pub const MAX_SLIDES: u32 = 8;
+
+/// How often a body may be pushed on within a step before it is wedged. Fewer, and those in a row before a fast plate end up behind it; more, and
+/// those between two plates take longer.
+pub const MAX_PUSHES: u32 = 16;
 
 /// Least part of a slop that any overlap may gain, so that bodies in deep contact are slowed and not frozen.
 pub const LEAST_GROWTH: f32 = 0.1;

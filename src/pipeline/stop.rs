@@ -9,7 +9,8 @@
 //! found.
 //!
 //! A body that does not stop, a kinematic one, carries along what it hits: the next step finds the two in touch, and the one is pushed. What
-//! is carried takes along what it hits in turn, until something does not give way. A body goes through a few states at most, so this ends.
+//! is carried takes along what it hits in turn, and goes on as far as whatever pushes it next does, until something does not give way. A body goes
+//! through a few states and pushes at most, so this ends.
 //!
 //! What is left of the step is lost to a body that stops. Bodies that part after an impact lose one step at most each time they meet. Thin ones
 //! that tumble along each other at high speed stop again and again, wherever their overlap has grown by a slop: they come through it with
@@ -32,7 +33,7 @@ use super::{
     narrow_phase::are_in_touch,
 };
 use crate::{
-    constants::{LANDING, MAX_SLIDES, RENEWED_SLOP, SLIDE_WAY},
+    constants::{LANDING, MAX_PUSHES, MAX_SLIDES, RENEWED_SLOP, SLIDE_WAY},
     geometry::{Pose3, Sweep},
 };
 
@@ -50,6 +51,8 @@ struct Course {
     /// How often it has slid, and how far from its own way, in metres.
     slides: u32,
     slid: f32,
+    /// How often it has been pushed.
+    pushes: u32,
 }
 
 /// What has happened to a body. It goes from one state to a later one only.
@@ -76,13 +79,23 @@ impl Stops {
         self.0[body as usize].map_or(State::Free, |course| course.state)
     }
 
+    fn pushes(&self, body: u32) -> u32 {
+        self.0[body as usize].map_or(0, |course| course.pushes)
+    }
+
     /// The course of a body that leaves its way from a fraction on.
     fn slide(&self, input: &StepInput, body: u32, fraction: f32, way: Vec3) -> Course {
         let (slides, slid) = self.0[body as usize].map_or((0, 0.0), |course| (course.slides, course.slid));
         let rest = self.sweep_from(input, body, fraction);
-        let end = Pose3::from_parts(rest.end.translation - way, rest.end.rotation);
-        let sweep = Sweep { end, translation: rest.translation - way, ..rest };
-        Course { from: fraction, sweep, state: State::Sliding, slides: slides + 1, slid: slid + way.length() }
+        let sweep = moved_on(&rest, -way);
+        Course {
+            from: fraction,
+            sweep,
+            state: State::Sliding,
+            slides: slides + 1,
+            slid: slid + way.length(),
+            pushes: 0,
+        }
     }
 
     /// Where a body is at the end of the step.
@@ -203,24 +216,35 @@ pub(super) fn run(
         for (side, other, away) in [(first, second, -impact.normal), (second, first, impact.normal)] {
             let Some(body) = side.body().filter(|&body| stands && stopping(body)) else { continue };
             let other = other.body();
-            let pushed = other.filter(|&other| !stopping(other) || stops.state(other) == State::Carried);
-            let state = match (stops.state(body), pushed) {
+            let push = other
+                .filter(|&other| !stopping(other) || stops.state(other) == State::Carried)
+                .map(|pusher| stops.sweep_from(input, pusher, fraction));
+            // How far the pusher goes on this way, and the body.
+            let way = |sweep: &Sweep| way_at(sweep, impact.point).dot(away);
+            let [into, own] = [push.as_ref().map_or(0.0, way), way(&stops.sweep_from(input, body, fraction))];
+            let (before, pushes) = (stops.state(body), stops.pushes(body));
+            let state = match (before, &push) {
                 (State::Free | State::Sliding | State::Stopped, Some(_)) => State::Carried,
                 (State::Free | State::Sliding, None) => State::Stopped,
+                (State::Carried, Some(_)) if into >= -own && pushes < MAX_PUSHES => State::Carried,
                 // It goes on if the other gives way.
-                (State::Carried, _) if other.is_none_or(|o| !stopping(o) || stops.state(o) >= State::Carried) => {
-                    State::Wedged
-                }
+                (State::Carried, Some(_)) if into < -own && other.is_some_and(stopping) => continue,
+                (State::Carried, None) if other.is_some_and(|other| stops.state(other) < State::Carried) => continue,
+                (State::Carried, _) => State::Wedged,
                 _ => continue,
             };
-            let push = pushed.map(|pusher| stops.sweep_from(input, pusher, fraction));
             for body in joined_with(body) {
                 let now = stops.sweep_from(input, body, fraction);
                 let sweep = match (state, &push) {
+                    // What pushes it already goes on to do so.
+                    (State::Carried, Some(_)) if before == State::Carried => {
+                        moved_on(&now, away * (into - own).max(0.0))
+                    }
                     (State::Carried, Some(push)) => carried(&now, push, away),
                     _ => Sweep::at_rest(now.start),
                 };
-                courses.push((body, Course { from: fraction, sweep, state, slides: 0, slid: 0.0 }));
+                let pushes = pushes + u32::from(state == State::Carried);
+                courses.push((body, Course { from: fraction, sweep, state, slides: 0, slid: 0.0, pushes }));
             }
         }
         for &(body, course) in &courses {
@@ -273,8 +297,7 @@ fn slides(
             return Vec::new();
         }
         let sweep = stops.sweep_from(input, body, fraction);
-        let arm = impact.point - sweep.start.transform_point(sweep.local_center);
-        *way = sweep.translation + sweep.rotation.cross(arm);
+        *way = way_at(&sweep, impact.point);
         slides.push((body, into * sweep.translation.dot(into).max(0.0)));
     }
     let slip = ways[0] - ways[1];
@@ -320,6 +343,18 @@ fn impact_from(
         impact.fraction = fraction + (1.0 - fraction) * impact.fraction;
     }
     found
+}
+
+/// How far a place that moves along with a body would go, did it go straight on.
+fn way_at(sweep: &Sweep, point: Vec3) -> Vec3 {
+    let arm = point - sweep.start.transform_point(sweep.local_center);
+    sweep.translation + sweep.rotation.cross(arm)
+}
+
+/// The same motion, and farther by so much.
+fn moved_on(sweep: &Sweep, way: Vec3) -> Sweep {
+    let end = Pose3::from_parts(sweep.end.translation + way, sweep.end.rotation);
+    Sweep { end, translation: sweep.translation + way, ..*sweep }
 }
 
 /// What is left of the step for a body that another pushes in a direction: it goes along as if it were part of the other. Where that one
