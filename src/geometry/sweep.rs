@@ -56,6 +56,13 @@ impl Sweep {
         }
     }
 
+    /// The motion at constant rates from `start` on: the centre of mass goes by `translation`, the body turns by `rotation` about it.
+    pub fn at_rates(start: Pose3, local_center: Vec3, translation: Vec3, rotation: Vec3) -> Self {
+        let mut sweep = Self { start, end: start, translation, rotation, local_center };
+        sweep.end = sweep.integrated(1.0);
+        sweep
+    }
+
     /// Pose at `fraction`.
     pub fn pose_at(&self, fraction: f32) -> Pose3 {
         if fraction == 0.0 {
@@ -64,6 +71,10 @@ impl Sweep {
         if fraction == 1.0 {
             return self.end;
         }
+        self.integrated(fraction)
+    }
+
+    fn integrated(&self, fraction: f32) -> Pose3 {
         let center = self.start.transform_point(self.local_center) + self.translation * fraction;
         let rotation = (Quat::from_scaled_axis(self.rotation * fraction) * self.start.rotation).normalize();
         Pose3::from_parts(center - rotation * self.local_center, rotation)

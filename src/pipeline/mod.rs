@@ -165,6 +165,8 @@ pub struct Body {
     pub solid: Solid,
     /// Its motion.
     pub sweep: Sweep,
+    /// Its place in the order of all bodies and statics, from which relative poses are taken: see [`relative_pose`].
+    pub order: u32,
     /// Whom it collides with.
     pub groups: Groups,
     /// Its type of body, and the types that it collides with: that one of both does is enough.
@@ -191,6 +193,7 @@ impl Body {
         Self {
             solid: solid.into(),
             sweep,
+            order: 0,
             groups: Groups::ALL,
             types: Groups::ALL,
             stop_groups: Groups::ALL,
@@ -211,6 +214,8 @@ pub struct StaticBody {
     pub solid: Solid,
     /// Where it is.
     pub pose: Pose3,
+    /// Its place in the order of all bodies and statics, from which relative poses are taken: see [`relative_pose`].
+    pub order: u32,
     /// The rigid body that it is a shape of.
     pub owner: Option<u64>,
     /// Whom it collides with.
@@ -230,7 +235,7 @@ impl StaticBody {
     pub fn new(solid: impl Into<Solid>, pose: Pose3) -> Self {
         let all = Groups::ALL;
         let solid = solid.into();
-        Self { solid, pose, owner: None, groups: all, types: all, stop_groups: all, world: 0, passes: false }
+        Self { solid, pose, order: 0, owner: None, groups: all, types: all, stop_groups: all, world: 0, passes: false }
     }
 
     /// A box that collides with all.
@@ -243,6 +248,12 @@ impl StaticBody {
         let aabb = self.solid.aabb();
         Obb { pose: self.pose * Pose3::from_translation(aabb.center()), half_extents: aabb.half_extents() }
     }
+}
+
+/// Pose of the second side of a pair in the frame of the first, by their poses and [`Body::order`]: that of the later in the frame of the
+/// earlier, or its inverse. Rapier's narrow phase does so, and contacts have the same bits whoever asks for them.
+pub fn relative_pose([(pose1, order1), (pose2, order2)]: [(Pose3, u32); 2]) -> Pose3 {
+    if order1 <= order2 { pose1.inv_mul(&pose2) } else { pose2.inv_mul(&pose1).inverse() }
 }
 
 /// The static bodies and the hierarchy over their boxes, rebuilt only when one of them changes. Clones share them.

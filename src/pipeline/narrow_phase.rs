@@ -10,7 +10,7 @@ use super::{
     first_impact::{ImpactResult, first_impact},
     mid_phase::Candidates,
     motion::{self, PairMotion},
-    parallel,
+    parallel, relative_pose,
     stop::Stops,
 };
 use crate::{constants::TOUCH_DISTANCE, geometry::Pose3};
@@ -39,15 +39,16 @@ pub(super) fn contacts(
     pool: &TaskPool,
 ) -> Vec<Vec<Contact>> {
     parallel::map(pool, pairs, 4, |i, pair| {
-        let [(first, pose1), (second, pose2)] =
-            [pair.first, pair.second].map(|side| place(input, statics, side, |body| stops.final_pose(input, body)));
+        let sides = [pair.first, pair.second];
+        let [first, second] = sides.map(|side| solid(input, statics, side));
+        let places = sides.map(|side| place(input, statics, side, |body| stops.final_pose(input, body)));
         let mut contacts = Vec::new();
         let Some(shape1) = first.medial() else { return contacts };
-        let pose12 = pose1.inv_mul(&pose2);
+        let pose12 = relative_pose(places);
         match second.second() {
             Second::Shape(shape2) => {
                 let candidates = &candidates[i][0];
-                let nearing = motion::moved(input, pair, [pose1, pose2]) + input.prediction;
+                let nearing = motion::moved(input, pair, places.map(|(pose, _)| pose)) + input.prediction;
                 let known = match candidates.covers {
                     Some(covers) => nearing <= covers,
                     None => !pair.bodies().any(|body| stops.is_stopped(body)),
@@ -69,22 +70,26 @@ pub(super) fn are_in_touch(
     met: &Impact,
     pose_of: impl Fn(u32) -> Pose3,
 ) -> bool {
-    let [(first, pose1), (second, pose2)] = [pair.first, pair.second].map(|side| place(input, statics, side, &pose_of));
+    let sides = [pair.first, pair.second];
+    let [first, second] = sides.map(|side| solid(input, statics, side));
+    let pose12 = relative_pose(sides.map(|side| place(input, statics, side, &pose_of)));
     let met = [met.primitive1, met.primitive2];
-    first
-        .medial()
-        .is_some_and(|shape1| contact::is_within(shape1, second.second(), &pose1.inv_mul(&pose2), TOUCH_DISTANCE, met))
+    let is_within = |shape1| contact::is_within(shape1, second.second(), &pose12, TOUCH_DISTANCE, met);
+    first.medial().is_some_and(is_within)
 }
 
-/// A side of a pair, and where it is.
-fn place<'a>(
-    input: &'a StepInput,
-    statics: &'a Statics,
-    side: Side,
-    pose_of: impl Fn(u32) -> Pose3,
-) -> (&'a Solid, Pose3) {
+/// What a side of a pair is made of.
+fn solid<'a>(input: &'a StepInput, statics: &'a Statics, side: Side) -> &'a Solid {
     match side {
-        Side::Body(body) => (&input.bodies[body as usize].solid, pose_of(body)),
-        Side::Static(body) => (&statics.bodies[body as usize].solid, statics.bodies[body as usize].pose),
+        Side::Body(body) => &input.bodies[body as usize].solid,
+        Side::Static(body) => &statics.bodies[body as usize].solid,
+    }
+}
+
+/// Where a side of a pair is, and its place in the order of all.
+fn place(input: &StepInput, statics: &Statics, side: Side, pose_of: impl Fn(u32) -> Pose3) -> (Pose3, u32) {
+    match side {
+        Side::Body(body) => (pose_of(body), input.bodies[body as usize].order),
+        Side::Static(body) => (statics.bodies[body as usize].pose, statics.bodies[body as usize].order),
     }
 }

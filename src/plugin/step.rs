@@ -12,7 +12,7 @@ use super::{gpu::GpuBackend, pipelined::Answer};
 use crate::gpu::Prediction;
 use crate::{
     geometry::Pose3,
-    pipeline::{self, Candidates, Culling, Meeting, Side, Solid, Statics, StepInput, StepOutput},
+    pipeline::{self, Candidates, Culling, Meeting, Pair, Side, Solid, Statics, StepInput, StepOutput, relative_pose},
 };
 
 /// Where the pairs that may meet are found. What they do to each other is found on the CPU always, so results are the same.
@@ -173,6 +173,17 @@ impl MedialStep {
             }
             Side::Static(body) => self.statics.bodies()[body as usize].pose,
         }
+    }
+
+    /// Pose of the second side of a pair in the frame of the first at the end of the step, where its manifolds are.
+    pub fn final_pose12(&self, pair: &Pair) -> Pose3 {
+        relative_pose([pair.first, pair.second].map(|side| {
+            let order = match side {
+                Side::Body(body) => self.input.bodies[body as usize].order,
+                Side::Static(body) => self.statics.bodies()[body as usize].order,
+            };
+            (self.final_pose(side), order)
+        }))
     }
 
     /// Runs the pipeline. The filter is asked about each pair that may collide.

@@ -25,14 +25,14 @@ use bevy_rapier3d::{
 use super::{
     hooks,
     joints::{assemblies, kept_apart},
-    pace::Pace,
+    pace::{Pace, motion},
     parts::is_known,
     shape::MedialShape,
     table::{ContactTable, PairKey, SecondKey},
 };
 use crate::{
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Groups, Manifold, Meeting, Solid, StaticBody, Statics},
+    pipeline::{Body, Groups, Manifold, Meeting, Solid, StaticBody, Statics, Stop},
     plugin::{BodyInfo, MedialCcd, MedialSettings, MedialStep},
 };
 
@@ -137,6 +137,11 @@ fn types(collider: &RapierCollider, body: Option<&RapierBody>) -> Groups {
     Groups { memberships: 1 << own as u32, filter }
 }
 
+/// A collider's place in rapier's order.
+fn order(collider: ColliderHandle) -> u32 {
+    collider.into_raw_parts().0
+}
+
 /// A number for a rigid body: none that exist at a time share theirs.
 fn owner(world: u32, body: RigidBodyHandle) -> u64 {
     u64::from(world) << 32 | u64::from(body.into_raw_parts().0)
@@ -205,6 +210,8 @@ pub(super) fn detect<Hooks>(
     step.infos.clear();
     let mut worlds: Vec<(Entity, f32)> = Vec::new();
     let mut fixed = Vec::new();
+    // Those whose motion ends elsewhere than rapier's.
+    let mut astray = Vec::new();
     for context in contexts.iter().sort::<Entity>().filter(|context| context.is_medial()) {
         let world = worlds.len() as u32;
         let running = context.configuration.physics_pipeline_active;
@@ -241,9 +248,16 @@ pub(super) fn detect<Hooks>(
             let [groups, stop_groups] = groups(collider);
             // The pose of a link of a multibody is a matter of the whole.
             let linked = context.joints.multibody_joints.rigid_body_link(parent).is_some();
+            let stops = active && body.is_dynamic() && !linked;
+            let motion = if stops { motion } else { Sweep::between };
+            let sweep = motion(start.pose, end, center, body.angvel() * dt);
+            if sweep.end != end {
+                astray.push(step.input.bodies.len() as u32);
+            }
             step.input.bodies.push(Body {
                 solid,
-                sweep: Sweep::between(start.pose, end, center, body.angvel() * dt),
+                sweep,
+                order: order(handle),
                 groups,
                 types,
                 stop_groups,
@@ -251,7 +265,7 @@ pub(super) fn detect<Hooks>(
                 assembly: Some(owner(assemblies.get(&parent).copied().unwrap_or(parent))),
                 world,
                 active,
-                stops: active && body.is_dynamic() && !linked,
+                stops,
                 passes,
             });
             step.infos.push(BodyInfo {
@@ -281,7 +295,7 @@ pub(super) fn detect<Hooks>(
     });
     for (world, (entity, dt)) in (0..).zip(&worlds) {
         if let Ok(context) = contexts.get_mut(*entity) {
-            stop_bodies(step, world, *dt, context);
+            stop_bodies(step, &astray, world, *dt, context);
         }
     }
     let mut entries = Vec::new();
@@ -301,7 +315,8 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
         let Some(solid) = solid(&item.shape) else { continue };
         let [groups, stop_groups] = item.groups;
         let &Fixed { pose, owner, types, world, passes, .. } = item;
-        bodies.push(StaticBody { solid, pose, owner, groups, types, stop_groups, world, passes });
+        let order = order(item.collider);
+        bodies.push(StaticBody { solid, pose, order, owner, groups, types, stop_groups, world, passes });
         step.static_infos.push(BodyInfo { sensor: item.sensor, ..BodyInfo::at_rest(item.entity, item.collider) });
     }
     step.statics = Statics::new(bodies);
@@ -310,12 +325,16 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
 /// Moves bodies back to where they stop, with the velocities that they have there: the next step then resolves a true contact at a
 /// true pose. Gravity has not acted on them for the rest of the step, as far as it has shown in their velocity at all: left in, it would feed
 /// bodies that rock to and fro, and so would taking it from what a contact holds up.
-fn stop_bodies(step: &MedialStep, world: u32, dt: f32, context: ContextItem) {
+///
+/// Those whose motion has ended elsewhere than rapier's are moved there.
+fn stop_bodies(step: &MedialStep, astray: &[u32], world: u32, dt: f32, context: ContextItem) {
     let ContextItem { mut bodies, colliders, configuration, .. } = context;
     // The shapes of one body stop together, and it is moved once.
     let mut last = None;
-    let mut stops: Vec<_> =
-        step.output.stops.iter().filter(|stop| step.input.bodies[stop.body as usize].world == world).collect();
+    let end = |&body: &u32| Stop { body, fraction: 1.0, pose: step.input.bodies[body as usize].sweep.end };
+    let ends = astray.iter().filter(|body| step.output.stop_of(**body).is_none()).map(end);
+    let mut stops: Vec<Stop> = step.output.stops.iter().copied().chain(ends).collect();
+    stops.retain(|stop| step.input.bodies[stop.body as usize].world == world);
     stops.sort_by_key(|stop| step.input.bodies[stop.body as usize].owner);
     for stop in stops {
         let owner = step.input.bodies[stop.body as usize].owner;
@@ -344,16 +363,13 @@ fn table_entries<'a>(
 ) -> impl Iterator<Item = (PairKey, Vec<Manifold>)> + 'a {
     let pairs = step.output.pairs.iter().filter(move |pair| step.context(pair.first) == world);
     pairs.filter_map(|pair| {
-        let [(handle1, end1), (handle2, end2)] =
-            [pair.first, pair.second].map(|side| (step.info(side).collider, step.final_pose(side)));
-        let first = medial(colliders.colliders.get(handle1)?)?;
-        let second = SecondKey::of(colliders.colliders.get(handle2)?.shape());
-        // As the dispatcher will have it from rapier, which puts the lower handle first.
-        let pose12 = if handle1.into_raw_parts() < handle2.into_raw_parts() {
-            end1.inv_mul(&end2)
-        } else {
-            end2.inv_mul(&end1).inverse()
-        };
+        let [shape1, shape2] = [pair.first, pair.second].map(|side| {
+            let collider = colliders.colliders.get(step.info(side).collider);
+            collider.map(RapierCollider::shape)
+        });
+        let first = shape1?.as_shape::<MedialShape>()?;
+        let second = SecondKey::of(shape2?);
+        let pose12 = step.final_pose12(pair);
         let key = PairKey::new(first.key, second, &pose12, step.input.prediction);
         Some((key, step.output.manifolds[pair.manifolds.clone()].to_vec()))
     })

@@ -4,10 +4,13 @@
 //! solver steps, see [`substeps`](super::substeps), and no contacts at a distance: the solver would stop them there, whether they come to
 //! touch or turn away and pass. Their impacts are found by the sweep. What slides needs the contacts that will carry it next.
 
+use std::f32::consts::PI;
+
 use glam::Vec3;
 
 use crate::{
-    constants::TOUCH_DISTANCE,
+    constants::{AXIS_ASTRAY, TOUCH_DISTANCE},
+    geometry::{Pose3, Sweep},
     pipeline::{Pair, Side},
     plugin::MedialStep,
 };
@@ -52,4 +55,15 @@ pub(super) fn pace(step: &MedialStep, pair: &Pair) -> f32 {
         Pace::new(sweep.translation, sweep.rotation, step.solid(side).bounding_sphere().radius)
     });
     pace1.against(&pace2) / pace1.radius.min(pace2.radius)
+}
+
+/// How a dynamic body has moved from one pose to another, by its angular velocity times the step.
+///
+/// Beyond half a turn the poses do not tell it alone: what is left over whole turns may be about any axis, if a contact has changed the spin
+/// within the step. Then the body goes on as it spins in the end, and ends elsewhere.
+pub(super) fn motion(start: Pose3, end: Pose3, center: Vec3, turn: Vec3) -> Sweep {
+    let sweep = Sweep::between(start, end, center, turn);
+    let [axis, spin] = [sweep.rotation, turn].map(Vec3::normalize_or_zero);
+    let astray = turn.length() > PI && axis.cross(spin).length() > AXIS_ASTRAY;
+    if astray { Sweep::at_rates(start, center, sweep.translation, turn) } else { sweep }
 }

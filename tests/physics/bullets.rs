@@ -10,6 +10,15 @@ fn bullets_hit_as_in_fine_steps_and_miss_without_a_trace() {
     assert!(close * 20 >= compared * 19, "{close} of {compared}");
 }
 
+/// Rods that a hit has set spinning turn once a step and slide along each other.
+#[test]
+fn rods_that_turn_once_a_step_hit_as_in_fine_steps() {
+    let (_, shape) = shapes().swap_remove(0);
+    let hits = run_hits(&Cell { shape, aim: Aim::Resting, speed: 50.0, spin: 0.0 }, 1, 20, true);
+    assert!(hits.lost == 0 && hits.gains == 0 && hits.within(0.25) == hits.ratios.len(), "{hits:?}");
+    assert!(hits.ratios.len() > 15, "{hits:?}");
+}
+
 #[test]
 fn bullets_that_do_not_stop_are_lost() {
     let (_, shape) = shapes().swap_remove(0);

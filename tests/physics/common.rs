@@ -19,7 +19,7 @@ use bevy_medial::{
     scenes::{Model, headless_app, load_models},
 };
 use bevy_rapier3d::{
-    plugin::context::RapierRigidBodySet,
+    plugin::context::{RapierContextEntityLink, RapierRigidBodySet},
     prelude::{RapierRigidBodyHandle, RigidBody, TimestepMode, Velocity},
     rapier::dynamics::RigidBody as RapierBody,
 };
@@ -112,9 +112,10 @@ pub fn spawn_ground(app: &mut App) -> Entity {
 
 /// Rapier's body of an entity, as it is now.
 pub fn rigid(app: &mut App, entity: Entity) -> RapierBody {
-    let handle = app.world().get::<RapierRigidBodyHandle>(entity).expect("a rigid body").0;
-    let mut sets = app.world_mut().query::<&RapierRigidBodySet>();
-    sets.single(app.world()).unwrap().bodies[handle].clone()
+    let world = app.world();
+    let handle = world.get::<RapierRigidBodyHandle>(entity).expect("a rigid body").0;
+    let context = world.get::<RapierContextEntityLink>(entity).expect("a context").0;
+    world.get::<RapierRigidBodySet>(context).unwrap().bodies[handle].clone()
 }
 
 pub fn position(app: &mut App, entity: Entity) -> Vec3 {

@@ -40,6 +40,7 @@ mod scenes;
 mod seams;
 mod settling;
 mod solver;
+mod spins;
 mod statics;
 mod true_motion;
 mod walks;

@@ -7,6 +7,7 @@ use bevy_medial::{
     medial_axis::MedialAxis,
     pipeline::{Shape, Side, contact},
     plugin::MedialStep,
+    prelude::StaticObb,
     rapier::{ContactTable, MedialDispatcher, MedialShape},
     scenes::Scene,
 };
@@ -16,6 +17,7 @@ use bevy_rapier3d::{
         shape::Shape as ParryShape,
     },
     plugin::context::{RapierContextColliders, RapierContextSimulation, RapierRigidBodySet},
+    prelude::{self, RigidBody},
     rapier::geometry::{Collider, ColliderHandle, ContactData, ContactManifoldData},
 };
 
@@ -66,11 +68,10 @@ fn the_step_finds_what_a_computation_at_its_end_finds() {
             app.update();
             let step = app.world().resource::<MedialStep>();
             for pair in &step.output.pairs {
-                let [(first, end1), (second, end2)] =
-                    [pair.first, pair.second].map(|side| (step.solid(side), step.final_pose(side)));
+                let [first, second] = [pair.first, pair.second].map(|side| step.solid(side));
                 *if pair.second.body().is_some() { &mut bodies } else { &mut statics } += 1;
                 let (shape1, second) = (first.medial().unwrap(), second.second());
-                let computed = contact::manifolds(shape1, second, &end1.inv_mul(&end2), step.input.prediction);
+                let computed = contact::manifolds(shape1, second, &step.final_pose12(pair), step.input.prediction);
                 let found = &step.output.manifolds[pair.manifolds.clone()];
                 assert_eq!(found, computed, "{name}: {pair:?}");
                 contacts += found.iter().map(|manifold| manifold.contacts().len()).sum::<usize>();
@@ -97,60 +98,109 @@ fn disguised(shape: &dyn ParryShape, other: &Shape) -> Option<MedialShape> {
     shape.as_shape::<MedialShape>().map(|medial| MedialShape::new(other.clone(), medial.key))
 }
 
+/// Pairs whose contacts came from the table, with bodies and with statics, those whose did not, and those told of in part.
+#[derive(Default, Debug)]
+struct Routes {
+    with_bodies: usize,
+    with_statics: usize,
+    misses: usize,
+    moving: usize,
+}
+
+impl Routes {
+    /// Asks for all pairs as they are now.
+    fn compare(&mut self, app: &mut App, what: &str) {
+        let far_away = Shape::new(MedialAxis::capsule(Vec3::splat(500.0), Vec3::splat(501.0), 0.1).unwrap());
+        Physics::with(app, |physics| {
+            let prediction = physics.simulation.integration_parameters.prediction_distance();
+            let known = MedialDispatcher { table: physics.table.clone() };
+            let unknown = MedialDispatcher { table: ContactTable::default() };
+            let near = physics.step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty());
+            assert!(physics.table.len() >= near.clone().count());
+            for pair in near {
+                // As rapier asks: the lower handle first.
+                let mut handles = [pair.first, pair.second].map(|side| physics.step.info(side).collider);
+                handles.sort_by_key(|handle| handle.into_raw_parts());
+                let pose12 = physics.pose(handles[0]).inv_mul(&physics.pose(handles[1]));
+                let shapes = handles.map(|handle| physics.collider(handle).shape());
+                let mut computed = points(&ask(&unknown, &pose12, shapes, prediction));
+                let answer = points(&ask(&known, &pose12, shapes, prediction));
+                // Of a pair that moves only what is near is told.
+                if answer.len() < computed.len() {
+                    let farthest =
+                        answer.iter().fold(TOUCH_DISTANCE, |farthest, (.., distance)| farthest.max(*distance));
+                    computed.retain(|(.., distance)| *distance <= farthest);
+                    self.moving += 1;
+                }
+                assert_eq!(answer, computed, "{what}");
+
+                // Does it come from the table? Then it comes for a disguise as well.
+                let disguises = shapes.map(|shape| disguised(shape, &far_away));
+                let disguises: [&dyn ParryShape; 2] =
+                    [0, 1].map(|i| disguises[i].as_ref().map_or(shapes[i], |shape| shape as &dyn ParryShape));
+                assert!(points(&ask(&unknown, &pose12, disguises, prediction)).is_empty());
+                let found = points(&ask(&known, &pose12, disguises, prediction));
+                match pair.second {
+                    _ if computed.is_empty() => {}
+                    _ if found.is_empty() => self.misses += 1,
+                    Side::Body(_) => self.with_bodies += 1,
+                    Side::Static(_) => self.with_statics += 1,
+                }
+                assert!(found.is_empty() || found == computed, "{what}");
+            }
+        });
+    }
+}
+
 #[test]
 fn rapier_gets_from_the_table_what_it_would_get_computed() {
-    let far_away = Shape::new(MedialAxis::capsule(Vec3::splat(500.0), Vec3::splat(501.0), 0.1).unwrap());
-    let (mut with_bodies, mut with_statics, mut moving, mut misses) = (0, 0, 0, 0);
+    let mut routes = Routes::default();
     for (name, steps) in [("rods", 150), ("dinosaur", 40), ("tori", 100)] {
         let mut app = app();
         Scene::by_name(name).unwrap().spawn(app.world_mut(), models(), 3);
         for _ in 0..steps {
             app.update();
-            Physics::with(&mut app, |physics| {
-                let prediction = physics.simulation.integration_parameters.prediction_distance();
-                let known = MedialDispatcher { table: physics.table.clone() };
-                let unknown = MedialDispatcher { table: ContactTable::default() };
-                let near = physics.step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty());
-                assert!(physics.table.len() >= near.clone().count());
-                for pair in near {
-                    // As rapier asks: the lower handle first.
-                    let mut handles = [pair.first, pair.second].map(|side| physics.step.info(side).collider);
-                    handles.sort_by_key(|handle| handle.into_raw_parts());
-                    let pose12 = physics.pose(handles[0]).inv_mul(&physics.pose(handles[1]));
-                    let shapes = handles.map(|handle| physics.collider(handle).shape());
-                    let mut computed = points(&ask(&unknown, &pose12, shapes, prediction));
-                    let answer = points(&ask(&known, &pose12, shapes, prediction));
-                    // Of a pair that moves only what is near is told.
-                    if answer.len() < computed.len() {
-                        let farthest =
-                            answer.iter().fold(TOUCH_DISTANCE, |farthest, (.., distance)| farthest.max(*distance));
-                        computed.retain(|(.., distance)| *distance <= farthest);
-                        moving += 1;
-                    }
-                    assert_eq!(answer, computed, "{name}");
-
-                    // Does it come from the table? Then it comes for a disguise as well.
-                    let disguises = shapes.map(|shape| disguised(shape, &far_away));
-                    let disguises: [&dyn ParryShape; 2] =
-                        [0, 1].map(|i| disguises[i].as_ref().map_or(shapes[i], |shape| shape as &dyn ParryShape));
-                    assert!(points(&ask(&unknown, &pose12, disguises, prediction)).is_empty());
-                    let found = points(&ask(&known, &pose12, disguises, prediction));
-                    match pair.second {
-                        _ if computed.is_empty() => {}
-                        _ if found.is_empty() => misses += 1,
-                        Side::Body(_) => with_bodies += 1,
-                        Side::Static(_) => with_statics += 1,
-                    }
-                    assert!(found.is_empty() || found == computed, "{name}");
-                }
-            });
+            routes.compare(&mut app, name);
         }
     }
-    println!(
-        "{with_bodies} pairs of bodies and {with_statics} with statics from the table, {misses} not, {moving} moving"
-    );
-    assert!(with_bodies > 1000 && with_statics > 1000 && misses == 0, "{misses} not from the table");
+    println!("{routes:?}");
+    let Routes { with_bodies, with_statics, misses, moving } = routes;
+    assert!(with_bodies > 1000 && with_statics > 1000 && misses == 0, "{routes:?}");
     assert!(moving > 0 && moving < with_bodies + with_statics, "{moving}");
+}
+
+/// The inverse of a pose is rounded, so it matters from which side a pair is seen.
+#[test]
+fn both_routes_agree_whichever_side_came_first() {
+    for floor_first in [false, true] {
+        let mut routes = Routes::default();
+        let mut app = app();
+        let tilt = Quat::from_euler(EulerRot::XYZ, 0.3, 0.4, 0.2);
+        let floor = (StaticObb::new(5.0, 0.5, 5.0), Transform::from_xyz(0.1, -0.5, 0.2).with_rotation(tilt));
+        let lump = (RigidBody::Dynamic, prelude::Collider::ball(0.2), Transform::from_xyz(1.0, 0.8, 0.0));
+        let spawn_others = |app: &mut App| {
+            app.world_mut().spawn(floor.clone());
+            app.world_mut().spawn(lump.clone());
+            app.update();
+        };
+        if floor_first {
+            spawn_others(&mut app);
+        }
+        for i in 0..4 {
+            let at = Transform::from_xyz(0.6 * i as f32 - 0.9, 0.5, 0.3).with_rotation(Quat::from_rotation_x(i as f32));
+            spawn_body(&mut app, model("torus"), at);
+        }
+        app.update();
+        if !floor_first {
+            spawn_others(&mut app);
+        }
+        for _ in 0..150 {
+            app.update();
+            routes.compare(&mut app, "a tilted floor");
+        }
+        println!("{routes:?}");
+        assert!(routes.with_statics > 100 && routes.misses == 0, "{routes:?}");
+    }
 }
 
 #[test]
