@@ -14,7 +14,7 @@ fn bullets_hit_as_in_fine_steps_and_miss_without_a_trace() {
 #[test]
 fn rods_that_turn_once_a_step_hit_as_in_fine_steps() {
     let (_, shape) = shapes().swap_remove(0);
-    let hits = run_hits(&Cell { shape, aim: Aim::Resting, speed: 50.0, spin: 0.0 }, 1, 20, true);
+    let hits = run_hits(&Cell { shape, aim: Aim::Resting, speed: 50.0, spin: 0.0, app: headless_app }, 1, 20, true);
     assert!(hits.lost == 0 && hits.gains == 0 && hits.within(0.25) == hits.ratios.len(), "{hits:?}");
     assert!(hits.ratios.len() > 15, "{hits:?}");
 }
