@@ -56,6 +56,16 @@ impl<'a> Pair<'a> {
         if is_known(pair.other) { Ok(pair) } else { Err(Unsupported) }
     }
 
+    /// Of two medial shapes the one that moves first, as in the pipeline's pairs.
+    fn moving_first(self, table: &ContactTable) -> Self {
+        match self.other.as_shape::<MedialShape>() {
+            Some(other) if table.moves(other.key) && !table.moves(self.first.key) => {
+                Self { first: other, other: self.first, pose12: self.pose12.inverse(), swapped: !self.swapped }
+            }
+            _ => self,
+        }
+    }
+
     /// Calls `function` with the medial shape and the other side.
     fn with_sides<R>(&self, function: impl FnOnce(&Shape, Second) -> R) -> R {
         match self.other.as_shape::<MedialShape>() {
@@ -196,7 +206,7 @@ impl PersistentQueryDispatcher<ContactManifoldData, ContactData> for MedialDispa
         manifolds: &mut Vec<ContactManifold<ContactManifoldData, ContactData>>,
         workspace: &mut Option<ContactManifoldsWorkspace>,
     ) -> Result<(), Unsupported> {
-        let pair = Pair::new(pos12, g1, g2)?;
+        let pair = Pair::new(pos12, g1, g2)?.moving_first(&self.table);
         let found = pair.manifolds(prediction, &self.table);
         if workspace.is_none() {
             *workspace = Some(Composite.into());

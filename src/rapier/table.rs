@@ -76,6 +76,12 @@ impl ContactTable {
         self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner()).paces = paces;
     }
 
+    /// True if a medial shape is one of a body that is not fixed.
+    pub(super) fn moves(&self, key: u64) -> bool {
+        let table = self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner());
+        table.paces.contains_key(&SecondKey::Medial(key))
+    }
+
     /// Distance in metres up to which the solver is told of a pair's contacts.
     pub(super) fn trusted_distance(&self, first: u64, second: SecondKey, prediction: f32) -> f32 {
         let table = self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner());

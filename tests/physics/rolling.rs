@@ -24,10 +24,14 @@ struct Rolled {
     slides: usize,
 }
 
-/// Lets a body roll along x at a speed in metres per second, without slip to begin with.
-fn roll(body: impl FnOnce(&mut App) -> Entity, radius: f32, speed: f32) -> Rolled {
+/// Lets a body roll along x at a speed in metres per second, without slip to begin with. `late`: rapier has known the ground before, and turns
+/// the normal of their contact with the ground, not with the body.
+fn roll(body: impl FnOnce(&mut App) -> Entity, radius: f32, speed: f32, late: bool) -> Rolled {
     let mut app = app();
     app.world_mut().spawn((StaticObb::new(200.0, 0.5, 200.0), Transform::from_xyz(0.0, -0.5, 0.0)));
+    if late {
+        run(&mut app, 2);
+    }
     let velocity = Velocity { linear: Vec3::X * speed, angular: Vec3::Z * (-speed / radius) };
     let body = body(&mut app);
     app.world_mut().entity_mut(body).insert((velocity, Friction::coefficient(0.5)));
@@ -57,16 +61,17 @@ fn balls_and_rollers_roll_as_far_as_rapiers_own() {
     ];
     let mut slides = 0;
     for (name, axis, collider, radius) in shapes {
-        for speed in [1.0, 3.0, 10.0, 30.0] {
+        for (speed, late) in [1.0, 3.0, 10.0, 30.0].into_iter().flat_map(|speed| [(speed, false), (speed, true)]) {
             let transform = Transform::from_xyz(0.0, radius, 0.0);
-            let ours = roll(|app| spawn_body(app, axis.clone(), transform), radius, speed);
+            let ours = roll(|app| spawn_body(app, axis.clone(), transform), radius, speed, late);
             let spawn = |app: &mut App| app.world_mut().spawn((RigidBody::Dynamic, collider.clone(), transform)).id();
-            let rapiers = roll(spawn, radius, speed);
+            let rapiers = roll(spawn, radius, speed, late);
             println!(
-                "{name} at {speed} m/s: {:.2} m, rapier's {:.2}; {} slides, {:.2} steps lost, height {:?}, rapier's {:?}",
+                "{name} at {speed} m/s, late {late}: {:.2} m, rapier's {:.2}; {} slides, {:.2} steps lost, height {:?}, rapier's {:?}",
                 ours.way, rapiers.way, ours.slides, ours.lost, ours.heights, rapiers.heights
             );
-            assert!(ours.way > 0.95 * rapiers.way && ours.way < 1.05 * SECONDS * speed);
+            let least = 1.0 - MOST_LOST * DT / SECONDS;
+            assert!(ours.way > least * rapiers.way && ours.way < 1.05 * SECONDS * speed);
             assert!(ours.lost < MOST_LOST, "{}", ours.lost);
             assert!(ours.heights[0] > rapiers.heights[0] - 1e-3 && ours.heights[1] < 0.01);
             slides += ours.slides;
@@ -81,7 +86,7 @@ fn a_tyre_rolls() {
     let upright = Transform::from_xyz(0.0, 0.3, 0.0).with_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
     for speed in [5.0, 10.0, 30.0] {
         let tyre = MedialAxis::torus(0.25, 0.05, 104).unwrap();
-        let rolled = roll(|app| spawn_body(app, tyre, upright), 0.3, speed);
+        let rolled = roll(|app| spawn_body(app, tyre, upright), 0.3, speed, false);
         println!("{speed} m/s: {:.2} m, {} slides, {:.2} steps lost", rolled.way, rolled.slides, rolled.lost);
         assert!(rolled.way > 0.7 * SECONDS * speed && rolled.slides > 20);
         assert!(rolled.lost < MOST_LOST && rolled.heights[0] > -0.005, "{}", rolled.lost);

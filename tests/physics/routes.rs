@@ -105,6 +105,8 @@ struct Routes {
     with_statics: usize,
     misses: usize,
     moving: usize,
+    /// Two medial shapes of which the later moves.
+    turned: usize,
 }
 
 impl Routes {
@@ -123,7 +125,19 @@ impl Routes {
                 handles.sort_by_key(|handle| handle.into_raw_parts());
                 let pose12 = physics.pose(handles[0]).inv_mul(&physics.pose(handles[1]));
                 let shapes = handles.map(|handle| physics.collider(handle).shape());
-                let mut computed = points(&ask(&unknown, &pose12, shapes, prediction));
+                let sides = [pair.first, pair.second].map(|side| physics.step.info(side).collider);
+                let from_first = sides.map(|handle| physics.collider(handle).shape());
+                let found = ask(&unknown, &physics.step.final_pose12(pair), from_first, prediction);
+                let mut computed = points(&found);
+                if handles != sides {
+                    computed.iter_mut().for_each(|(n1, n2, p1, p2, _)| {
+                        std::mem::swap(n1, n2);
+                        std::mem::swap(p1, p2);
+                    });
+                }
+                if handles != sides && shapes.iter().all(|shape| shape.as_shape::<MedialShape>().is_some()) {
+                    self.turned += 1;
+                }
                 let answer = points(&ask(&known, &pose12, shapes, prediction));
                 // Of a pair that moves only what is near is told.
                 if answer.len() < computed.len() {
@@ -164,8 +178,9 @@ fn rapier_gets_from_the_table_what_it_would_get_computed() {
         }
     }
     println!("{routes:?}");
-    let Routes { with_bodies, with_statics, misses, moving } = routes;
+    let Routes { with_bodies, with_statics, misses, moving, turned } = routes;
     assert!(with_bodies > 1000 && with_statics > 1000 && misses == 0, "{routes:?}");
+    assert!(turned > 100, "{turned}");
     assert!(moving > 0 && moving < with_bodies + with_statics, "{moving}");
 }
 
