@@ -17,6 +17,8 @@ mod outcome;
 #[path = "common/tables.rs"]
 #[expect(dead_code, reason = "the processor is not asked for")]
 mod tables;
+#[path = "common/today.rs"]
+mod today;
 
 use std::{
     path::PathBuf,
@@ -103,7 +105,7 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let gpu = GpuDevice::request()?;
-    println!("GPU: {}, {}", gpu.name(), tables::today());
+    println!("GPU: {}, {}", gpu.name(), today::today());
     let passes = PASSES.map(|pass| format!("{pass:>8}")).join(" ");
     println!("{:16} {:>11} {:>9} | {passes} | {:>9} {:>9} {:>9}", "ms", "pairs", "tested", "call", "CPU", "pairs/s");
     let models = models(args)?;
@@ -215,7 +217,7 @@ fn tell(gpu: &GpuDevice, what: &str, mut rows: Vec<Row>) -> Option<Row> {
         println!("{what}: no step is active");
         return None;
     };
-    (row.date, row.gpu, row.what) = (tables::today(), gpu.name().into(), what.into());
+    (row.date, row.gpu, row.what) = (today::today(), gpu.name().into(), what.into());
     for pass in 0..PASSES.len() {
         *row.passes()[pass] = median(rows.iter_mut().map(|row| *row.passes()[pass]));
     }

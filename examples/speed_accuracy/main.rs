@@ -37,6 +37,8 @@ mod shapes;
 mod spheres;
 #[path = "../../benches/common/tables.rs"]
 mod tables;
+#[path = "../../benches/common/today.rs"]
+mod today;
 mod truth;
 mod verdict;
 #[path = "../../benches/peers/world.rs"]

@@ -8,7 +8,8 @@ use crate::{
     models::{Medial, Model},
     queries::Row,
     scenes::{METHODS, SceneRow},
-    tables::{csv, machine, today, write},
+    tables::{csv, machine, write},
+    today::today,
     verdict::{Verdict, verdicts},
 };
 

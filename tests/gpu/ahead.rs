@@ -23,7 +23,7 @@ fn spawn_flight(app: &mut App) -> Vec<Entity> {
         let velocity = Velocity { linear: Vec3::new(3.0, 0.5, -1.0), angular };
         let flyer = (RigidBody::Dynamic, velocity, GravityScale(0.0), Transform::from_xyz(0.0, 3.0 * i as f32, 0.0));
         let mut entity = app.world_mut().spawn(flyer);
-        if i % 2 == 0 {
+        if i.is_multiple_of(2) {
             entity.insert(mesh.clone())
         } else {
             entity.insert(Collider::ball(0.3))

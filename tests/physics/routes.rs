@@ -194,7 +194,7 @@ fn both_routes_agree_whichever_side_came_first() {
         let floor = (StaticObb::new(5.0, 0.5, 5.0), Transform::from_xyz(0.1, -0.5, 0.2).with_rotation(tilt));
         let lump = (RigidBody::Dynamic, prelude::Collider::ball(0.2), Transform::from_xyz(1.0, 0.8, 0.0));
         let spawn_others = |app: &mut App| {
-            app.world_mut().spawn(floor.clone());
+            app.world_mut().spawn(floor);
             app.world_mut().spawn(lump.clone());
             app.update();
         };
