@@ -84,17 +84,18 @@ pub const MANIFOLD_NORMAL_COSINE: f32 = 0.996;
 /// Greatest number of manifolds of a body pair. A body wedged between many others still has one or two per neighbour.
 pub const MAX_MANIFOLDS: usize = 8;
 
-/// Contacts nearer to each other than this many metres are one.
+/// Contacts nearer to each other than this are one. In length units, as all lengths here that no shape tells: metres, unless rapier is told another
+/// unit (`IntegrationParameters::length_unit`).
 pub const DUPLICATE_CONTACT: f32 = 1.0e-3;
 
-/// Distance in metres at which two bodies begin to touch, for messages. Rapier lets resting bodies overlap by about as much.
+/// Distance in length units at which two bodies begin to touch, for messages. Rapier lets resting bodies overlap by about as much.
 pub const TOUCH_DISTANCE: f32 = 1.0e-3;
 
 /// Overlap, per metre of the smaller body's radius, that a body may gain within a step before it stops. Well above what the solver
 /// leaves at a contact that it knows, well below what can be seen.
 pub const STOP_SLOP: f32 = 1.0e-3;
 
-/// Contacts within this many metres of the deepest carry the body: they go to the solver before those farther off.
+/// Contacts within this many length units of the deepest carry the body: they go to the solver before those farther off.
 pub const CARRYING_DEPTH: f32 = 5.0e-3;
 
 /// An overlap of this many slops gains no more than [`LEAST_GROWTH`] of a slop within a step: what a loaded contact gains step by step ends there.
@@ -160,10 +161,10 @@ pub const THIN_CELLS: f32 = 32.0;
 /// Steps of a normal's coordinates that tell contacts of a cell apart: about 15 degrees each.
 pub const THIN_NORMALS: f32 = 4.0;
 
-/// How far around a contact, in metres, the surfaces of other parts are looked at: several times what rapier lets bodies overlap.
+/// How far around a contact, in length units, the surfaces of other parts are looked at: several times what rapier lets bodies overlap.
 pub const SEAM_REACH: f32 = 4.0e-3;
 
-/// Height in metres up to which a part that goes on from another one makes no step.
+/// Height in length units up to which a part that goes on from another one makes no step.
 pub const FLUSH: f32 = 1.0e-4;
 
 /// Cosine of the angle up to which contacts push the same way (a quarter of a degree).

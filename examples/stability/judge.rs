@@ -5,7 +5,10 @@
 
 use bevy_medial::{
     geometry::Pose3,
-    pipeline::{Second, Shape, contact},
+    pipeline::{
+        Second, Shape,
+        contact::{self, Reach},
+    },
     query::Cuboid,
 };
 use glam::Vec3;
@@ -202,12 +205,13 @@ impl World {
         let Some(shape1) = &self.bodies[first].shape else { return 0.0 };
         let pose12 = self.state(first).pose.inv_mul(&self.state(second).pose);
         let mut contacts = Vec::new();
+        let reach = Reach { prediction: 0.0, length_unit: self.setup.unit };
         match (&self.bodies[second].body.form, &self.bodies[second].shape) {
             (Form::Cuboid(half), _) => {
                 let half = *half * self.bodies[second].body.scale;
-                contact::find(shape1, Second::Parts(&Cuboid { half }), &pose12, 0.0, &mut contacts);
+                contact::find(shape1, Second::Parts(&Cuboid { half }), &pose12, reach, &mut contacts);
             }
-            (_, Some(shape2)) => contact::find(shape1, Second::Shape(shape2), &pose12, 0.0, &mut contacts),
+            (_, Some(shape2)) => contact::find(shape1, Second::Shape(shape2), &pose12, reach, &mut contacts),
             (_, None) => {}
         }
         contacts.iter().map(|contact| -contact.distance).fold(0.0, f32::max)

@@ -17,7 +17,7 @@ use super::{
     with_spheres,
 };
 use crate::{
-    constants::{FLUSH, SEAM_REACH, VERTEX_NORMAL_COSINE},
+    constants::{SEAM_REACH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, Support, separation},
 };
@@ -92,24 +92,43 @@ impl Manifold {
     }
 }
 
-/// All manifolds of a pair within `prediction` metres. `pose12`: pose of body 2 in the frame of body 1.
-pub fn manifolds(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32) -> Vec<Manifold> {
-    let mut contacts = Vec::new();
-    find(shape1, second, pose12, prediction, &mut contacts);
-    reduced(contacts)
+/// How far contacts are looked for, and what is small among them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reach {
+    /// Contacts are found up to this distance, in metres.
+    pub prediction: f32,
+    /// [`StepInput::length_unit`](super::StepInput::length_unit).
+    pub length_unit: f32,
 }
 
-/// All contacts of a pair within `prediction` metres.
-pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, prediction: f32, contacts: &mut Vec<Contact>) {
+impl From<f32> for Reach {
+    /// A prediction distance, among bodies of about a metre.
+    fn from(prediction: f32) -> Self {
+        Self { prediction, length_unit: 1.0 }
+    }
+}
+
+/// All manifolds of a pair. `pose12`: pose of body 2 in the frame of body 1.
+pub fn manifolds(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Into<Reach>) -> Vec<Manifold> {
+    let (reach, mut contacts, mut manifolds) = (reach.into(), Vec::new(), Vec::new());
+    find(shape1, second, pose12, reach, &mut contacts);
+    reduce(&mut contacts, reach.length_unit, &mut manifolds);
+    manifolds
+}
+
+/// All contacts of a pair.
+pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Into<Reach>, contacts: &mut Vec<Contact>) {
+    let reach = reach.into();
+    let Reach { prediction, length_unit: unit } = reach;
     match second {
-        Second::Shape(shape2) => of_shapes(shape1, shape2, pose12, prediction, None::<[_; 0]>, contacts),
+        Second::Shape(shape2) => of_shapes(shape1, shape2, pose12, reach, None::<[_; 0]>, contacts),
         Second::Parts(parts) => {
-            let parts = parts.within(&reach(shape1, pose12, prediction));
+            let parts = parts.within(&surroundings(shape1, pose12, prediction));
             for part in &parts {
                 collect_part(shape1, part, pose12, prediction, contacts);
             }
             contacts.sort_by(Contact::order);
-            seams::remove(contacts, pose12.rotation, [shape1, &parts], SEAM_REACH);
+            seams::remove(contacts, pose12.rotation, [shape1, &parts], SEAM_REACH * unit, unit);
         }
     }
 }
@@ -134,7 +153,7 @@ pub(super) fn is_within(shape1: &Shape, second: Second, pose12: &Pose3, distance
         }
         Second::Parts(parts) => {
             let mut contacts = Vec::new();
-            parts.within(&reach(shape1, pose12, distance)).iter().any(|part| {
+            parts.within(&surroundings(shape1, pose12, distance)).iter().any(|part| {
                 collect_part(shape1, part, pose12, distance, &mut contacts);
                 !contacts.is_empty()
             })
@@ -143,23 +162,16 @@ pub(super) fn is_within(shape1: &Shape, second: Second, pose12: &Pose3, distance
 }
 
 /// All of the second body that can come within a distance of the shape, as a box in that body's frame.
-fn reach(shape1: &Shape, pose12: &Pose3, distance: f32) -> Aabb {
+fn surroundings(shape1: &Shape, pose12: &Pose3, distance: f32) -> Aabb {
     shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(distance)
 }
 
-/// The manifolds that a pair's contacts are reduced to.
-pub fn reduced(mut contacts: Vec<Contact>) -> Vec<Manifold> {
-    let mut manifolds = Vec::new();
-    reduce(&mut contacts, &mut manifolds);
-    manifolds
-}
-
-/// Contacts within `prediction` of two medial shapes. `candidates`: the primitives that may have some, if they are known.
+/// Contacts of two medial shapes. `candidates`: the primitives that may have some, if they are known.
 pub(super) fn of_shapes(
     shape1: &Shape,
     shape2: &Shape,
     pose12: &Pose3,
-    prediction: f32,
+    Reach { prediction, length_unit }: Reach,
     candidates: Option<impl IntoIterator<Item = [u32; 2]>>,
     contacts: &mut Vec<Contact>,
 ) {
@@ -192,7 +204,7 @@ pub(super) fn of_shapes(
         None => near_shape(shape1, shape2, pose12, prediction, collect),
     }
     thin(contacts);
-    seams::remove(contacts, pose12.rotation, [shape1, shape2], 0.0);
+    seams::remove(contacts, pose12.rotation, [shape1, shape2], 0.0, length_unit);
 }
 
 impl seams::Side for Shape {
@@ -200,9 +212,9 @@ impl seams::Side for Shape {
         self.hull(primitive).aabb()
     }
 
-    fn separation(&self, primitive: u32, point: Vec3, normal: Vec3, height: f32) -> Option<Separation> {
+    fn separation(&self, primitive: u32, point: Vec3, normal: Vec3, height: f32, flush: f32) -> Option<Separation> {
         let hull = self.hull(primitive);
-        let reaches = hull.height(point, normal) >= -FLUSH;
+        let reaches = hull.height(point, normal) >= -flush;
         reaches.then(|| hull.separation_from(point, [Sphere::new(normal * height, 0.0)]))
     }
 }
@@ -213,7 +225,7 @@ impl seams::Side for Vec<Part<'_>> {
         part.map_or(Aabb::EMPTY, |part| part.aabb().transformed(&part.pose, 1.0))
     }
 
-    fn separation(&self, id: u32, point: Vec3, normal: Vec3, height: f32) -> Option<Separation> {
+    fn separation(&self, id: u32, point: Vec3, normal: Vec3, height: f32, _: f32) -> Option<Separation> {
         self.iter().find(|part| part.id == id).map(|part| part.separation_from(point, normal * height))
     }
 }

@@ -10,7 +10,7 @@ use super::{
     parting::Parting,
 };
 use crate::{
-    constants::{FEW_PRIMITIVES, TOUCH_DISTANCE},
+    constants::FEW_PRIMITIVES,
     geometry::Sweep,
     query::{TimeOfImpactStatus, rigid_impact, rigid_start},
 };
@@ -162,7 +162,7 @@ impl Search {
                     self.overlaps.push(((index, pair), start.overlap()));
                 }
                 if !start.stay_apart() {
-                    result.in_touch |= part == 0 && start.distance() <= TOUCH_DISTANCE;
+                    result.in_touch |= part == 0 && start.distance() <= motion.touch;
                     approaching.push((side, pair, start));
                 }
             }

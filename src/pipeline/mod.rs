@@ -313,7 +313,7 @@ pub enum Culling {
 }
 
 /// Everything that a step depends on.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct StepInput {
     /// The bodies.
     pub bodies: Vec<Body>,
@@ -321,6 +321,8 @@ pub struct StepInput {
     pub apart: HashSet<[u64; 2]>,
     /// Contacts are reported up to this distance, in metres.
     pub prediction: f32,
+    /// Size of a typical body in metres, 1 if nothing is said: lengths that no shape tells, such as how near is a touch, are in proportion to it.
+    pub length_unit: f32,
     /// Overlap that the solver leaves at a contact on purpose, in metres: no reason to stop.
     pub allowed_overlap: f32,
     /// Bodies stop at their first impact.
@@ -329,6 +331,21 @@ pub struct StepInput {
     pub culling: Culling,
     /// The pairs that the mid phase leaves are part of the output.
     pub report_candidates: bool,
+}
+
+impl Default for StepInput {
+    fn default() -> Self {
+        Self {
+            bodies: Vec::new(),
+            apart: HashSet::new(),
+            prediction: 0.0,
+            length_unit: 1.0,
+            allowed_overlap: 0.0,
+            stop_at_impact: false,
+            culling: Culling::default(),
+            report_candidates: false,
+        }
+    }
 }
 
 /// One side of a pair.
@@ -579,7 +596,7 @@ fn finish(
     output.stops =
         stops.iter().map(|(body, fraction)| Stop { body, fraction, pose: stops.final_pose(input, body) }).collect();
     let impacts = results.iter().map(|result| result.impact);
-    reduce::run(pairs, impacts, contacts, &mut output);
+    reduce::run(pairs, impacts, contacts, input.length_unit, &mut output);
     output.times.reduce = lap();
     output
 }

@@ -4,7 +4,7 @@ use glam::{Quat, Vec3};
 
 use super::{Part, Second, Side, Solid, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
 use crate::{
-    constants::{CHORD_TOLERANCE, MAX_STEP_PARTS, PART_ANGLE, STOP_ALLOWED, STOP_ROUNDINGS, STOP_SLOP},
+    constants::{CHORD_TOLERANCE, MAX_STEP_PARTS, PART_ANGLE, STOP_ALLOWED, STOP_ROUNDINGS, STOP_SLOP, TOUCH_DISTANCE},
     geometry::{Aabb, Pose3, Sphere, Sweep},
     query::Chords,
 };
@@ -75,6 +75,8 @@ pub(super) struct PairMotion<'a> {
     pub slop: f32,
     /// Overlap that the solver leaves on purpose, in metres.
     pub allowed: f32,
+    /// Distance at which the bodies are in touch, in metres.
+    pub touch: f32,
 }
 
 impl<'a> PairMotion<'a> {
@@ -100,9 +102,9 @@ impl<'a> PairMotion<'a> {
         let Some(shape1) = first.medial() else { return Vec::new() };
         let moved = moved(input, pair, [sweep1.start, sweep2.start]);
         let radius1 = shape1.bounding_sphere().radius;
-        let slop = |size: f32, rounding: f32| {
-            (STOP_SLOP * size).max(STOP_ALLOWED * input.allowed_overlap).max(STOP_ROUNDINGS * rounding)
-        };
+        let (allowed, touch) = (input.allowed_overlap, TOUCH_DISTANCE * input.length_unit);
+        let slop =
+            |size: f32, rounding: f32| (STOP_SLOP * size).max(STOP_ALLOWED * allowed).max(STOP_ROUNDINGS * rounding);
         match second.second() {
             Second::Shape(shape2) => {
                 let frame = Pose3::from_translation(sweep1.start.translation);
@@ -117,7 +119,8 @@ impl<'a> PairMotion<'a> {
                     size,
                     moved,
                     slop: slop(size, 0.0),
-                    allowed: input.allowed_overlap,
+                    allowed,
+                    touch,
                 }]
             }
             Second::Parts(parts) => {
@@ -141,7 +144,8 @@ impl<'a> PairMotion<'a> {
                         size,
                         moved,
                         slop: slop(size, rounding),
-                        allowed: input.allowed_overlap,
+                        allowed,
+                        touch,
                     }
                 };
                 parts.within(&reach(shape1, &sweep1, &sweep2, arm2)).into_iter().map(motion).collect()

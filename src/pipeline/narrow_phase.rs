@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::{
     Contact, Impact, Second, Side, Solid, Statics, StepInput,
     broad_phase::BodyPair,
-    contact,
+    contact::{self, Reach},
     first_impact::{ImpactResult, first_impact},
     mid_phase::Candidates,
     motion::{self, PairMotion},
@@ -43,6 +43,7 @@ pub(super) fn contacts(
         let [first, second] = sides.map(|side| solid(input, statics, side));
         let places = sides.map(|side| place(input, statics, side, |body| stops.final_pose(input, body)));
         let mut contacts = Vec::new();
+        let reach = Reach { prediction: input.prediction, length_unit: input.length_unit };
         let Some(shape1) = first.medial() else { return contacts };
         let pose12 = relative_pose(places);
         match second.second() {
@@ -54,9 +55,9 @@ pub(super) fn contacts(
                     None => !pair.bodies().any(|body| stops.is_stopped(body)),
                 };
                 let candidates = known.then(|| candidates.within(nearing).map(|candidate| candidate.primitives));
-                contact::of_shapes(shape1, shape2, &pose12, input.prediction, candidates, &mut contacts);
+                contact::of_shapes(shape1, shape2, &pose12, reach, candidates, &mut contacts);
             }
-            second => contact::find(shape1, second, &pose12, input.prediction, &mut contacts),
+            second => contact::find(shape1, second, &pose12, reach, &mut contacts),
         }
         contacts
     })
@@ -74,7 +75,8 @@ pub(super) fn are_in_touch(
     let [first, second] = sides.map(|side| solid(input, statics, side));
     let pose12 = relative_pose(sides.map(|side| place(input, statics, side, &pose_of)));
     let met = [met.primitive1, met.primitive2];
-    let is_within = |shape1| contact::is_within(shape1, second.second(), &pose12, TOUCH_DISTANCE, met);
+    let touch = TOUCH_DISTANCE * input.length_unit;
+    let is_within = |shape1| contact::is_within(shape1, second.second(), &pose12, touch, met);
     first.medial().is_some_and(is_within)
 }
 

@@ -8,11 +8,12 @@ pub(super) fn run(
     pairs: &[BodyPair],
     impacts: impl Iterator<Item = Option<Impact>>,
     contacts: Vec<Vec<Contact>>,
+    unit: f32,
     output: &mut StepOutput,
 ) {
     for ((pair, impact), mut contacts) in pairs.iter().zip(impacts).zip(contacts) {
         let first = output.manifolds.len();
-        reduce(&mut contacts, &mut output.manifolds);
+        reduce(&mut contacts, unit, &mut output.manifolds);
         let manifolds = first..output.manifolds.len();
         if !manifolds.is_empty() || impact.is_some() {
             output.counts.contacts += output.manifolds[first..].iter().map(|m| m.contacts().len()).sum::<usize>();
@@ -21,8 +22,9 @@ pub(super) fn run(
     }
 }
 
-/// Groups contacts by normal, the deepest contact of each group giving its normal, and keeps up to four of each group.
-pub(super) fn reduce(contacts: &mut [Contact], manifolds: &mut Vec<Manifold>) {
+/// Groups contacts by normal, the deepest contact of each group giving its normal, and keeps up to four of each group. `unit`: the length unit in
+/// metres.
+pub(super) fn reduce(contacts: &mut [Contact], unit: f32, manifolds: &mut Vec<Manifold>) {
     contacts.sort_by(Contact::order);
     let mut groups: Vec<Vec<Contact>> = Vec::new();
     for contact in contacts.iter() {
@@ -35,27 +37,27 @@ pub(super) fn reduce(contacts: &mut [Contact], manifolds: &mut Vec<Manifold>) {
             _ => {}
         }
     }
-    manifolds.extend(groups.iter().map(|group| Manifold::new(&spread(group))));
+    manifolds.extend(groups.iter().map(|group| Manifold::new(&spread(group, unit))));
 }
 
 /// Up to four contacts that span the group: the deepest, the one farthest from it, the one farthest from their line, and the one
 /// farthest out on the other side of it. Those about as deep as the deepest carry the body and come before those that it may touch next.
-fn spread(group: &[Contact]) -> Vec<Contact> {
-    let carrying = group.partition_point(|contact| contact.distance <= group[0].distance + CARRYING_DEPTH);
+fn spread(group: &[Contact], unit: f32) -> Vec<Contact> {
+    let carrying = group.partition_point(|contact| contact.distance <= group[0].distance + CARRYING_DEPTH * unit);
     let mut kept = Vec::with_capacity(4);
-    span(&group[..carrying], &mut kept);
-    span(group, &mut kept);
+    span(&group[..carrying], unit, &mut kept);
+    span(group, unit, &mut kept);
     kept
 }
 
 /// Adds contacts of the group to those kept, until there are four or the others lie within what is kept.
-fn span(group: &[Contact], kept: &mut Vec<Contact>) {
+fn span(group: &[Contact], unit: f32, kept: &mut Vec<Contact>) {
     let normal = group[0].normal1;
     let add = |kept: &mut Vec<Contact>, measure: &dyn Fn(&Contact) -> f32| {
         let best =
             group.iter().max_by(|a, b| measure(a).total_cmp(&measure(b)).then(b.distance.total_cmp(&a.distance)));
         if kept.len() < 4 {
-            kept.extend(best.filter(|contact| measure(contact) > DUPLICATE_CONTACT));
+            kept.extend(best.filter(|contact| measure(contact) > DUPLICATE_CONTACT * unit));
         }
     };
     if kept.is_empty() {

@@ -18,20 +18,21 @@ pub(super) trait Side {
     /// The box around a part.
     fn aabb(&self, part: u32) -> Aabb;
 
-    /// How the point `point + normal * height` and a part lie to each other. None if the part stays more than [`FLUSH`] beneath the plane through
+    /// How the point `point + normal * height` and a part lie to each other. None if the part stays more than `flush` beneath the plane through
     /// `point` across `normal`, a unit vector, or if there is no such part.
-    fn separation(&self, part: u32, point: Vec3, normal: Vec3, height: f32) -> Option<Separation>;
+    fn separation(&self, part: u32, point: Vec3, normal: Vec3, height: f32, flush: f32) -> Option<Separation>;
 }
 
 /// Removes contacts with edges and sides of parts that other parts cover, which are in deeper contact or about as deep; leaves the others
 /// sorted by depth, as they have to be.
 ///
 /// `rotation12`: rotation of body 2 in the frame of body 1. `carrying`: overlap in metres from which on a contact that leans only a little
-/// carries the body as well, and stays.
-pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [&dyn Side; 2], carrying: f32) {
+/// carries the body as well, and stays. `unit`: the length unit in metres.
+pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [&dyn Side; 2], carrying: f32, unit: f32) {
     let rotation21 = rotation12.inverse();
+    let [around, flush] = [SEAM_REACH, FLUSH].map(|length| length * unit);
     // What covers a place is nearer than this to a point above it.
-    let reach = |side: usize, part: u32| sides[side].aabb(part).inflated(SEAM_REACH + 2.0 * FLUSH);
+    let reach = |side: usize, part: u32| sides[side].aabb(part).inflated(around + 2.0 * flush);
     let touches = |contact: &Contact| {
         let Contact { point1, point2, normal1, distance, primitive1, primitive2 } = *contact;
         let carries = distance <= -carrying;
@@ -57,10 +58,11 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [&dyn
                 parts.push(touch);
             }
         }
-        let is_covered = |i: usize| parts[i].iter().any(|other| touches[i].is_covered(other, sides[i]));
+        let is_covered =
+            |i: usize| parts[i].iter().any(|other| touches[i].is_covered(other, sides[i], [around, flush]));
         // The deepest is there to stay, as is what has to be pushed out first, and what pushes the same way does no harm.
         let harmless =
-            kept.is_empty() || contact.distance < -SEAM_REACH || kept.iter().any(|(other, _)| contact.pushes_as(other));
+            kept.is_empty() || contact.distance < -around || kept.iter().any(|(other, _)| contact.pushes_as(other));
         if harmless || !(is_covered(0) || is_covered(1)) {
             kept.push((*contact, touches));
         }
@@ -68,13 +70,13 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [&dyn
     // Of contacts about as deep, rounding says which comes first.
     for i in (0..kept.len()).rev() {
         let (contact, touched) = kept[i];
-        if contact.distance < -SEAM_REACH {
+        if contact.distance < -around {
             break;
         }
         let is_covered = kept.iter().any(|(other, touches)| {
             !contact.pushes_as(other)
-                && other.distance <= contact.distance + 0.25 * SEAM_REACH
-                && touches.iter().zip(&touched).zip(sides).any(|((a, b), side)| b.is_covered(a, side))
+                && other.distance <= contact.distance + 0.25 * around
+                && touches.iter().zip(&touched).zip(sides).any(|((a, b), side)| b.is_covered(a, side, [around, flush]))
         });
         if is_covered {
             kept.remove(i);
@@ -104,28 +106,28 @@ struct Touch {
 
 impl Touch {
     /// True if the surface of `other`, which may be the same part, passes here with another normal, and the touched part does not rise
-    /// above it.
-    fn is_covered(&self, other: &Touch, side: &dyn Side) -> bool {
-        if !other.reach.contains_point(self.point + self.normal * SEAM_REACH) {
+    /// above it. `around`, `flush`: [`SEAM_REACH`] and [`FLUSH`] in metres.
+    fn is_covered(&self, other: &Touch, side: &dyn Side, [around, flush]: [f32; 2]) -> bool {
+        if !other.reach.contains_point(self.point + self.normal * around) {
             return false;
         }
         // Straight above the place: nothing of a part that ends here with this normal is nearer than the place itself.
-        let Some(s) = side.separation(other.part, self.point, self.normal, SEAM_REACH) else { return false };
+        let Some(s) = side.separation(other.part, self.point, self.normal, around, flush) else { return false };
         // In the plane of a triangle both of its sides are as near; it is known which one is touched.
-        let turned = s.distance.abs() < FLUSH && other.normal.dot(s.normal) > 0.5;
+        let turned = s.distance.abs() < flush && other.normal.dot(s.normal) > 0.5;
         let (up, distance) = if turned { (s.normal, -s.distance) } else { (-s.normal, s.distance) };
         let cosine = up.dot(self.normal);
         // How high the place is over the surface, and how high the surface over the plane that is touched there.
-        let height = distance - SEAM_REACH * cosine;
-        let rise = SEAM_REACH - distance * cosine;
+        let height = distance - around * cosine;
+        let rise = around - distance * cosine;
         let most = if self.carries { 0.5 } else { SEAM_COSINE };
-        if height > FLUSH || rise < 2.0e-4 * SEAM_REACH || !(-0.1..most).contains(&cosine) {
+        if height > flush || rise < 2.0e-4 * around || !(-0.1..most).contains(&cosine) {
             return false;
         }
         if other.part == self.part {
-            return self.distance > 0.25 * SEAM_REACH;
+            return self.distance > 0.25 * around;
         }
-        let above = side.separation(self.part, self.point, up, 0.5 * SEAM_REACH - height);
-        above.is_none_or(|s| s.distance > 0.25 * SEAM_REACH)
+        let above = side.separation(self.part, self.point, up, 0.5 * around - height, flush);
+        above.is_none_or(|s| s.distance > 0.25 * around)
     }
 }

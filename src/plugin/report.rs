@@ -28,7 +28,7 @@ pub(super) fn tell_contacts(
         let entities = [info1.entity, info2.entity];
         let Some(touch) = touch_point(&step, pair) else { continue };
         let known = touching.get(&key(entities)).copied();
-        if known.is_none() && pair.impact.is_none() && touch.separation > TOUCH_DISTANCE {
+        if known.is_none() && pair.impact.is_none() && touch.separation > TOUCH_DISTANCE * step.input.length_unit {
             continue;
         }
         now.insert(key(entities), known.unwrap_or(entities));

@@ -104,6 +104,7 @@ fn detect(
     step.settings = MedialSettings { stop_at_impact: false, ..*settings };
     step.dt = time.delta_secs();
     step.input.prediction = DEFAULT_PREDICTION;
+    step.input.length_unit = 1.0;
     step.input.allowed_overlap = 0.0;
     step.input.bodies.clear();
     step.infos.clear();

@@ -50,6 +50,10 @@ pub(super) struct Context {
 }
 
 impl ContextReadOnlyItem<'_, '_> {
+    fn length_unit(&self) -> f32 {
+        self.simulation.integration_parameters.length_unit
+    }
+
     /// True if there is anything medial in it.
     fn is_medial(&self) -> bool {
         self.colliders.colliders.iter().any(|(_, collider)| medial(collider).is_some())
@@ -90,10 +94,12 @@ fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
 pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, table: Res<ContactTable>, contexts: Query<Context>) {
     let snapshot = snapshot.as_mut();
     let mut paces = HashMap::new();
+    let mut length_unit = 0.0f32;
     snapshot.starts.clear();
     snapshot.leads.clear();
     for context in contexts.iter().filter(|context| context.is_medial()) {
         snapshot.leads.insert(context.entity, context.lead.diff);
+        length_unit = length_unit.max(context.length_unit());
         let dt = context.simulation.integration_parameters.dt;
         for (handle, collider) in context.colliders.colliders.iter() {
             let body = context.body(collider);
@@ -105,7 +111,7 @@ pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, table: Res<ContactTable>,
             paces.insert(SecondKey::of(collider.shape()), Pace::new(start.linear * dt, start.angular * dt, radius));
         }
     }
-    table.set_paces(paces);
+    table.prepare(paces, length_unit);
 }
 
 /// Seconds that rapier has simulated in its step.
@@ -204,6 +210,7 @@ pub(super) fn detect<Hooks>(
     let step = step.as_mut();
     step.settings = *settings;
     step.input.prediction = 0.0;
+    step.input.length_unit = 0.0;
     step.input.allowed_overlap = 0.0;
     step.input.apart.clear();
     step.input.bodies.clear();
@@ -219,6 +226,7 @@ pub(super) fn detect<Hooks>(
         worlds.push((context.entity, dt));
         let parameters = &context.simulation.integration_parameters;
         step.input.prediction = step.input.prediction.max(parameters.prediction_distance());
+        step.input.length_unit = step.input.length_unit.max(context.length_unit());
         step.input.allowed_overlap = step.input.allowed_overlap.max(parameters.allowed_linear_error());
         let owner = |body| owner(world, body);
         step.input.apart.extend(kept_apart(context.joints).into_iter().map(|pair| {

@@ -23,7 +23,7 @@ use crate::{
     geometry::Pose3,
     pipeline::{
         Manifold, Second, Shape,
-        contact::{self, Contact},
+        contact::{self, Contact, Reach},
     },
 };
 
@@ -77,9 +77,10 @@ impl<'a> Pair<'a> {
     fn manifolds(&self, prediction: f32, table: &ContactTable) -> Vec<Manifold> {
         let second = SecondKey::of(self.other);
         let key = PairKey::new(self.first.key, second, &self.pose12, prediction);
-        let mut manifolds = table.get(&key).unwrap_or_else(|| {
-            self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, prediction))
-        });
+        let reach = Reach { prediction, length_unit: table.length_unit() };
+        let mut manifolds = table
+            .get(&key)
+            .unwrap_or_else(|| self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, reach)));
         let trusted = table.trusted_distance(self.first.key, second, prediction);
         if trusted < prediction {
             manifolds.retain_mut(|manifold| manifold.keep_within(trusted));
@@ -87,9 +88,10 @@ impl<'a> Pair<'a> {
         manifolds
     }
 
-    fn nearest(&self, max_distance: f32) -> Option<Contact> {
+    fn nearest(&self, max_distance: f32, table: &ContactTable) -> Option<Contact> {
         let mut contacts = Vec::new();
-        self.with_sides(|first, second| contact::find(first, second, &self.pose12, max_distance, &mut contacts));
+        let reach = Reach { prediction: max_distance, length_unit: table.length_unit() };
+        self.with_sides(|first, second| contact::find(first, second, &self.pose12, reach, &mut contacts));
         contacts.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))
     }
 
@@ -113,12 +115,12 @@ impl<'a> Pair<'a> {
 
 impl QueryDispatcher for MedialDispatcher {
     fn intersection_test(&self, pos12: &Pose, g1: &dyn ParryShape, g2: &dyn ParryShape) -> Result<bool, Unsupported> {
-        Ok(Pair::new(pos12, g1, g2)?.nearest(0.0).is_some())
+        Ok(Pair::new(pos12, g1, g2)?.nearest(0.0, &self.table).is_some())
     }
 
     fn distance(&self, pos12: &Pose, g1: &dyn ParryShape, g2: &dyn ParryShape) -> Result<Real, Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
-        Ok(pair.nearest(pair.distance_bound()).map_or(0.0, |contact| contact.distance.max(0.0)))
+        Ok(pair.nearest(pair.distance_bound(), &self.table).map_or(0.0, |contact| contact.distance.max(0.0)))
     }
 
     fn contact(
@@ -129,7 +131,7 @@ impl QueryDispatcher for MedialDispatcher {
         prediction: Real,
     ) -> Result<Option<ParryContact>, Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
-        Ok(pair.nearest(prediction).map(|contact| {
+        Ok(pair.nearest(prediction, &self.table).map(|contact| {
             let [(point1, normal1), (point2, normal2)] = pair.sides(&contact);
             ParryContact::new(point1, point2, normal1, normal2, contact.distance)
         }))
@@ -143,7 +145,7 @@ impl QueryDispatcher for MedialDispatcher {
         max_dist: Real,
     ) -> Result<ClosestPoints, Unsupported> {
         let pair = Pair::new(pos12, g1, g2)?;
-        Ok(match pair.nearest(max_dist) {
+        Ok(match pair.nearest(max_dist, &self.table) {
             None => ClosestPoints::Disjoint,
             Some(contact) if contact.distance <= 0.0 => ClosestPoints::Intersecting,
             Some(contact) => {
@@ -214,14 +216,12 @@ impl PersistentQueryDispatcher<ContactManifoldData, ContactData> for MedialDispa
         let previous: Vec<_> = manifolds.drain(..).flat_map(|manifold| manifold.points).collect();
         for found in found {
             let mut manifold = ContactManifold::with_data(0, 0, ContactManifoldData::default());
-            for (i, contact) in found.contacts().iter().enumerate() {
-                let [(point1, normal1), (point2, normal2)] = pair.sides(contact);
+            let normal2 = pair.pose12.rotation.inverse() * -found.normal1;
+            [manifold.local_n1, manifold.local_n2] = pair.in_order(found.normal1, normal2);
+            for contact in found.contacts() {
+                let [(point1, _), (point2, _)] = pair.sides(contact);
                 let [feature1, feature2] =
                     pair.in_order(contact.primitive1, contact.primitive2).map(PackedFeatureId::face);
-                // The deepest contact comes first and gives the manifold's normal.
-                if i == 0 {
-                    (manifold.local_n1, manifold.local_n2) = (normal1, normal2);
-                }
                 manifold.points.push(TrackedContact::new(point1, point2, feature1, feature2, contact.distance));
             }
             manifold.match_contacts(&previous);

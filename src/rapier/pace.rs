@@ -40,10 +40,10 @@ impl Pace {
         self.way.distance(other.way) + self.turn + other.turn
     }
 
-    /// Distance in metres up to which the solver is told of contacts: the less, the farther the pair goes.
-    pub fn trusted_distance(&self, other: &Self, prediction: f32) -> f32 {
+    /// Distance in metres up to which the solver is told of contacts: the less, the farther the pair goes. `unit`: the length unit in metres.
+    pub fn trusted_distance(&self, other: &Self, prediction: f32, unit: f32) -> f32 {
         let trust = (prediction / self.against(other)).min(1.0);
-        (prediction * trust * trust).max(TOUCH_DISTANCE)
+        (prediction * trust * trust).max(TOUCH_DISTANCE * unit)
     }
 }
 

@@ -11,15 +11,21 @@ use crate::{geometry::Pose3, pipeline::Manifold};
 
 /// The manifolds that the last step found, for rapier to fetch by pair and relative pose; and the paces of the bodies.
 ///
-/// Manifolds are a pure function of shapes, relative pose and prediction distance, all of which are in the key: an
+/// Manifolds are a pure function of shapes, relative pose, prediction distance and length unit, which are in the key but for the last: an
 /// entry is never wrong, only missing once a body has been moved in between.
 #[derive(Resource, Clone, Default)]
 pub struct ContactTable(Arc<RwLock<Entries>>);
 
-#[derive(Default)]
 struct Entries {
     manifolds: HashMap<PairKey, Vec<Manifold>>,
     paces: HashMap<SecondKey, Pace>,
+    length_unit: f32,
+}
+
+impl Default for Entries {
+    fn default() -> Self {
+        Self { manifolds: HashMap::new(), paces: HashMap::new(), length_unit: 1.0 }
+    }
 }
 
 /// What a pair's manifolds depend on.
@@ -71,9 +77,18 @@ impl ContactTable {
         self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner()).manifolds.get(key).cloned()
     }
 
-    /// Sets the paces of all that moves in the step to come.
-    pub(super) fn set_paces(&self, paces: HashMap<SecondKey, Pace>) {
-        self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner()).paces = paces;
+    /// Sets the paces of all that moves in the step to come, and the length unit in metres. With another one nothing is known.
+    pub(super) fn prepare(&self, paces: HashMap<SecondKey, Pace>, length_unit: f32) {
+        let mut table = self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner());
+        table.paces = paces;
+        if std::mem::replace(&mut table.length_unit, length_unit) != length_unit {
+            table.manifolds.clear();
+        }
+    }
+
+    /// The length unit in metres.
+    pub(super) fn length_unit(&self) -> f32 {
+        self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner()).length_unit
     }
 
     /// True if a medial shape is one of a body that is not fixed.
@@ -87,7 +102,7 @@ impl ContactTable {
         let table = self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner());
         let [pace1, pace2] =
             [SecondKey::Medial(first), second].map(|key| table.paces.get(&key).copied().unwrap_or(Pace::REST));
-        pace1.trusted_distance(&pace2, prediction)
+        pace1.trusted_distance(&pace2, prediction, table.length_unit)
     }
 
     /// Number of pairs.

@@ -36,6 +36,7 @@ mod random_steps;
 mod reference;
 mod rolling;
 mod routes;
+mod scaled;
 mod scenes;
 mod seams;
 mod settling;
