@@ -16,6 +16,8 @@ mod outcome;
 mod report;
 mod run;
 mod shapes;
+#[path = "../../benches/common/today.rs"]
+mod today;
 mod world;
 
 use std::{path::PathBuf, process::ExitCode};

@@ -1,17 +1,13 @@
 //! The table, what went wrong, and the file of all runs.
 
-use std::{
-    fmt::Write,
-    path::Path,
-    thread,
-    time::{SystemTime, UNIX_EPOCH},
-};
+use std::{fmt::Write, path::Path, thread};
 
 use crate::{
     hazards::{Hazard, OPEN},
     heat_map,
     methods::Method,
     run::Cell,
+    today::today,
 };
 
 /// What is known of the hazards in which this crate fails.
@@ -118,17 +114,4 @@ impl Report<'_> {
         }
         heat_map::draw(self, &images.join("stability.svg"))
     }
-}
-
-/// The date in UTC, by the algorithm of Howard Hinnant.
-fn today() -> String {
-    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
-    let days = seconds / 86_400 + 719_468;
-    let (era, day) = (days / 146_097, days % 146_097);
-    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
-    let day = day - (365 * year + year / 4 - year / 100);
-    let month = (5 * day + 2) / 153;
-    let date = day - (153 * month + 2) / 5 + 1;
-    let month = if month < 10 { month + 3 } else { month - 9 };
-    format!("{:04}-{month:02}-{date:02}", era * 400 + year + u64::from(month <= 2))
 }
