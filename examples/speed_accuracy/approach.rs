@@ -92,7 +92,7 @@ fn approach(models: [&Model; 2], random: &mut Rng) -> Option<Approach> {
     let pose = |side: usize, center, rotation| Pose3::from_parts(center - rotation * centers[side], rotation);
     let flight = |side: usize| {
         let translation = if side == 0 { way * length } else { Vec3::ZERO };
-        Motion::new(&Sweep::onward(pose(side, starts[side], rotations[side]), centers[side], translation, Vec3::ZERO))
+        Motion::new(&Sweep::at_rates(pose(side, starts[side], rotations[side]), centers[side], translation, Vec3::ZERO))
     };
     let flown = [0, 1].map(flight);
     let touch = first_touch(meshes, &flown, 0.0, 1.0);
@@ -106,7 +106,7 @@ fn approach(models: [&Model; 2], random: &mut Rng) -> Option<Approach> {
         let (translation, turn) = (way * step * share, direction(random) * random.f32());
         let center = starts[side] + flown - translation * before;
         let rotation = (Quat::from_scaled_axis(turn * -before) * rotations[side]).normalize();
-        Sweep::onward(pose(side, center, rotation), centers[side], translation, turn)
+        Sweep::at_rates(pose(side, center, rotation), centers[side], translation, turn)
     });
     let motions = sweeps.each_ref().map(Motion::new);
     // Turned back, they may overlap where they begin.

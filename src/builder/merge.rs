@@ -105,30 +105,19 @@ pub(super) fn merge(
         .collect();
     let kept = |i: usize| heir[i] == i as u32;
     let number = |i: u32| numbers[heir[i as usize] as usize];
-    complex.edges = complex
-        .edges
-        .iter()
-        .map(|e| {
-            let mut e = e.map(number);
-            e.sort_unstable();
-            e
-        })
-        .filter(|[i, j]| i != j)
-        .collect();
-    complex.faces = complex
-        .faces
-        .iter()
-        .map(|f| {
-            let mut f = f.map(number);
-            f.sort_unstable();
-            f
-        })
-        .filter(|[i, j, k]| i != j && j != k)
-        .collect();
-    complex.edges.sort_unstable();
-    complex.edges.dedup();
-    complex.faces.sort_unstable();
-    complex.faces.dedup();
+    renumber(&mut complex.edges, number);
+    renumber(&mut complex.faces, number);
     complex.balls = (0..heir.len()).filter(|&i| kept(i)).map(|i| complex.balls[i]).collect();
     *parts = (0..heir.len()).filter(|&i| kept(i)).map(|i| parts[i]).collect();
+}
+
+/// Names the spheres of edges or faces anew. Those of which two spheres have become one are gone, and of equal ones all but one.
+fn renumber<const N: usize>(simplices: &mut Vec<[u32; N]>, number: impl Fn(u32) -> u32) {
+    for simplex in simplices.iter_mut() {
+        *simplex = simplex.map(&number);
+        simplex.sort_unstable();
+    }
+    simplices.retain(|simplex| simplex.windows(2).all(|pair| pair[0] != pair[1]));
+    simplices.sort_unstable();
+    simplices.dedup();
 }

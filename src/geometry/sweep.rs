@@ -29,14 +29,6 @@ impl Sweep {
         Self { start: pose, end: pose, translation: Vec3::ZERO, rotation: Vec3::ZERO, local_center: Vec3::ZERO }
     }
 
-    /// The motion by a displacement of the centre of mass, in metres, and a rotation, axis times angle in radians.
-    pub fn onward(start: Pose3, local_center: Vec3, translation: Vec3, rotation: Vec3) -> Self {
-        let center = start.transform_point(local_center) + translation;
-        let turned = (Quat::from_scaled_axis(rotation) * start.rotation).normalize();
-        let end = Pose3::from_parts(center - turned * local_center, turned);
-        Self { start, end, translation, rotation, local_center }
-    }
-
     /// The motion from `start` to `end`, of all rotations that end there the one nearest to `rotation_hint`
     /// (axis times angle: the angular velocity times the step, or zero for the shortest).
     pub fn between(start: Pose3, end: Pose3, local_center: Vec3, rotation_hint: Vec3) -> Self {
@@ -56,7 +48,8 @@ impl Sweep {
         }
     }
 
-    /// The motion at constant rates from `start` on: the centre of mass goes by `translation`, the body turns by `rotation` about it.
+    /// The motion at constant rates from `start` on: the centre of mass goes by `translation`, in metres, and the body turns by `rotation` about it,
+    /// axis times angle in radians.
     pub fn at_rates(start: Pose3, local_center: Vec3, translation: Vec3, rotation: Vec3) -> Self {
         let mut sweep = Self { start, end: start, translation, rotation, local_center };
         sweep.end = sweep.integrated(1.0);

@@ -7,7 +7,6 @@
 use std::collections::HashMap;
 
 use bevy::tasks::TaskPool;
-use glam::Quat;
 
 use crate::{
     constants::{LOOK_AHEAD_SLACK, LOOK_AHEAD_STEPS},
@@ -140,11 +139,7 @@ impl Prediction {
 /// A motion that goes on from `start` for the steps ahead.
 fn continued(sweep: &Sweep, start: Pose3) -> Sweep {
     let steps = LOOK_AHEAD_STEPS as f32;
-    let (translation, rotation) = (sweep.translation * steps, sweep.rotation * steps);
-    let turned = (Quat::from_scaled_axis(rotation) * start.rotation).normalize();
-    let center = start.transform_point(sweep.local_center) + translation;
-    let end = Pose3::from_parts(center - turned * sweep.local_center, turned);
-    Sweep { start, end, translation, rotation, local_center: sweep.local_center }
+    Sweep::at_rates(start, sweep.local_center, sweep.translation * steps, sweep.rotation * steps)
 }
 
 /// True if what was found for a body, its motion aside, holds for another.

@@ -219,7 +219,7 @@ impl PersistentQueryDispatcher<ContactManifoldData, ContactData> for MedialDispa
             let normal2 = pair.pose12.rotation.inverse() * -found.normal1;
             [manifold.local_n1, manifold.local_n2] = pair.in_order(found.normal1, normal2);
             for contact in found.contacts() {
-                let [(point1, _), (point2, _)] = pair.sides(contact);
+                let [point1, point2] = pair.in_order(contact.point1, contact.point2);
                 let [feature1, feature2] =
                     pair.in_order(contact.primitive1, contact.primitive2).map(PackedFeatureId::face);
                 manifold.points.push(TrackedContact::new(point1, point2, feature1, feature2, contact.distance));

@@ -127,7 +127,7 @@ fn in_motion(bodies: &RigidBodySet, collider: &RapierCollider, seconds: f32) -> 
     let sweep = match body.filter(|body| body.is_moving()) {
         Some(body) => {
             let center = pose.inverse_transform_point(body.center_of_mass());
-            Sweep::onward(pose, center, body.linvel() * seconds, body.angvel() * seconds)
+            Sweep::at_rates(pose, center, body.linvel() * seconds, body.angvel() * seconds)
         }
         None => Sweep::at_rest(pose),
     };

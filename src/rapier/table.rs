@@ -1,6 +1,6 @@
 use std::{
     collections::HashMap,
-    sync::{Arc, RwLock},
+    sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard},
 };
 
 use bevy::prelude::Resource;
@@ -64,22 +64,30 @@ impl PairKey {
 }
 
 impl ContactTable {
+    /// A panic of another thread while it held the lock leaves nothing half done here.
+    fn read(&self) -> RwLockReadGuard<'_, Entries> {
+        self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    fn write(&self) -> RwLockWriteGuard<'_, Entries> {
+        self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
     /// Replaces all entries.
     pub(super) fn fill(&self, entries: Vec<(PairKey, Vec<Manifold>)>) {
-        // A panic of another thread while it held the lock leaves nothing half done here.
-        let mut table = self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut table = self.write();
         table.manifolds.clear();
         table.manifolds.extend(entries);
     }
 
     /// The manifolds of a pair, if they are known for this very pose.
     pub(super) fn get(&self, key: &PairKey) -> Option<Vec<Manifold>> {
-        self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner()).manifolds.get(key).cloned()
+        self.read().manifolds.get(key).cloned()
     }
 
     /// Sets the paces of all that moves in the step to come, and the length unit in metres. With another one nothing is known.
     pub(super) fn prepare(&self, paces: HashMap<SecondKey, Pace>, length_unit: f32) {
-        let mut table = self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut table = self.write();
         table.paces = paces;
         if std::mem::replace(&mut table.length_unit, length_unit) != length_unit {
             table.manifolds.clear();
@@ -88,18 +96,17 @@ impl ContactTable {
 
     /// The length unit in metres.
     pub(super) fn length_unit(&self) -> f32 {
-        self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner()).length_unit
+        self.read().length_unit
     }
 
     /// True if a medial shape is one of a body that is not fixed.
     pub(super) fn moves(&self, key: u64) -> bool {
-        let table = self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner());
-        table.paces.contains_key(&SecondKey::Medial(key))
+        self.read().paces.contains_key(&SecondKey::Medial(key))
     }
 
     /// Distance in metres up to which the solver is told of a pair's contacts.
     pub(super) fn trusted_distance(&self, first: u64, second: SecondKey, prediction: f32) -> f32 {
-        let table = self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let table = self.read();
         let [pace1, pace2] =
             [SecondKey::Medial(first), second].map(|key| table.paces.get(&key).copied().unwrap_or(Pace::REST));
         pace1.trusted_distance(&pace2, prediction, table.length_unit)
@@ -107,7 +114,7 @@ impl ContactTable {
 
     /// Number of pairs.
     pub fn len(&self) -> usize {
-        self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner()).manifolds.len()
+        self.read().manifolds.len()
     }
 
     /// True if no pair is near another.
