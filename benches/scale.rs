@@ -8,6 +8,7 @@
 //!   over the steps from the first touches on;
 //! - **fall**: 10,000 such bodies that fall and are near nothing;
 //! - **threads**: the steps of 1,000 bodies in the rain once more, on one thread and on two, in turns, least of several;
+//! - **stops**: what it adds to a step of the scene `dinosaur` that bodies stop at impacts, on one thread: the same steps with and without, in turns;
 //! - **memory**: bytes of a step's input for each body, and allocations of a step, as a counting allocator tells them.
 
 #[path = "common/activity.rs"]
@@ -37,7 +38,7 @@ use bevy_medial::{
     pipeline::{Body, Shape, Statics, StepInput, step},
     plugin::MedialStep,
     prelude::*,
-    scenes::headless_app,
+    scenes::{Scene, headless_app, load_models},
 };
 use bevy_rapier3d::prelude::RigidBody;
 use clap::Parser;
@@ -124,6 +125,12 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         totals = [0, 1].map(|i: usize| totals[i] + least[i]);
     }
     tell("threads: one over two", bodies, totals[0].as_secs_f64() / totals[1].as_secs_f64(), "");
+
+    let mut extra = stops(if args.quick { 30 } else { 120 }, &one)?;
+    extra.sort_by(f64::total_cmp);
+    tell("stops: extra time, median", 0, median(extra.iter().copied()), "ms");
+    tell("stops: extra time, 95 of 100", 0, extra[extra.len() * 95 / 100], "ms");
+    tell("stops: extra time, most", 0, extra[extra.len() - 1], "ms");
 
     if let Some((input, statics)) = recorded.last() {
         let copied = measure(|| drop(std::hint::black_box(input.clone())));
@@ -216,6 +223,27 @@ fn rain(deer: &Shape, count: usize, steps: usize, record: bool) -> Rain {
     }
     progress.finish_and_clear();
     rain
+}
+
+/// How much longer the steps of `dinosaur` take because bodies stop, in milliseconds: least of several.
+fn stops(steps: u32, pool: &TaskPool) -> Result<Vec<f64>, Box<dyn std::error::Error>> {
+    let models = load_models(&Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models"))?;
+    let scene = Scene::by_name("dinosaur").ok_or("there is no scene `dinosaur`")?;
+    let mut app = headless_app(1.0 / 60.0);
+    scene.spawn(app.world_mut(), &models, 1);
+    let mut extra = Vec::new();
+    for _ in 0..steps {
+        app.update();
+        let medial = app.world().resource::<MedialStep>();
+        let inputs = [false, true].map(|stop_at_impact| StepInput { stop_at_impact, ..medial.input.clone() });
+        let mut least = [f64::INFINITY; 2];
+        for _ in 0..5 {
+            let took = inputs.each_ref().map(|input| step(input, &medial.statics, pool).times.total());
+            least = [0, 1].map(|i: usize| least[i].min(took[i].as_secs_f64() * 1e3));
+        }
+        extra.push(least[1] - least[0]);
+    }
+    Ok(extra)
 }
 
 /// Bodies two metres apart, all on their way down.

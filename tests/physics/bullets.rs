@@ -29,7 +29,7 @@ fn bullets_that_do_not_stop_are_lost() {
 
 /// Every cell, as a table: `cargo test --release --test physics bullets -- --ignored --nocapture`.
 #[test]
-#[ignore = "minutes"]
+#[ignore = "a quarter of an hour"]
 fn bullets_table() {
     println!(
         "                            hits                        transfer          momentum energy behind   misses"
@@ -37,15 +37,18 @@ fn bullets_table() {
     println!(
         "shape    aim      m/s rad/s lost grazes chaos of  median in25% min   max     error  gains   wall ghosts of steps"
     );
+    let (mut close, mut all) = (0, Vec::new());
+    let mut faults = Vec::new();
     for (name, shape) in shapes() {
         for aim in [Aim::Wall, Aim::Resting, Aim::HeadOn] {
             for (speed, spin) in SPEEDS.into_iter().flat_map(|speed| [(speed, 0.0), (speed, 100.0)]) {
                 let cell = Cell { shape: shape.clone(), aim, speed, spin, app: headless_app };
                 let hits = run_hits(&cell, 1, 20, true);
                 let misses = [1, 2].map(|seed| run_misses(&cell, seed, 20));
+                let ghosts = misses[0][1] + misses[1][1];
                 let ratios = &hits.ratios;
                 println!(
-                    "{name:8} {:8} {speed:4} {spin:4} {:4} {:6} {:5} {:4}  {:.3} {:5} % {:.2} {:.2}   {:.0e} {:5} {:5} {:5} {:5} {:3} to {}",
+                    "{name:8} {:8} {speed:4} {spin:4} {:4} {:6} {:5} {:4}  {:.3} {:5} % {:.2} {:.2}   {:.0e} {:5} {:5} {ghosts:5} {:5} {:3} to {}",
                     format!("{aim:?}"),
                     hits.lost,
                     hits.grazes,
@@ -58,12 +61,21 @@ fn bullets_table() {
                     hits.momentum_error,
                     hits.gains,
                     hits.behind,
-                    misses[0][1] + misses[1][1],
                     misses[0][0] + misses[1][0],
                     hits.taken[hits.taken.len() / 2],
                     hits.taken[hits.taken.len() - 1],
                 );
+                if [hits.lost, hits.gains, hits.behind, ghosts] != [0; 4] || hits.momentum_error > 0.01 {
+                    faults.push(format!("{name} {aim:?} at {speed} m/s, {spin} rad/s"));
+                }
+                close += hits.within(0.25);
+                all.extend(hits.ratios);
             }
         }
     }
+    all.sort_by(f64::total_cmp);
+    let median = all[all.len() / 2];
+    println!("of {} transfers {close} within 25 %, median {median:.3}", all.len());
+    assert!(faults.is_empty(), "{faults:#?}");
+    assert!(close * 10 >= all.len() * 9 && (median - 1.0).abs() < 0.1);
 }

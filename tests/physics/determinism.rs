@@ -1,8 +1,10 @@
 //! The same input gives the same bits: for any number of threads, in every run.
 
+use std::process::Command;
+
 use bevy::{
     prelude::*,
-    tasks::{TaskPool, TaskPoolBuilder},
+    tasks::{ComputeTaskPool, TaskPool, TaskPoolBuilder},
 };
 use bevy_medial::{
     medial_axis::MedialAxis,
@@ -108,12 +110,51 @@ fn state(app: &mut App) -> Vec<String> {
     bodies.into_iter().map(&mut state).collect()
 }
 
+/// Every scene, and steps for each.
+fn scenes_for(steps: [u32; 5]) -> impl Iterator<Item = (&'static Scene, u32)> {
+    assert_eq!(SCENES.len(), steps.len());
+    SCENES.iter().zip(steps)
+}
+
 #[test]
 fn a_scene_ends_the_same_in_every_run() {
-    for (scene, steps) in SCENES.iter().zip([300, 120, 150, 200]) {
+    for (scene, steps) in scenes_for([300, 120, 150, 200, 100]) {
         let expected = outcome(scene, steps);
         assert!(expected.len() > 10);
         assert_eq!(expected, outcome(scene, steps), "{}", scene.name);
+    }
+}
+
+/// Number of threads of a process that [`tells_how_scenes_end`].
+const THREADS: &str = "MEDIAL_TEST_THREADS";
+
+/// Rapier's own threads as well, where its `parallel` feature is on.
+#[test]
+fn a_scene_ends_the_same_on_any_number_of_threads() {
+    let ends = ["1", "2", "8"].map(|threads| {
+        let child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "determinism::tells_how_scenes_end", "--ignored", "--nocapture"])
+            .envs([(THREADS, threads), ("RAYON_NUM_THREADS", threads)])
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&child.stdout).into_owned();
+        assert!(child.status.success() && text.contains("1 passed"), "{text}");
+        let ends: Vec<String> = text.lines().filter(|line| line.contains("Pose")).map(str::to_owned).collect();
+        assert!(ends.len() > 100, "{text}");
+        ends
+    });
+    assert!(ends[0] == ends[1] && ends[0] == ends[2]);
+}
+
+/// Run by [`a_scene_ends_the_same_on_any_number_of_threads`]: a process has one pool for all apps.
+#[test]
+#[ignore = "wants a process of its own"]
+fn tells_how_scenes_end() {
+    let threads = std::env::var(THREADS).unwrap().parse().unwrap();
+    let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(threads).build());
+    assert_eq!(pool.thread_num(), threads);
+    for (scene, steps) in scenes_for([200, 60, 100, 120, 60]) {
+        outcome(scene, steps).iter().for_each(|body| println!("{} {body}", scene.name));
     }
 }
 
@@ -165,7 +206,7 @@ fn bodies_elsewhere_change_nothing() {
 
 #[test]
 fn entities_without_a_body_that_come_and_go_change_nothing() {
-    for (scene, steps) in SCENES.iter().zip([200, 120, 150, 150]) {
+    for (scene, steps) in scenes_for([200, 120, 150, 150, 100]) {
         let expected = outcome(scene, steps);
         let mut app = app();
         scene.spawn(app.world_mut(), models(), 7);
@@ -188,7 +229,7 @@ fn entities_without_a_body_that_come_and_go_change_nothing() {
 /// Those of the same context do change the order in which rapier's solver takes contacts.
 #[test]
 fn bodies_of_another_context_that_come_and_go_change_nothing() {
-    for (scene, steps) in SCENES.iter().zip([150, 120, 150, 150, 100]) {
+    for (scene, steps) in scenes_for([150, 120, 150, 150, 100]) {
         let expected = outcome(scene, steps);
         let mut app = app();
         scene.spawn(app.world_mut(), models(), 7);
@@ -309,6 +350,25 @@ fn a_saved_context_replays_the_same() {
         assert_replays(Scene::by_name(name).unwrap(), plan);
     }
     assert_eq!(plans.len(), SCENES.len());
+}
+
+#[test]
+fn touches_that_a_restore_ends_or_starts_are_told_once() {
+    let mut app = app();
+    let ground = spawn_ground(&mut app);
+    let ball = spawn_body(&mut app, MedialAxis::sphere(0.2).unwrap(), Transform::from_xyz(0.0, 0.5, 0.0));
+    app.world_mut().entity_mut(ball).insert(SceneEntity);
+    let mut record = Record::default();
+    record.run(&mut app, 2);
+    let apart = save(&mut app);
+    record.run(&mut app, 60);
+    let touching = save(&mut app);
+    assert_eq!(record.counts(ball, ground), [1, 0]);
+    for (saved, counts) in [(&apart, [1, 1]), (&touching, [2, 1]), (&touching, [2, 1]), (&apart, [2, 2])] {
+        restore(&mut app, saved);
+        record.run(&mut app, 5);
+        assert_eq!(record.counts(ball, ground), counts);
+    }
 }
 
 /// They are in what is saved.

@@ -357,6 +357,7 @@ pub struct Hits {
     pub grazes: usize,
     /// No reference to compare with.
     pub chaotic: usize,
+    /// Too little transfer; of chaotic hits, beside either reference.
     pub lost: usize,
     /// Of transfers, in ascending order.
     pub ratios: Vec<f64>,
@@ -364,7 +365,7 @@ pub struct Hits {
     pub momentum_error: f64,
     /// Hits whose impulses together make energy, at any time more than a hundredth of what there was at first.
     pub gains: usize,
-    /// Bodies that got behind the wall.
+    /// Bodies that were behind the wall at the end of any step.
     pub behind: usize,
     /// Steps until the clocks had come to [`STEPS`], in ascending order.
     pub taken: Vec<u32>,
@@ -404,10 +405,12 @@ pub fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> H
     let mut measured: Vec<Option<(Vec<DVec3>, f32)>> = (0..count).map(|_| None).collect();
     let mut gained = vec![false; count];
     let mut works: Vec<Option<Work>> = vec![None; count];
+    let mut behind = vec![false; count];
     let mut steps = 1;
     while measured.iter().any(Option::is_none) {
         run(&mut coarse.app, 1);
         steps += 1;
+        note_behind_the_wall(cell, &mut coarse, &mut behind);
         for (i, clock) in clocks.iter_mut().enumerate() {
             let step = coarse.app.world().resource::<MedialStep>();
             let stop = step.output.stop_of(index(step, coarse.bodies[i][0]) as u32);
@@ -434,36 +437,39 @@ pub fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> H
         }
         hits.gains += usize::from(gained[i]);
         let [truth, finer, transfer] = [fine, finer, after].map(|momenta| momenta[0] - before[0]);
+        let ratio = |truth: DVec3| transfer.dot(truth) / truth.length_squared();
         if truth.length() < GRAZE * flying {
             hits.grazes += 1;
         } else if truth.distance(finer) > 0.1 * truth.length() {
             hits.chaotic += 1;
+            hits.lost += usize::from(ratio(truth) < LOST && ratio(finer) < LOST);
         } else {
-            let ratio = transfer.dot(truth) / truth.length_squared();
-            hits.lost += usize::from(ratio < LOST);
-            hits.ratios.push(ratio);
+            hits.lost += usize::from(ratio(truth) < LOST);
+            hits.ratios.push(ratio(truth));
         }
     }
     hits.ratios.sort_by(f64::total_cmp);
     if cell.aim == Aim::Wall {
-        hits.behind = behind_the_wall(cell, &mut coarse);
+        for _ in 0..FURTHER {
+            run(&mut coarse.app, 1);
+            note_behind_the_wall(cell, &mut coarse, &mut behind);
+        }
     }
+    hits.behind = behind.iter().filter(|behind| **behind).count();
     hits
 }
 
-/// How many bodies are with a sphere's centre behind the wall's middle, at the end of any further step.
-fn behind_the_wall(cell: &Cell, range: &mut Range) -> usize {
-    let mut behind = vec![false; range.bodies.len()];
-    for _ in 0..FURTHER {
-        run(&mut range.app, 1);
-        for (bodies, behind) in range.bodies.iter().zip(&mut behind) {
-            let pose = *rigid(&mut range.app, bodies[0]).position();
-            let spheres = cell.shape.axis.spheres().iter();
-            let mut centers = spheres.map(|sphere| pose.transform_point(sphere.center * cell.shape.scale));
-            *behind |= centers.any(|center| center.x > 0.0 && center.yz().abs().max_element() < WALL.y);
-        }
+/// Notes which bodies have a sphere's centre behind the wall's middle, if there is a wall.
+fn note_behind_the_wall(cell: &Cell, range: &mut Range, behind: &mut [bool]) {
+    if cell.aim != Aim::Wall {
+        return;
     }
-    behind.iter().filter(|behind| **behind).count()
+    for (bodies, behind) in range.bodies.iter().zip(behind) {
+        let pose = *rigid(&mut range.app, bodies[0]).position();
+        let spheres = cell.shape.axis.spheres().iter();
+        let mut centers = spheres.map(|sphere| pose.transform_point(sphere.center * cell.shape.scale));
+        *behind |= centers.any(|center| center.x > 0.0 && center.yz().abs().max_element() < WALL.y);
+    }
 }
 
 /// Near misses that are proven to be some, and those of them after which a body has stopped or moves in another way.

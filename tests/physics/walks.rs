@@ -66,7 +66,7 @@ fn shape(number: usize, variant: f32) -> MedialAxis {
 
 type Operation = (&'static str, fn(&mut Walk));
 
-const OPERATIONS: [Operation; 25] = [
+const OPERATIONS: [Operation; 27] = [
     ("spawn", |w| _ = w.spawn()),
     ("spawn", |w| _ = w.spawn()),
     ("spawn a static", |w| w.spawn_static()),
@@ -133,7 +133,18 @@ const OPERATIONS: [Operation; 25] = [
     ("length of a step", |w| {
         let dt = [1.0 / 240.0, DT, 1.0 / 30.0][w.random.below(3)];
         let substeps = 1 + w.random.below(2);
-        w.app.insert_resource(TimestepMode::Fixed { dt, substeps });
+        w.app.insert_resource(match w.random.below(2) {
+            0 => TimestepMode::Fixed { dt, substeps },
+            _ => TimestepMode::Variable { max_dt: dt, time_scale: 0.5 + w.random.unit(), substeps },
+        });
+    }),
+    ("settings", |w| {
+        let mut settings = w.app.world_mut().resource_mut::<MedialSettings>();
+        settings.brute_force = !settings.brute_force;
+    }),
+    ("a shape that is still on its way", |w| {
+        let mesh = MedialMesh(w.app.world().resource::<Assets<MedialAxis>>().reserve_handle());
+        w.edit_shaped(|w, entity| w.insert(entity, mesh));
     }),
     ("load anew", |w| {
         let number = w.random.below(w.shapes.len());
