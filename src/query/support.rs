@@ -29,6 +29,22 @@ pub trait SupportShape {
 #[derive(Clone, Copy)]
 pub struct Support<'a>(pub &'a dyn SupportShape);
 
+impl Support<'_> {
+    /// Unit normal of the face that is farthest along `direction`, if it is a face.
+    fn face_normal(&self, direction: Vec3, near: Vec3) -> Option<Vec3> {
+        let (mut corners, mut count) = ([Vec3::ZERO; 3], 0);
+        self.0.face(direction, near, &mut |corner| {
+            if let Some(place) = corners.get_mut(count) {
+                *place = corner;
+                count += 1;
+            }
+        });
+        let [a, b, c] = corners;
+        let normal = (b - a).cross(c - a).try_normalize().filter(|_| count == 3)?;
+        Some(if normal.dot(direction) < 0.0 { -normal } else { normal })
+    }
+}
+
 impl Convex for Support<'_> {
     fn low(&self, n: Vec3) -> f32 {
         self.0.support(-n).dot(n)
@@ -52,8 +68,12 @@ impl Convex for Support<'_> {
     }
 
     fn normals<const N: usize>(&self, first: &[Sphere; N], apart: Vec3, visit: &mut impl FnMut(Vec3)) {
-        if let Some((_, _, normal)) = self.0.nearest(first) {
+        if let Some((_, near, normal)) = self.0.nearest(first) {
             visit(normal);
+            // Above a flat face an iteration ends with a normal that leans, and the wider the face the more that takes from the distance.
+            if let Some(outward) = self.face_normal(-normal, near) {
+                visit(-outward);
+            }
         }
         if let Some(direction) = (self.origin() - first.origin()).try_normalize() {
             visit(direction);

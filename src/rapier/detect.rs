@@ -209,6 +209,11 @@ pub(super) fn detect<Hooks>(
     }
     let step = step.as_mut();
     step.settings = *settings;
+    // Where bodies sleep. One that sleeps elsewhere now was put there, as by a context that is restored, and is looked at once.
+    let sleepers: HashMap<Entity, Pose3> = std::iter::zip(&step.infos, &step.input.bodies)
+        .filter(|(info, _)| info.asleep)
+        .map(|(info, body)| (info.entity, body.sweep.end))
+        .collect();
     step.input.prediction = 0.0;
     step.input.length_unit = 0.0;
     step.input.allowed_overlap = 0.0;
@@ -252,11 +257,12 @@ pub(super) fn detect<Hooks>(
             let start = snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
             let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
             let center = end.inverse_transform_point(body.center_of_mass());
-            let active = running && body.is_enabled() && !body.is_sleeping();
+            let awake = running && body.is_enabled() && !body.is_sleeping();
+            let active = awake || (running && body.is_enabled() && sleepers.get(&entity) != Some(&end));
             let [groups, stop_groups] = groups(collider);
             // The pose of a link of a multibody is a matter of the whole.
             let linked = context.joints.multibody_joints.rigid_body_link(parent).is_some();
-            let stops = active && body.is_dynamic() && !linked;
+            let stops = awake && body.is_dynamic() && !linked;
             let motion = if stops { motion } else { Sweep::between };
             let sweep = motion(start.pose, end, center, body.angvel() * dt);
             if sweep.end != end {

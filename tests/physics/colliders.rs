@@ -168,6 +168,21 @@ fn distances_are_exact() {
             ] {
                 off = off.max((found - truth.max(0.0)).abs());
             }
+            // With depth where they overlap.
+            for (pose12, found) in [
+                (pose12, dispatcher.contact(&pose12, &medial, other, 0.05).unwrap()),
+                (pose12.inverse(), dispatcher.contact(&pose12.inverse(), other, &medial, 0.05).unwrap()),
+            ] {
+                assert!(
+                    found.is_some() || truth > 0.05 - case.tolerance(),
+                    "{}: no contact, {truth} m apart",
+                    case.name
+                );
+                let Some(found) = found else { continue };
+                let way = pose12.transform_point(found.point2) - found.point1;
+                off = off.max((found.dist - truth).abs()).max(way.distance(found.normal1 * found.dist));
+                assert!((found.normal1 + pose12.rotation * found.normal2).length() < 1e-3, "{}", case.name);
+            }
         }
         println!("{}: {apart} apart, {together} together, off by {off} m at most", case.name);
         assert!(apart > 50 && together > 5, "{}: {apart} {together}", case.name);
