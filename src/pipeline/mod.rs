@@ -569,7 +569,7 @@ fn finish(
     let mut results = narrow_phase::impacts(input, statics, pairs, candidates, pool);
     output.times.narrow = lap();
 
-    let stops = stop::run(input, statics, pairs, candidates, boxes, &mut results);
+    let stops = stop::run(input, statics, pairs, candidates, boxes, &mut results, pool);
     output.times.stop = lap();
 
     let contacts = narrow_phase::contacts(input, statics, pairs, candidates, &stops, pool);
@@ -596,7 +596,7 @@ fn finish(
     output.stops =
         stops.iter().map(|(body, fraction)| Stop { body, fraction, pose: stops.final_pose(input, body) }).collect();
     let impacts = results.iter().map(|result| result.impact);
-    reduce::run(pairs, impacts, contacts, input.length_unit, &mut output);
+    reduce::run(pairs, impacts, &contacts, input.length_unit, &mut output, pool);
     output.times.reduce = lap();
     output
 }

@@ -7,7 +7,9 @@ pub(crate) fn map<T: Sync, R: Send + 'static>(
     least_per_task: usize,
     function: impl Fn(usize, &T) -> R + Sync,
 ) -> Vec<R> {
-    let chunk = items.len().div_ceil(pool.thread_num().max(1) * 4).max(least_per_task);
+    // Whoever waits works as well. Items take more or less time, so there are several chunks for each.
+    let workers = pool.thread_num() + 1;
+    let chunk = items.len().div_ceil(workers * 8).max(least_per_task);
     if items.len() <= chunk {
         return items.iter().enumerate().map(|(i, item)| function(i, item)).collect();
     }

@@ -1,19 +1,27 @@
 //! Reduction: from all contacts of a body pair to a few manifolds, in an order that depends on the contacts alone.
 
-use super::{Contact, Impact, Manifold, Pair, StepOutput, broad_phase::BodyPair};
+use bevy::tasks::TaskPool;
+
+use super::{Contact, Impact, Manifold, Pair, StepOutput, broad_phase::BodyPair, parallel};
 use crate::constants::{CARRYING_DEPTH, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS};
 
 /// Reduces each pair's contacts and keeps the pairs with something to tell.
 pub(super) fn run(
     pairs: &[BodyPair],
     impacts: impl Iterator<Item = Option<Impact>>,
-    contacts: Vec<Vec<Contact>>,
+    contacts: &[Vec<Contact>],
     unit: f32,
     output: &mut StepOutput,
+    pool: &TaskPool,
 ) {
-    for ((pair, impact), mut contacts) in pairs.iter().zip(impacts).zip(contacts) {
+    let reduced = parallel::map(pool, contacts, 32, |_, contacts| {
+        let mut manifolds = Vec::new();
+        reduce(&mut contacts.clone(), unit, &mut manifolds);
+        manifolds
+    });
+    for ((pair, impact), reduced) in pairs.iter().zip(impacts).zip(reduced) {
         let first = output.manifolds.len();
-        reduce(&mut contacts, unit, &mut output.manifolds);
+        output.manifolds.extend(reduced);
         let manifolds = first..output.manifolds.len();
         if !manifolds.is_empty() || impact.is_some() {
             output.counts.contacts += output.manifolds[first..].iter().map(|m| m.contacts().len()).sum::<usize>();

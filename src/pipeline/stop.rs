@@ -18,9 +18,10 @@
 
 use std::{
     cmp::Ordering,
-    collections::{BinaryHeap, HashMap},
+    collections::{BTreeMap, BinaryHeap, HashMap},
 };
 
+use bevy::tasks::TaskPool;
 use glam::{Quat, Vec3};
 
 use super::{
@@ -31,6 +32,7 @@ use super::{
     motion::{Facing, PairMotion},
     moving_boxes::BodyBoxes,
     narrow_phase::are_in_touch,
+    parallel,
 };
 use crate::{
     constants::{LANDING, MAX_PUSHES, MAX_SLIDES, RENEWED_SLOP, SLIDE_WAY},
@@ -155,6 +157,9 @@ impl Ord for Event {
 }
 
 /// Stops bodies; `results` then holds the impacts that have happened.
+///
+/// Bodies that no chain of pairs joins are nothing to each other: of each such island an impact is taken at a time, and what all of these
+/// change is searched on the pool's threads.
 pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
@@ -162,14 +167,11 @@ pub(super) fn run(
     candidates: &[Vec<Candidates>],
     boxes: &BodyBoxes,
     results: &mut [ImpactResult],
+    pool: &TaskPool,
 ) -> Stops {
-    let mut stops = Stops(vec![None; input.bodies.len()]);
-    let stopping = |body: u32| input.stop_at_impact && input.bodies[body as usize].stops;
-    let mut queue: BinaryHeap<Event> = BinaryHeap::new();
-    for (pair, result) in results.iter().enumerate() {
-        queue.extend(result.impact.filter(|_| pairs[pair].stops).map(|i| Event { fraction: i.fraction, pair }));
-    }
-    if queue.is_empty() {
+    let stops = Stops(vec![None; input.bodies.len()]);
+    let is_event = |pair: usize| pairs[pair].stops && results[pair].impact.is_some();
+    if !(0..pairs.len()).any(is_event) {
         return stops;
     }
     let mut pairs_of: Vec<Vec<usize>> = vec![Vec::new(); input.bodies.len()];
@@ -182,42 +184,154 @@ pub(super) fn run(
             assembled.entry(assembly).or_default().push(index);
         }
     }
-    let joined_with = |body: u32| match input.bodies[body as usize].assembly {
-        Some(assembly) => assembled[&assembly].clone(),
-        None => vec![body],
-    };
-    // The next impact of each pair; the results keep the first.
-    let mut next: Vec<Option<Impact>> = results.iter().map(|result| result.impact).collect();
-    let mut happened = vec![false; pairs.len()];
-    while let Some(Event { fraction, pair }) = queue.pop() {
-        let Some(impact) = next[pair].filter(|impact| impact.fraction == fraction) else { continue };
-        next[pair] = None;
-        happened[pair] = true;
-        // Never 1, when all is over.
-        let fraction = fraction.min(1.0f32.next_down());
-        let BodyPair { first, second, .. } = pairs[pair];
+    let next = results.iter().map(|result| result.impact).collect();
+    let happened = vec![false; pairs.len()];
+    let mut run = Run { input, statics, pairs, results, stops, pairs_of, assembled, next, happened };
+    let mut queues = run.queues();
+    loop {
+        let mut searches: Vec<(usize, Event)> = Vec::new();
+        let mut is_over = true;
+        for (island, queue) in queues.iter_mut().enumerate() {
+            let Some((event, impact)) = run.earliest(queue) else { continue };
+            is_over = false;
+            // Never 1, when all is over.
+            let fraction = event.fraction.min(1.0f32.next_down());
+            let affected = run.meet(event.pair, impact, fraction);
+            searches.extend(affected.into_iter().map(|pair| (island, Event { fraction, pair })));
+        }
+        if is_over {
+            return run.stops;
+        }
+        let found = parallel::map(pool, &searches, 2, |_, &(_, Event { fraction, pair })| {
+            let of_pair = (&pairs[pair], &candidates[pair][..], boxes);
+            impact_from(input, statics, of_pair, &run.stops, fraction, &run.results[pair])
+        });
+        for ((island, Event { pair, .. }), found) in searches.into_iter().zip(found) {
+            queues[island].extend(run.take(pair, found));
+        }
+    }
+}
+
+/// Where a step is.
+struct Run<'a> {
+    input: &'a StepInput,
+    statics: &'a Statics,
+    pairs: &'a [BodyPair],
+    /// Of each pair the first impact, those that are prevented aside.
+    results: &'a mut [ImpactResult],
+    stops: Stops,
+    pairs_of: Vec<Vec<usize>>,
+    assembled: HashMap<u64, Vec<u32>>,
+    /// The next impact of each pair.
+    next: Vec<Option<Impact>>,
+    happened: Vec<bool>,
+}
+
+impl Run<'_> {
+    /// True for a body that impacts stop.
+    fn is_stopping(&self, body: u32) -> bool {
+        self.input.stop_at_impact && self.input.bodies[body as usize].stops
+    }
+
+    /// The bodies that a body is joined with, itself among them.
+    fn joined_with(&self, body: u32) -> Vec<u32> {
+        match self.input.bodies[body as usize].assembly {
+            Some(assembly) => self.assembled[&assembly].clone(),
+            None => vec![body],
+        }
+    }
+
+    /// The impacts of each island, in the order of time.
+    fn queues(&self) -> Vec<BinaryHeap<Event>> {
+        let mut islands = Islands::new(self.input.bodies.len());
+        for pair in self.pairs.iter().filter(|pair| pair.stops) {
+            if let (Some(a), Some(b)) = (pair.first.body(), pair.second.body())
+                && self.is_stopping(a)
+                && self.is_stopping(b)
+            {
+                islands.join(a, b);
+            }
+        }
+        for bodies in self.assembled.values() {
+            bodies.windows(2).for_each(|pair| islands.join(pair[0], pair[1]));
+        }
+        let mut queues: BTreeMap<u32, BinaryHeap<Event>> = BTreeMap::new();
+        for (pair, impact) in self.next.iter().enumerate().filter(|(pair, _)| self.pairs[*pair].stops) {
+            let body = self.pairs[pair].bodies().find(|&body| self.is_stopping(body));
+            if let (Some(impact), Some(body)) = (impact, body.or_else(|| self.pairs[pair].bodies().next())) {
+                queues.entry(islands.of(body)).or_default().push(Event { fraction: impact.fraction, pair });
+            }
+        }
+        queues.into_values().collect()
+    }
+
+    /// The earliest impact of an island that is not outdated.
+    fn earliest(&mut self, queue: &mut BinaryHeap<Event>) -> Option<(Event, Impact)> {
+        std::iter::from_fn(|| queue.pop()).find_map(|event| {
+            let impact = self.next[event.pair].take_if(|impact| impact.fraction == event.fraction)?;
+            Some((event, impact))
+        })
+    }
+
+    /// Takes in what a search has found for a pair; its impact, if there is one.
+    fn take(&mut self, pair: usize, found: ImpactResult) -> Option<Event> {
+        self.results[pair].toi_tests += found.toi_tests;
+        self.results[pair].unresolved += found.unresolved;
+        self.next[pair] = found.impact;
+        if !self.happened[pair] {
+            self.results[pair].impact = found.impact;
+        }
+        found.impact.map(|impact| Event { fraction: impact.fraction, pair })
+    }
+
+    /// Lets an impact happen. The pairs that are to be searched again from there.
+    fn meet(&mut self, pair: usize, impact: Impact, fraction: f32) -> Vec<usize> {
+        self.happened[pair] = true;
+        let mut courses = self.slides_on(pair, &impact, fraction);
+        let stands = courses.is_empty();
+        if stands {
+            courses = self.stops_at(pair, &impact, fraction);
+        }
+        for &(body, course) in &courses {
+            self.stops.0[body as usize] = Some(course);
+        }
+        let mut affected: Vec<usize> =
+            courses.iter().flat_map(|(body, _)| &self.pairs_of[*body as usize]).copied().collect();
+        affected.retain(|&other| (other != pair || !stands) && self.pairs[other].stops);
+        affected.sort_unstable();
+        affected.dedup();
+        affected
+    }
+
+    /// The courses of the bodies of a pair that slide on along each other. None, if they have to stop.
+    fn slides_on(&self, pair: usize, impact: &Impact, fraction: f32) -> Vec<(u32, Course)> {
         let mut courses: Vec<(u32, Course)> = Vec::new();
-        for (body, way) in slides(input, &stops, &pairs[pair], &results[pair], &impact, fraction) {
-            courses.extend(joined_with(body).into_iter().map(|body| (body, stops.slide(input, body, fraction, way))));
+        for (body, way) in slides(self.input, &self.stops, &self.pairs[pair], &self.results[pair], impact, fraction) {
+            let course = |body| (body, self.stops.slide(self.input, body, fraction, way));
+            courses.extend(self.joined_with(body).into_iter().map(course));
         }
         // What has met stays in touch, or the next step would know of no contact.
-        let parted = courses.iter().flat_map(|(body, _)| &pairs_of[*body as usize]).any(|&other| {
+        let parted = courses.iter().flat_map(|(body, _)| &self.pairs_of[*body as usize]).any(|&other| {
             let end = |body| match courses.iter().find(|(other, _)| *other == body) {
                 Some((_, course)) => course.sweep.end,
-                None => stops.final_pose(input, body),
+                None => self.stops.final_pose(self.input, body),
             };
-            let met = results[other].impact.filter(|_| happened[other]);
-            met.is_some_and(|met| !are_in_touch(input, statics, &pairs[other], &met, end))
+            let met = self.results[other].impact.filter(|_| self.happened[other]);
+            met.is_some_and(|met| !are_in_touch(self.input, self.statics, &self.pairs[other], &met, end))
         });
-        if parted {
-            courses.clear();
-        }
-        let stands = courses.is_empty();
+        if parted { Vec::new() } else { courses }
+    }
+
+    /// The courses of the bodies of a pair that stop at each other, or push.
+    fn stops_at(&self, pair: usize, impact: &Impact, fraction: f32) -> Vec<(u32, Course)> {
+        let (input, stops) = (self.input, &self.stops);
+        let BodyPair { first, second, .. } = self.pairs[pair];
+        let mut courses = Vec::new();
         for (side, other, away) in [(first, second, -impact.normal), (second, first, impact.normal)] {
-            let Some(body) = side.body().filter(|&body| stands && stopping(body)) else { continue };
+            let Some(body) = side.body().filter(|&body| self.is_stopping(body)) else { continue };
             let other = other.body();
             let push = other
-                .filter(|&other| !stopping(other) || stops.state(other) == State::Carried)
+                .filter(|&other| !self.is_stopping(other) || stops.state(other) == State::Carried)
                 .map(|pusher| stops.sweep_from(input, pusher, fraction));
             // How far the pusher goes on this way, and the body.
             let way = |sweep: &Sweep| way_at(sweep, impact.point).dot(away);
@@ -228,12 +342,14 @@ pub(super) fn run(
                 (State::Free | State::Sliding, None) => State::Stopped,
                 (State::Carried, Some(_)) if into >= -own && pushes < MAX_PUSHES => State::Carried,
                 // It goes on if the other gives way.
-                (State::Carried, Some(_)) if into < -own && other.is_some_and(stopping) => continue,
+                (State::Carried, Some(_)) if into < -own && other.is_some_and(|other| self.is_stopping(other)) => {
+                    continue;
+                }
                 (State::Carried, None) if other.is_some_and(|other| stops.state(other) < State::Carried) => continue,
                 (State::Carried, _) => State::Wedged,
                 _ => continue,
             };
-            for body in joined_with(body) {
+            for body in self.joined_with(body) {
                 let now = stops.sweep_from(input, body, fraction);
                 let sweep = match (state, &push) {
                     // What pushes it already goes on to do so.
@@ -247,33 +363,32 @@ pub(super) fn run(
                 courses.push((body, Course { from: fraction, sweep, state, slides: 0, slid: 0.0, pushes }));
             }
         }
-        for &(body, course) in &courses {
-            stops.0[body as usize] = Some(course);
-        }
-        let mut affected: Vec<usize> =
-            courses.iter().flat_map(|(body, _)| &pairs_of[*body as usize]).copied().collect();
-        affected.retain(|&other| (other != pair || !stands) && pairs[other].stops);
-        affected.sort_unstable();
-        affected.dedup();
-        for other in affected {
-            let found = impact_from(
-                input,
-                statics,
-                (&pairs[other], &candidates[other], boxes),
-                &stops,
-                fraction,
-                &results[other],
-            );
-            results[other].toi_tests += found.toi_tests;
-            results[other].unresolved += found.unresolved;
-            next[other] = found.impact;
-            queue.extend(found.impact.map(|i| Event { fraction: i.fraction, pair: other }));
-            if !happened[other] {
-                results[other].impact = found.impact;
-            }
-        }
+        courses
     }
-    stops
+}
+
+/// Sets of bodies that are joined.
+struct Islands(Vec<u32>);
+
+impl Islands {
+    /// Each body by itself.
+    fn new(bodies: usize) -> Self {
+        Self((0..bodies as u32).collect())
+    }
+
+    /// The body that stands for the island.
+    fn of(&mut self, mut body: u32) -> u32 {
+        while self.0[body as usize] != body {
+            self.0[body as usize] = self.0[self.0[body as usize] as usize];
+            body = self.0[body as usize];
+        }
+        body
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let [a, b] = [a, b].map(|body| self.of(body));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
 }
 
 /// The bodies of a pair that slide on along each other, and by what they leave their way. None of them, if they have to stop.

@@ -81,10 +81,19 @@ struct Start {
 
 /// Pose of a collider by its body's, which is newer than the collider's own after a change by the user.
 pub(super) fn collider_pose(collider: &RapierCollider, body: Option<&RapierBody>) -> Pose3 {
-    match (body, collider.position_wrt_parent()) {
+    rigid(match (body, collider.position_wrt_parent()) {
         (Some(body), Some(local)) => body.position() * local,
         _ => *collider.position(),
+    })
+}
+
+/// The pose with a rotation of unit length, which one of a sheared hierarchy of transforms does not have. Others keep their bits.
+pub(super) fn rigid(pose: Pose3) -> Pose3 {
+    let length = pose.rotation.length();
+    if pose.rotation.is_normalized() || length == 0.0 {
+        return pose;
     }
+    Pose3::from_parts(pose.translation, pose.rotation / length)
 }
 
 fn medial(collider: &RapierCollider) -> Option<&MedialShape> {

@@ -14,6 +14,7 @@ use bevy_rapier3d::{
 use glam::Vec3;
 
 use super::{
+    detect::rigid,
     parts::{Foreign, is_known},
     shape::MedialShape,
     shape_cast,
@@ -48,8 +49,9 @@ struct Pair<'a> {
 
 impl<'a> Pair<'a> {
     fn new(pose12: &Pose, shape1: &'a dyn ParryShape, shape2: &'a dyn ParryShape) -> Result<Self, Unsupported> {
+        let pose12 = rigid(*pose12);
         let pair = match (shape1.as_shape::<MedialShape>(), shape2.as_shape::<MedialShape>()) {
-            (Some(first), _) => Self { first, other: shape2, pose12: *pose12, swapped: false },
+            (Some(first), _) => Self { first, other: shape2, pose12, swapped: false },
             (None, Some(first)) => Self { first, other: shape1, pose12: pose12.inverse(), swapped: true },
             (None, None) => return Err(Unsupported),
         };

@@ -152,3 +152,23 @@ fn what_loses_its_shape_loses_its_collider() {
     run(&mut app, 2);
     assert!(app.world().get::<Collider>(body).is_none(), "the shape is still there");
 }
+
+/// As sheared hierarchies of transforms make them.
+#[test]
+fn touches_of_a_static_without_a_proper_rotation_have_a_normal() {
+    for length in [0.99, 1.01] {
+        let mut app = app();
+        let turn = Quat::from_rotation_x(0.3) * length;
+        app.world_mut().spawn((StaticObb::new(2.0, 0.5, 2.0), Transform::from_rotation(turn)));
+        let mut record = Record::default();
+        for speed in [0.0, 100.0] {
+            let body = spawn_body(&mut app, plate(), Transform::from_xyz(0.0, 1.2, 0.0));
+            app.world_mut().entity_mut(body).insert(Velocity::linear(Vec3::NEG_Y * speed));
+            record.run(&mut app, 30);
+        }
+        assert!(record.started.len() >= 2, "{length}: {}", record.started.len());
+        for (_, MedialContactStarted { touch, .. }) in &record.started {
+            assert!(touch.normal.is_normalized() && touch.normal.y.abs() > 0.9, "{length}: {touch:?}");
+        }
+    }
+}
