@@ -11,7 +11,6 @@ use super::{
     Body, Candidates, Culling, Meeting, Shape, Side, Solid, Statics, StepInput, mid_phase::PrimitivePair, parallel,
 };
 use crate::{
-    constants::SLIDE_WAY,
     geometry::{Aabb, Bvh, Sphere},
     query::{Cuboid, separation},
 };
@@ -178,7 +177,7 @@ impl Widening {
 
     /// How far outside of what its bounding sphere sweeps a body may meet something, in metres; of two bodies, half of the prediction distance each.
     pub fn margin(&self, input: &StepInput, body: usize) -> f32 {
-        let slide = if input.bodies[body].stops { SLIDE_WAY * input.prediction } else { 0.0 };
+        let slide = if input.bodies[body].stops { input.slide_way() } else { 0.0 };
         0.5 * input.prediction + slide + self.carried[body]
     }
 

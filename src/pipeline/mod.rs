@@ -46,6 +46,7 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use crate::{
+    constants::{SLIDE_WAY, TOUCH_DISTANCE},
     geometry::{Aabb, Bvh, Obb, Pose3, Sphere, Sweep},
     query::Cuboid,
 };
@@ -325,6 +326,8 @@ pub struct StepInput {
     pub length_unit: f32,
     /// Overlap that the solver leaves at a contact on purpose, in metres: no reason to stop.
     pub allowed_overlap: f32,
+    /// How far gravity alone moves a body in the step, in metres: what goes into another by no more slides on, and does not stop.
+    pub fall: f32,
     /// Bodies stop at their first impact.
     pub stop_at_impact: bool,
     /// Which pairs reach the narrow phase.
@@ -341,10 +344,23 @@ impl Default for StepInput {
             prediction: 0.0,
             length_unit: 1.0,
             allowed_overlap: 0.0,
+            fall: 0.0,
             stop_at_impact: false,
             culling: Culling::default(),
             report_candidates: false,
         }
+    }
+}
+
+impl StepInput {
+    /// How far a body may leave its way to slide on, in metres.
+    fn slide_way(&self) -> f32 {
+        self.fall.max(SLIDE_WAY * self.prediction)
+    }
+
+    /// How far apart bodies that slide may end the step, in metres: what turns in a long step comes off the ground, and falls back in the next.
+    fn parting_way(&self) -> f32 {
+        TOUCH_DISTANCE * self.length_unit + self.slide_way() - SLIDE_WAY * self.prediction
     }
 }
 

@@ -13,7 +13,7 @@ use super::{
     parallel, relative_pose,
     stop::Stops,
 };
-use crate::{constants::TOUCH_DISTANCE, geometry::Pose3};
+use crate::geometry::Pose3;
 
 /// The first impact of each pair, were no body to stop.
 pub(super) fn impacts(
@@ -63,7 +63,7 @@ pub(super) fn contacts(
     })
 }
 
-/// True if a pair that has met is in touch where its bodies are.
+/// True if a pair that has met is in touch where its bodies are, or in a long step near enough.
 pub(super) fn are_in_touch(
     input: &StepInput,
     statics: &Statics,
@@ -75,8 +75,7 @@ pub(super) fn are_in_touch(
     let [first, second] = sides.map(|side| solid(input, statics, side));
     let pose12 = relative_pose(sides.map(|side| place(input, statics, side, &pose_of)));
     let met = [met.primitive1, met.primitive2];
-    let touch = TOUCH_DISTANCE * input.length_unit;
-    let is_within = |shape1| contact::is_within(shape1, second.second(), &pose12, touch, met);
+    let is_within = |shape1| contact::is_within(shape1, second.second(), &pose12, input.parting_way(), met);
     first.medial().is_some_and(is_within)
 }
 

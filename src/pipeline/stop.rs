@@ -35,7 +35,7 @@ use super::{
     parallel,
 };
 use crate::{
-    constants::{LANDING, MAX_PUSHES, MAX_SLIDES, RENEWED_SLOP, SLIDE_WAY},
+    constants::{LANDING, MAX_PUSHES, MAX_SLIDES, RENEWED_SLOP},
     geometry::{Pose3, Sweep},
 };
 
@@ -420,7 +420,7 @@ fn slides(
     let part = if all > 0.0 { (slip.dot(impact.normal) / all).clamp(0.0, 1.0) } else { 0.0 };
     slides.iter_mut().for_each(|(_, way)| *way *= part);
     slides.retain(|(_, way)| *way != Vec3::ZERO);
-    let slide_way = SLIDE_WAY * input.prediction;
+    let slide_way = input.slide_way();
     let slow = ways.into_iter().chain([slip]).any(|way| way.length() <= slide_way);
     let most = slide_way.min(if in_touch { f32::INFINITY } else { LANDING * slop });
     let may = slides.iter().all(|&(body, way)| {
@@ -443,8 +443,9 @@ fn impact_from(
     motions.retain(|motion| !motion.is_at_rest());
     // Overlaps have grown since the start of the step already.
     motions.iter_mut().for_each(|motion| motion.slop *= RENEWED_SLOP);
-    // What slides strays from its way by less than was added to find them.
-    let slide = pair.bodies().all(|body| stops.state(body) <= State::Sliding);
+    // What slides may stray from its way by less than was added to find them.
+    let slack = 2.0 * input.slide_way();
+    let slide = slack <= input.prediction && pair.bodies().all(|body| stops.state(body) <= State::Sliding);
     let known = match &motions[..] {
         [motion @ PairMotion { facing: Facing::Shape(_), .. }] => {
             candidates[0].covers.map_or(slide, |covers| motion.nearing() <= covers)
@@ -452,7 +453,6 @@ fn impact_from(
         _ => false,
     };
     let boxes = [pair.first, pair.second].map(|side| boxes.between(side, stops.times(side, fraction)?));
-    let slack = 2.0 * SLIDE_WAY * input.prediction;
     let mut found = first_impact(input.culling, motions, known.then_some(candidates), boxes, slack, before.normal);
     if let Some(impact) = &mut found.impact {
         impact.fraction = fraction + (1.0 - fraction) * impact.fraction;

@@ -226,6 +226,7 @@ pub(super) fn detect<Hooks>(
     step.input.prediction = 0.0;
     step.input.length_unit = 0.0;
     step.input.allowed_overlap = 0.0;
+    step.input.fall = 0.0;
     step.input.apart.clear();
     step.input.bodies.clear();
     step.infos.clear();
@@ -242,6 +243,7 @@ pub(super) fn detect<Hooks>(
         step.input.prediction = step.input.prediction.max(parameters.prediction_distance());
         step.input.length_unit = step.input.length_unit.max(context.length_unit());
         step.input.allowed_overlap = step.input.allowed_overlap.max(parameters.allowed_linear_error());
+        step.input.fall = step.input.fall.max(context.configuration.gravity.length() * dt * dt);
         let owner = |body| owner(world, body);
         step.input.apart.extend(kept_apart(context.joints).into_iter().map(|pair| {
             let [a, b] = pair.map(owner);
