@@ -143,7 +143,9 @@ impl GpuBackend {
                 info_once!("medial meshes are culled on the CPU: `{}`, which renders, is a program on it", gpu.name());
             }
             Some(Ok(_)) if pairs < LEAST_GPU_PAIRS => {
-                info_once!("medial meshes are culled on the CPU in steps of fewer than {LEAST_GPU_PAIRS} primitive pairs");
+                info_once!(
+                    "medial meshes are culled on the CPU in steps of fewer than {LEAST_GPU_PAIRS} primitive pairs"
+                );
             }
             Some(Ok(gpu)) => return Some(gpu),
         }
