@@ -51,7 +51,7 @@ fn add(first: u32, second: u32, chords: u32) {
     }
 }
 
-fn meet_body(a: u32, b: u32) {
+fn between(a: u32, b: u32) {
     let lesser = min(a, b);
     let greater = max(a, b);
     let body1 = bodies[lesser];
@@ -81,7 +81,7 @@ fn meet_body(a: u32, b: u32) {
     }
 }
 
-fn meet_static(index: u32, item: u32) {
+fn with_static(index: u32, item: u32) {
     let body = bodies[index];
     let wall = statics[item];
     let one_medial = body.shape != OTHER_SHAPE || wall.shape < BOX_SHAPE;
@@ -132,7 +132,7 @@ fn broad_phase(@builtin(global_invocation_id) id: vec3u) {
                 node *= 2u;
                 continue;
             }
-            meet_body(index, nodes[node].body);
+            between(index, nodes[node].body);
         }
         // What follows the subtree.
         node >>= firstTrailingBit(~node);
@@ -148,7 +148,7 @@ fn broad_phase(@builtin(global_invocation_id) id: vec3u) {
         let is_leaf = (link & LEAF) != 0u;
         let meets = overlap(low - reach, high + reach, static_nodes[i].low, static_nodes[i].high);
         if meets && is_leaf {
-            meet_static(index, link & ~LEAF);
+            with_static(index, link & ~LEAF);
         }
         i = select(link, i + 1u, meets || is_leaf);
     }

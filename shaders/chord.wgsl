@@ -26,7 +26,11 @@ struct Shape {
     node_count: u32,
 }
 
-// As the generalized medial mesh has them (paper, section 4.2): -2 a sphere, -1 a cone, an index a slab.
+// What tells the kinds of primitives by their first number; of a slab it is an index.
+const SPHERE: i32 = -2;
+const CONE: i32 = -1;
+
+// As the generalized medial mesh has them (paper, section 4.2).
 struct Primitive {
     a: i32,
     b: i32,
@@ -34,7 +38,7 @@ struct Primitive {
 }
 
 fn sphere_count(primitive: Primitive) -> u32 {
-    return select(select(3u, 2u, primitive.a == -1), 1u, primitive.a == -2);
+    return select(select(3u, 2u, primitive.a == CONE), 1u, primitive.a == SPHERE);
 }
 
 // The `i`-th sphere of a primitive.

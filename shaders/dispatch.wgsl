@@ -1,5 +1,8 @@
 // Between the passes: how many workgroups the next ones need. No dimension has more than 65535.
 
+// Invocations in a workgroup of those that have one for each chord or candidate.
+const WORKGROUP: u32 = 64u;
+
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> counters: Counters;
 // Three numbers for each of: placing chords, mid phase, narrow phase.
@@ -16,7 +19,7 @@ fn need(pass_index: u32, count: u32) {
 fn dispatch() {
     let chords = min(atomicLoad(&counters.chords), params.max_chords);
     let candidates = min(atomicLoad(&counters.candidates), params.max_candidates);
-    need(0u, (chords + 63u) / 64u);
+    need(0u, (chords + WORKGROUP - 1u) / WORKGROUP);
     need(1u, chords);
-    need(2u, (candidates + 63u) / 64u);
+    need(2u, (candidates + WORKGROUP - 1u) / WORKGROUP);
 }

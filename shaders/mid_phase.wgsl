@@ -20,7 +20,7 @@ struct MovingBox {
 }
 
 // True if the boxes come within `reach` of each other along each axis, all at the same time.
-fn meet(a: MovingBox, b: MovingBox, reach: f32) -> bool {
+fn meets(a: MovingBox, b: MovingBox, reach: f32) -> bool {
     var first_time = 0.0;
     var last_time = 1.0;
     for (var side = 0u; side < 2u; side++) {
@@ -93,7 +93,7 @@ fn mid_phase(
         let half = chords_in[chord].half;
         let target_box = MovingBox(-half, half, -half, half);
         for (var i = thread; i < shape1.primitive_count; i += 64u) {
-            if meet(primitive_box(chord, shape1, i), target_box, reach) {
+            if meets(primitive_box(chord, shape1, i), target_box, reach) {
                 add(chord, i, 0u);
             }
         }
@@ -119,11 +119,11 @@ fn mid_phase(
             let last_half = end_size * half;
             let other = MovingBox(first - first_half, first + first_half, last - last_half, last + last_half);
             let is_leaf = (node.link & LEAF) != 0u;
-            let meets = meet(own, other, reach);
-            if meets && is_leaf {
+            let is_near = meets(own, other, reach);
+            if is_near && is_leaf {
                 add(chord, i, node.link & ~LEAF);
             }
-            n = select(node.link, n + 1u, meets || is_leaf);
+            n = select(node.link, n + 1u, is_near || is_leaf);
         }
     }
 }

@@ -1,13 +1,11 @@
-// Pass 7, narrow phase: which candidates come near each other indeed, and when first: their time of impact along the chord, at the distance
-// up to which contacts are wanted. One invocation for each candidate. As src/query/rigid.rs.
+// Pass 7, narrow phase: which candidates come near each other indeed: those with a time of impact along the chord, at the distance up to which
+// contacts are wanted. One invocation for each candidate. As src/query/rigid.rs.
 
 // Primitives that meet.
 struct Survivor {
     pair: u32,
     first: u32,
     second: u32,
-    // Fraction of the chord at which they come that near.
-    fraction: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -49,12 +47,11 @@ fn narrow_phase(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     } else {
         second = moving(shapes[chord.shape2], candidate.second, chord.scale2, chord.start2, chord.end2);
     }
-    let found = time_of_impact(first, second, chord.reach);
-    if found.status == SEPARATED {
+    if time_of_impact(first, second, chord.reach).status == SEPARATED {
         return;
     }
     let survivor = atomicAdd(&counters.survivors, 1u);
     if survivor < params.max_survivors {
-        survivors[survivor] = Survivor(chord.pair, candidate.first, candidate.second, found.fraction);
+        survivors[survivor] = Survivor(chord.pair, candidate.first, candidate.second);
     }
 }

@@ -144,7 +144,7 @@ fn between_cones(cone1: SpherePair, cone2: SpherePair) -> SpherePair {
 }
 
 // Derivative of the distance between a cone's sphere and the box, growing along the axis.
-fn cone_to_box_slope(point: vec3f, axis: vec3f, growth: f32, half: vec3f) -> f32 {
+fn cone_to_cuboid_slope(point: vec3f, axis: vec3f, growth: f32, half: vec3f) -> f32 {
     let outside = point - clamp(point, -half, half);
     let length = length(outside);
     if length > 0.0 {
@@ -154,7 +154,7 @@ fn cone_to_box_slope(point: vec3f, axis: vec3f, growth: f32, half: vec3f) -> f32
 }
 
 // The sphere of a medial cone that is nearest to the box, and the box's point nearest to its centre.
-fn cone_to_box(cone: SpherePair, half: vec3f) -> SpherePair {
+fn cone_to_cuboid(cone: SpherePair, half: vec3f) -> SpherePair {
     let a = cone.first;
     let axis = cone.second.xyz - a.xyz;
     let growth = cone.second.w - a.w;
@@ -167,7 +167,7 @@ fn cone_to_box(cone: SpherePair, half: vec3f) -> SpherePair {
         for (var side = -1.0; side < 2.0; side += 2.0) {
             let t = (side * half[k] - a[k]) / axis[k];
             if t > low && t < high {
-                if cone_to_box_slope(a.xyz + axis * t, axis, growth, half) < 0.0 {
+                if cone_to_cuboid_slope(a.xyz + axis * t, axis, growth, half) < 0.0 {
                     low = t;
                 } else {
                     high = t;

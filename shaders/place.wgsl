@@ -1,4 +1,5 @@
-// Pass 1: the sphere around each body and where it goes, and a key by which bodies that are near each other come one after the other.
+// Pass 1: the sphere around each body and where it goes, and a key by which bodies that are near each other come one after the other. The
+// spheres are those of src/pipeline/broad_phase.rs.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> bodies: array<Body>;

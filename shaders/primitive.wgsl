@@ -1,4 +1,4 @@
-// Medial primitives and boxes.
+// Medial primitives and boxes. As src/query/separation.rs.
 
 // The second side of a pair may be a box instead of a primitive: `count` of its hull.
 const BOX: u32 = 0u;

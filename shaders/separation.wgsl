@@ -113,7 +113,7 @@ fn feature(first: ptr<function, Hull>, second: ptr<function, Hull>, k: u32) -> S
             return SpherePair(sphere, vec4f(clamp(sphere.xyz, -half, half), 0.0));
         }
         if k < edges(n) {
-            return cone_to_box(edge(first, k), half);
+            return cone_to_cuboid(edge(first, k), half);
         }
         // A face of the slab touches a corner of the box.
         let faces = face_normals((*first).spheres[0], (*first).spheres[1], (*first).spheres[2]);
@@ -135,15 +135,15 @@ fn feature(first: ptr<function, Hull>, second: ptr<function, Hull>, k: u32) -> S
             sphere = (*second).spheres[k - vertices.x];
         }
     }
-    let nearest = nearest_sphere(sphere.xyz, &hull);
+    let other = nearest(sphere.xyz, &hull);
     if is_first {
-        return SpherePair(sphere, nearest);
+        return SpherePair(sphere, other);
     }
-    return SpherePair(nearest, sphere);
+    return SpherePair(other, sphere);
 }
 
 // The sphere of a primitive that is nearest to a point.
-fn nearest_sphere(point: vec3f, hull: ptr<function, Hull>) -> vec4f {
+fn nearest(point: vec3f, hull: ptr<function, Hull>) -> vec4f {
     switch (*hull).count {
         case 1u: {
             return (*hull).spheres[0];

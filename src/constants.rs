@@ -29,6 +29,11 @@ pub const MAX_ROUNDS: u32 = 1024;
 /// has set spinning stop too early in every step.
 pub const MAX_CHORDS: u32 = 1024;
 
+/// Primitive pairs of a step from which on a GPU is tried. Fewer are culled on the CPU in less than a millisecond: little more than a call of a GPU
+/// takes in which there is nothing to do. From there on both are timed. Lower, and small scenes have slow steps for the trial's sake; higher, and
+/// steps are left to the CPU in which a GPU is faster.
+pub const LEAST_GPU_PAIRS: usize = 1 << 18;
+
 /// How many steps the GPU looks ahead, where nobody waits for it: its answer is there two or three steps later. More, and bodies have left their way.
 pub const LOOK_AHEAD_STEPS: u32 = 4;
 

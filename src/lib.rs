@@ -120,6 +120,7 @@ mod pages {
         Budget: "../docs/choosing-a-budget.md",
         ContinuousCollision: "../docs/ccd.md",
         BackEnds: "../docs/back-ends.md",
+        Gpu: "../docs/gpu.md",
         Rapier: "../docs/rapier.md",
         Determinism: "../docs/determinism.md",
         Troubleshooting: "../docs/troubleshooting.md",

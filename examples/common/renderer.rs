@@ -3,20 +3,31 @@
 use std::time::Duration;
 
 use bevy::{
-    app::PluginsState, camera::CameraPlugin, diagnostic::DiagnosticsPlugin, mesh::MeshPlugin, prelude::*,
-    render::RenderPlugin, time::TimeUpdateStrategy, window::ExitCondition,
+    app::PluginsState,
+    camera::CameraPlugin,
+    diagnostic::DiagnosticsPlugin,
+    mesh::MeshPlugin,
+    prelude::*,
+    render::{RenderPlugin, settings::WgpuSettings},
+    time::TimeUpdateStrategy,
+    window::ExitCondition,
 };
 use bevy_medial::{prelude::*, scenes::lift_speed_limits};
 use bevy_rapier3d::prelude::TimestepMode;
 
 /// An app of this crate's plugin whose every update is a step of `dt` seconds.
 pub fn rendering_app(dt: f32) -> App {
+    rendering_app_with(dt, WgpuSettings::default())
+}
+
+/// The same on a device of these settings.
+pub fn rendering_app_with(dt: f32, device: WgpuSettings) -> App {
     let mut app = App::new();
     app.add_plugins((
         MinimalPlugins,
         WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() },
         AssetPlugin::default(),
-        RenderPlugin { synchronous_pipeline_compilation: true, ..default() },
+        RenderPlugin { render_creation: device.into(), synchronous_pipeline_compilation: true, ..default() },
         ImagePlugin::default(),
         MeshPlugin,
         CameraPlugin,

@@ -45,6 +45,8 @@ pub(super) struct Buffers {
     buffers: [Option<wgpu::Buffer>; SLOTS],
     /// Grows with each buffer that is made anew: what binds the old one has to be made anew as well.
     pub generation: u64,
+    /// Bytes that have been written so far.
+    pub written: u64,
 }
 
 /// Least size in bytes: that of the largest element, which shaders may ask to be there.
@@ -52,7 +54,7 @@ const LEAST: u64 = 256;
 
 impl Buffers {
     pub fn new() -> Self {
-        Self { buffers: [const { None }; SLOTS], generation: 0 }
+        Self { buffers: [const { None }; SLOTS], generation: 0, written: 0 }
     }
 
     /// Makes room for so many bytes. What was in the buffer is lost if it grows.
@@ -74,8 +76,16 @@ impl Buffers {
 
     /// Writes from the start of a buffer.
     pub fn write(&mut self, gpu: &GpuDevice, slot: Slot, bytes: &[u8]) -> Result<(), GpuError> {
+        self.append(gpu, slot, bytes, 0)
+    }
+
+    /// Makes a buffer hold these bytes, of which it has the first `known` already.
+    pub fn append(&mut self, gpu: &GpuDevice, slot: Slot, bytes: &[u8], known: usize) -> Result<(), GpuError> {
+        let generation = self.generation;
         self.reserve(gpu, slot, bytes.len() as u64)?;
-        gpu.queue.write_buffer(self.get(slot), 0, bytes);
+        let known = if self.generation == generation { known } else { 0 };
+        gpu.queue.write_buffer(self.get(slot), known as u64, &bytes[known..]);
+        self.written += (bytes.len() - known) as u64;
         Ok(())
     }
 

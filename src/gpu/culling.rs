@@ -29,7 +29,7 @@ use super::{
     buffers::{Buffers, Slot},
     layout::{CANDIDATE, CHORD, Counters, NODE, PAIR_CHORD, Pair, Params, SWEPT, Survivor},
     pass::Pass,
-    passes::{Bound, KEY, Passes, SORT_BLOCK, TREE_BLOCK, UNIFORM, exchanges},
+    passes::{Bound, KEY, Passes, SORT_BLOCK, TREE_BLOCK, UNIFORM, WORKGROUP, exchanges},
     readback::{Batch, Room},
     shapes::Shapes,
     timer::Timer,
@@ -120,7 +120,13 @@ impl GpuCulling {
         self.capacity
     }
 
-    /// The pairs that may meet within the step; waits for the GPU. Where a buffer is too small, it grows, and the step is culled once more.
+    /// How many bytes have been uploaded so far: in each step the bodies with their motion, and what shapes and statics are new.
+    pub fn uploaded(&self) -> u64 {
+        self.buffers.written
+    }
+
+    /// The pairs that may meet within the step, they and their primitives in ascending order; waits for the GPU. Where a buffer is too small, it grows,
+    /// and the step is culled once more.
     ///
     /// # Errors
     /// If a place or motion is not finite, the scene is more than the device can take, or the device is lost. Nothing is found then.
@@ -162,7 +168,7 @@ impl GpuCulling {
         let (gpu, buffers) = (&self.gpu, &mut self.buffers);
         let leaves = (input.bodies.len() as u32).next_power_of_two();
         let most = gpu.limits().max_compute_workgroups_per_dimension;
-        gpu.require("workgroups", most.into(), leaves.div_ceil(64).into())?;
+        gpu.require("workgroups", most.into(), leaves.div_ceil(WORKGROUP).into())?;
         let bodies: Vec<_> = (0..)
             .zip(&input.bodies)
             .map(|(index, body)| bodies::body(body, margins(index), &mut self.shapes))
@@ -268,7 +274,7 @@ impl GpuCulling {
                 }
             };
         encoder.clear_buffer(buffers.get(Slot::Counters), 0, None);
-        let wide = leaves.div_ceil(64);
+        let wide = leaves.div_ceil(WORKGROUP);
         run(encoder, "place", &[(&passes.place, &bound.place, Work::Direct(wide))]);
         let blocks = leaves.div_ceil(SORT_BLOCK);
         let mut sort = vec![(&passes.sort_blocks, &bound.sort_blocks, Work::Direct(blocks))];

@@ -6,6 +6,7 @@ use glam::Vec3;
 use super::{
     GpuDevice, GpuError,
     pass::{KERNELS, Pass, shader},
+    passes::WORKGROUP,
     timer::Timer,
 };
 use crate::query::{Cuboid, Moving, Separation, TimeOfImpact, TimeOfImpactStatus};
@@ -14,20 +15,21 @@ use crate::query::{Cuboid, Moving, Separation, TimeOfImpact, TimeOfImpactStatus}
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct MovingPair {
-    first: Side,
-    second: Side,
+    pub(super) first: Side,
+    pub(super) second: Side,
 }
 
+/// As `Moving` in `time_of_impact.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Side {
+pub(super) struct Side {
     /// Spheres at the start as `x y z radius`; of a box half of its size.
-    spheres: [[f32; 4]; 3],
+    pub spheres: [[f32; 4]; 3],
     /// Number of spheres, 0 for a box.
-    count: u32,
+    pub count: u32,
     _unused: [u32; 3],
     /// Displacements of the spheres.
-    motion: [[f32; 4]; 3],
+    pub motion: [[f32; 4]; 3],
 }
 
 impl<const N: usize> From<&Moving<N>> for Side {
@@ -58,14 +60,14 @@ impl MovingPair {
 /// As `Result` in `impacts.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct Answer {
-    normal: Vec3,
-    distance: f32,
-    point1: Vec3,
-    fraction: f32,
-    status: u32,
-    rounds: u32,
-    feature: u32,
+pub(super) struct Answer {
+    pub normal: Vec3,
+    pub distance: f32,
+    pub point1: Vec3,
+    pub fraction: f32,
+    pub status: u32,
+    pub rounds: u32,
+    pub feature: u32,
     _unused: u32,
 }
 
@@ -83,8 +85,7 @@ impl GpuImpacts {
     /// # Errors
     /// If the device refuses the shader.
     pub fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
-        let text = shader(&[KERNELS, &[include_str!("../../shaders/impacts.wgsl")]].concat());
-        Ok(Self { pass: Pass::new(gpu, "impacts", text)?, timer: Timer::new(gpu, 1)?, time: None, gpu: gpu.clone() })
+        Ok(Self { pass: Pass::new(gpu, "impacts", text())?, timer: Timer::new(gpu, 1)?, time: None, gpu: gpu.clone() })
     }
 
     /// How long the device took for the last pairs, without upload and readback, if it can tell.
@@ -101,7 +102,7 @@ impl GpuImpacts {
         let (gpu, limits) = (&self.gpu, self.gpu.device.limits());
         let bytes = size_of_val(pairs) as u64;
         gpu.require("bytes in a storage buffer", limits.max_storage_buffer_binding_size, bytes)?;
-        let groups = pairs.len().div_ceil(64) as u32;
+        let groups = pairs.len().div_ceil(WORKGROUP as usize) as u32;
         gpu.require("workgroups", limits.max_compute_workgroups_per_dimension.into(), groups.into())?;
         if pairs.is_empty() {
             return Ok(Vec::new());
@@ -132,8 +133,13 @@ impl GpuImpacts {
     }
 }
 
+/// The shader.
+pub(super) fn text() -> String {
+    shader(&[KERNELS, &[include_str!("../../shaders/impacts.wgsl")]].concat())
+}
+
 impl Answer {
-    fn decoded(&self) -> TimeOfImpact {
+    pub fn decoded(&self) -> TimeOfImpact {
         TimeOfImpact {
             status: match self.status {
                 0 => TimeOfImpactStatus::Separated,

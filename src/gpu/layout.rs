@@ -116,7 +116,6 @@ pub(super) struct Survivor {
     pub pair: u32,
     pub first: u32,
     pub second: u32,
-    pub fraction: f32,
 }
 
 /// `Exchange` in `sort.wgsl`.
@@ -134,15 +133,22 @@ mod tests {
     use wgpu::naga::{Expression, Literal, Module, TypeInner, front::wgsl::parse_str};
 
     use super::*;
-    use crate::gpu::{
-        pass::{KERNELS, shader},
-        passes::{SORT_BLOCK, TREE_BLOCK},
+    use crate::{
+        geometry::{Aabb, Bvh, Sphere},
+        gpu::{
+            impacts::{self, Answer, MovingPair, Side},
+            pass::{KERNELS, shader},
+            passes::{SORT_BLOCK, TREE_BLOCK, WORKGROUP, shaders},
+        },
+        medial_axis::{MedialAxis, packed::PackedMedialMesh},
+        query::{Cuboid, Moving, TimeOfImpactStatus},
     };
 
     const STEP: &[&str] = &[include_str!("../../shaders/motion.wgsl"), include_str!("../../shaders/step.wgsl")];
     const CHORDS: &[&str] = &[include_str!("../../shaders/chord.wgsl")];
     const SORT: &[&str] = &[include_str!("../../shaders/sort.wgsl")];
     const TREE: &[&str] = &[include_str!("../../shaders/tree.wgsl")];
+    const DISPATCH: &[&str] = &[include_str!("../../shaders/dispatch.wgsl")];
 
     fn module(files: &[&[&str]]) -> Module {
         parse_str(&shader(&files.concat())).unwrap()
@@ -159,13 +165,14 @@ mod tests {
         found.unwrap_or_else(|| panic!("{name} is not there"))
     }
 
-    /// A whole number in the shaders; of a vector of equal ones, that.
+    /// A whole number in the shaders, as its bits; of a vector of equal ones, that.
     fn number(module: &Module, name: &str) -> u32 {
         let constant = module.constants.iter().find(|(_, constant)| constant.name.as_deref() == Some(name));
         let mut expression = constant.unwrap_or_else(|| panic!("{name} is not there")).1.init;
         loop {
             match &module.global_expressions[expression] {
                 Expression::Literal(Literal::U32(value)) => return *value,
+                Expression::Literal(Literal::I32(value)) => return value.cast_unsigned(),
                 Expression::Splat { value, .. } => expression = *value,
                 Expression::Compose { components, .. } => expression = components[0],
                 other => panic!("{name} is {other:?}"),
@@ -175,7 +182,10 @@ mod tests {
 
     macro_rules! assert_layout {
         ($module:expr, $name:ident { $($member:ident)* }) => {
-            let (size, members) = in_shader($module, stringify!($name));
+            assert_layout!($module, $name as $name { $($member)* });
+        };
+        ($module:expr, $name:ident as $theirs:ident { $($member:ident)* }) => {
+            let (size, members) = in_shader($module, stringify!($theirs));
             assert_eq!(size as usize, size_of::<$name>(), stringify!($name));
             let own = vec![$((stringify!($member).to_owned(), offset_of!($name, $member) as u32)),*];
             assert_eq!(members, own, stringify!($name));
@@ -199,7 +209,7 @@ mod tests {
         assert_layout!(step, Counters { pairs chords candidates survivors });
         assert_layout!(step, Pair { first second });
         assert_layout!(narrow, Shape { spheres primitives primitive_count nodes node_count });
-        assert_layout!(narrow, Survivor { pair first second fraction });
+        assert_layout!(narrow, Survivor { pair first second });
         assert_layout!(&module(&[SORT]), Exchange { size distance });
         for (module, size, name) in [
             (step, SWEPT, "Swept"),
@@ -210,6 +220,79 @@ mod tests {
         ] {
             assert_eq!(u64::from(in_shader(module, name).0), size, "{name}");
         }
+        assert_eq!(in_shader(narrow, "Primitive").0 as usize, size_of::<[i32; 3]>());
+    }
+
+    #[test]
+    fn pairs_and_their_times_of_impact_are_those_of_the_shader() {
+        let module = &parse_str(&impacts::text()).unwrap();
+        assert_layout!(module, MovingPair as Pair { first second });
+        assert_layout!(module, Answer as Result { normal distance point1 fraction status rounds feature });
+        let (size, members) = in_shader(module, "Moving");
+        assert_eq!(size as usize, size_of::<Side>());
+        assert_eq!(members, [("hull".to_owned(), 0), ("motion".to_owned(), offset_of!(Side, motion) as u32)]);
+        let (_, members) = in_shader(module, "Hull");
+        let own = [("spheres", offset_of!(Side, spheres)), ("count", offset_of!(Side, count))];
+        assert_eq!(members, own.map(|(name, offset)| (name.to_owned(), offset as u32)));
+
+        let ball = Moving { start: [Sphere::new(Vec3::ZERO, 1.0)], motion: [Vec3::ZERO] };
+        let pair = MovingPair::with_cuboid(&ball, &Cuboid { half: Vec3::ONE });
+        assert_eq!([pair.first.count, pair.second.count], [1, number(module, "BOX")]);
+        for (name, status) in [
+            ("SEPARATED", TimeOfImpactStatus::Separated),
+            ("HIT", TimeOfImpactStatus::Hit),
+            ("OVERLAPPING", TimeOfImpactStatus::Overlapping),
+            ("ITERATION_LIMIT", TimeOfImpactStatus::IterationLimit),
+        ] {
+            let mut answer = Answer::zeroed();
+            answer.status = number(module, name);
+            assert_eq!(answer.decoded().status, status, "{name}");
+        }
+    }
+
+    /// What other files lay out for the GPU.
+    #[test]
+    fn hierarchies_and_primitives_are_those_of_the_shaders() {
+        let step = &module(&[STEP, TREE]);
+        let boxes = [0.0, 2.0].map(|x| Aabb { min: Vec3::new(x, 3.0, 4.0), max: Vec3::new(x + 1.0, 6.0, 7.0) });
+        let bvh = Bvh::new(&boxes);
+        let (_, members) = in_shader(step, "BvhNode");
+        let at = |node: usize, name: &str| {
+            let (_, offset) = members.iter().find(|(member, _)| member == name).unwrap();
+            &bvh.bytes()[node * NODE as usize + *offset as usize..]
+        };
+        let vector = |bytes: &[u8]| -> Vec3 { bytemuck::pod_read_unaligned(&bytes[..12]) };
+        let link = |node: usize| -> u32 { bytemuck::pod_read_unaligned(&at(node, "link")[..4]) };
+        assert_eq!(bvh.bytes().len(), 3 * NODE as usize);
+        assert_eq!([vector(at(0, "low")), vector(at(0, "high"))], [boxes[0].min, boxes[1].max]);
+        assert_eq!([0, 1, 2].map(link), [3, number(step, "LEAF"), number(step, "LEAF") | 1]);
+
+        let chords = module(&[STEP, CHORDS]);
+        let sphere = |x: f32| Sphere::new(Vec3::X * x, 0.5);
+        for (axis, name) in [
+            (MedialAxis::sphere(0.5).unwrap(), "SPHERE"),
+            (MedialAxis::cone(sphere(0.0), sphere(1.0)).unwrap(), "CONE"),
+        ] {
+            // The first is the bound.
+            let [_, [kind, ..]] = PackedMedialMesh::pack_dynamic(&axis).primitives[..] else { panic!("{axis:?}") };
+            assert_eq!(kind.cast_unsigned(), number(&chords, name), "{name}");
+        }
+    }
+
+    #[test]
+    fn workgroups_are_those_of_the_shaders() {
+        for (label, text) in shaders().chain([("impacts", impacts::text())]) {
+            let module = parse_str(&text).unwrap();
+            let entry = module.entry_points.iter().find(|entry| entry.name == label).unwrap();
+            let size = match label {
+                "dispatch" => 1,
+                "sort_blocks" | "sort_far" | "sort_near" => SORT_BLOCK / 2,
+                "tree_bottom" | "tree_top" => TREE_BLOCK,
+                _ => WORKGROUP,
+            };
+            assert_eq!(entry.workgroup_size, [size, 1, 1], "{label}");
+        }
+        assert_eq!(number(&module(&[STEP, DISPATCH]), "WORKGROUP"), WORKGROUP);
     }
 
     #[test]

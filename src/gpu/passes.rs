@@ -9,6 +9,8 @@ use super::{
     pass::{KERNELS, Pass, shader},
 };
 
+/// Invocations in a workgroup, but for those that sort and make the tree.
+pub(super) const WORKGROUP: u32 = 64;
 /// Bytes of a key.
 pub(super) const KEY: u64 = 8;
 /// Keys that a workgroup sorts by itself, and leaves whose tree it makes.

@@ -48,8 +48,8 @@ impl Room {
         list(data, 0, 1)[0]
     }
 
-    /// The pairs that were found, with their primitives; nothing if there was no room for all. Their order is that of the GPU; whoever goes on
-    /// sorts them.
+    /// The pairs that were found, with their primitives, all in ascending order; nothing if there was no room for all. The GPU's invocations
+    /// come in any order.
     pub fn candidates(self, data: &[u8]) -> Option<Vec<Candidates>> {
         let counts = Self::counts(data);
         if counts.pairs > self.pairs || counts.survivors > self.survivors {
@@ -62,6 +62,12 @@ impl Room {
                 primitives.push([survivor.first, survivor.second]);
             }
         }
+        for primitives in found.iter_mut().filter_map(|pair| pair.primitives.as_mut()) {
+            primitives.sort_unstable();
+            // Those that meet along several chords.
+            primitives.dedup();
+        }
+        found.sort_unstable_by_key(|pair| pair.sides);
         Some(found)
     }
 }

@@ -20,7 +20,8 @@ pub(super) struct Shapes {
     spheres: Vec<[f32; 4]>,
     primitives: Vec<[i32; 3]>,
     nodes: Vec<u8>,
-    changed: bool,
+    /// How many bytes of each list have been uploaded.
+    uploaded: [usize; 4],
 }
 
 impl Shapes {
@@ -48,7 +49,6 @@ impl Shapes {
         self.primitives.extend(primitives);
         self.nodes.extend_from_slice(nodes);
         self.known.insert(axis.address(), (axis.clone(), index));
-        self.changed = true;
         index
     }
 
@@ -70,12 +70,17 @@ impl Shapes {
 
     /// Uploads what is new.
     pub fn upload(&mut self, gpu: &GpuDevice, buffers: &mut Buffers) -> Result<(), GpuError> {
-        if self.changed {
-            buffers.write(gpu, Slot::Shapes, cast_slice(&self.table))?;
-            buffers.write(gpu, Slot::Spheres, cast_slice(&self.spheres))?;
-            buffers.write(gpu, Slot::Primitives, cast_slice(&self.primitives))?;
-            buffers.write(gpu, Slot::ShapeNodes, &self.nodes)?;
-            self.changed = false;
+        let lists: [(Slot, &[u8]); 4] = [
+            (Slot::Shapes, cast_slice(&self.table)),
+            (Slot::Spheres, cast_slice(&self.spheres)),
+            (Slot::Primitives, cast_slice(&self.primitives)),
+            (Slot::ShapeNodes, &self.nodes),
+        ];
+        for ((slot, bytes), uploaded) in lists.into_iter().zip(&mut self.uploaded) {
+            if bytes.len() > *uploaded {
+                buffers.append(gpu, slot, bytes, *uploaded)?;
+                *uploaded = bytes.len();
+            }
         }
         Ok(())
     }

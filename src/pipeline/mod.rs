@@ -526,7 +526,7 @@ pub fn step_filtered(
 
 /// Two bodies that may meet within the step, wherever each stops, and those of their primitives that may come within the
 /// prediction distance of each other if none does.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Candidates {
     /// The bodies, in any order. One of them at least is medial.
     pub sides: [Side; 2],

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-/// Primitive pairs below which the CPU is done before a GPU could answer.
-pub(super) const LEAST_PAIRS: usize = 1 << 18;
+use crate::constants::LEAST_GPU_PAIRS;
+
 /// Steps in which either is timed. The least time counts: in its first ones the GPU makes room and takes shapes.
 const TRIED: usize = 8;
 /// Steps after which a GPU that has not answered so often is the slower one.
@@ -38,7 +38,7 @@ impl Choice {
     /// True if the GPU is to cull a step of so many primitive pairs, because it is faster or to see whether it is.
     pub fn is_gpu(&self, pairs: usize) -> bool {
         let tries_gpu = self.trial.cpu.len() == TRIED;
-        pairs >= LEAST_PAIRS && self.holding(pairs).map_or(tries_gpu, |made| made.on_gpu)
+        pairs >= LEAST_GPU_PAIRS && self.holding(pairs).map_or(tries_gpu, |made| made.on_gpu)
     }
 
     /// What was found, as long as it holds: for some time, while there is neither far more nor far less to do.
@@ -48,7 +48,7 @@ impl Choice {
 
     /// Takes note of who has culled a step, and of what the step took. Tells what to log, if another one is the faster now.
     pub fn note(&mut self, on_gpu: bool, pairs: usize, time: Duration, gpu: &str) -> Option<String> {
-        if pairs < LEAST_PAIRS {
+        if pairs < LEAST_GPU_PAIRS {
             return None;
         }
         if self.holding(pairs).is_some() {
@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn small_scenes_are_not_tried() {
         let mut choice = Choice::default();
-        assert_eq!(run(&mut choice, 100, LEAST_PAIRS - 1, 900, Some(300)), (0, Vec::new()));
+        assert_eq!(run(&mut choice, 100, LEAST_GPU_PAIRS - 1, 900, Some(300)), (0, Vec::new()));
     }
 
     #[test]

@@ -41,7 +41,7 @@ pub mod paths {
         DiagnosticPath::const_new("medial/gpu/mid_ms"),
         DiagnosticPath::const_new("medial/gpu/narrow_ms"),
     ];
-    /// How many steps late the GPU's answer was that the step went by.
+    /// How many steps late the GPU's answer was that the step went by, 0 if it was waited for.
     #[cfg(feature = "gpu")]
     pub const GPU_LATENCY: DiagnosticPath = DiagnosticPath::const_new("medial/gpu/latency_steps");
     /// Bodies that were culled on the CPU in such a step, as they were not where the GPU had expected them.
@@ -111,13 +111,11 @@ pub(super) fn measure(
     }
     diagnostics.add_measurement(&paths::SHAPE_MEMORY, || axes.iter().map(|(_, axis)| axis.memory() as f64).sum());
     #[cfg(feature = "gpu")]
-    {
+    if let Some(steps) = step.gpu_latency {
         for (path, (_, time)) in paths::GPU.iter().zip(step.gpu_times()) {
             diagnostics.add_measurement(path, || milliseconds(*time));
         }
-        if let Some(steps) = step.gpu_latency {
-            diagnostics.add_measurement(&paths::GPU_LATENCY, || steps.into());
-            diagnostics.add_measurement(&paths::GPU_DEPARTED, || step.gpu_departed as f64);
-        }
+        diagnostics.add_measurement(&paths::GPU_LATENCY, || steps.into());
+        diagnostics.add_measurement(&paths::GPU_DEPARTED, || step.gpu_departed as f64);
     }
 }

@@ -130,12 +130,15 @@ pub struct MedialStep {
     pub dt: f32,
     #[cfg(feature = "gpu")]
     pub(super) gpu: GpuBackend,
-    /// By how many steps the answer of the GPU was late that the last step went by; none if it went by no such answer.
+    /// By how many steps the answer of the GPU was late that the last step went by, 0 if it was waited for; none if the CPU has culled the step.
     #[cfg(feature = "gpu")]
     pub gpu_latency: Option<u32>,
     /// Bodies that have been culled on the CPU then, as they were not where the GPU had expected them.
     #[cfg(feature = "gpu")]
     pub gpu_departed: usize,
+    /// Time of each pass of that answer.
+    #[cfg(feature = "gpu")]
+    gpu_times: Vec<(&'static str, Duration)>,
 }
 
 impl MedialStep {
@@ -216,18 +219,24 @@ impl MedialStep {
     #[cfg(feature = "gpu")]
     fn cull(&mut self) -> Option<(Vec<Candidates>, Duration)> {
         (self.gpu_latency, self.gpu_departed) = (None, 0);
+        self.gpu_times.clear();
         // As many as in the step before.
         let pairs = self.output.counts.primitive_pairs;
         if self.input.culling == Culling::None || !self.gpu.is_wanted(self.settings.backend, pairs) {
             return None;
         }
         let clock = Instant::now();
-        let candidates = if self.gpu.looks_ahead(&self.settings) {
-            self.look_up()
-        } else {
-            self.gpu.cull(self.settings.backend, &self.input, &self.statics)
-        };
-        Some((candidates?, clock.elapsed()))
+        let candidates = if self.gpu.looks_ahead(&self.settings) { self.look_up() } else { self.wait() }?;
+        Some((candidates, clock.elapsed()))
+    }
+
+    /// The pairs of this step, which the GPU finds meanwhile.
+    #[cfg(feature = "gpu")]
+    fn wait(&mut self) -> Option<Vec<Candidates>> {
+        let (candidates, times) = self.gpu.cull(self.settings.backend, &self.input, &self.statics)?;
+        self.gpu_latency = Some(0);
+        self.gpu_times.extend_from_slice(times);
+        Some(candidates)
     }
 
     /// The pairs of this step, by what the GPU has found by looking ahead.
@@ -235,11 +244,12 @@ impl MedialStep {
     fn look_up(&mut self) -> Option<Vec<Candidates>> {
         let pool = ComputeTaskPool::get_or_init(Default::default);
         let keys = self.infos.iter().map(BodyInfo::key);
-        let Answer { prediction, found, .. } = self.gpu.look_ahead.latest()?;
+        let Answer { prediction, found, times } = self.gpu.look_ahead.latest()?;
         let (candidates, departed) =
             prediction.candidates(found, &self.input, &self.statics, keys, self.number, pool)?;
         self.gpu_latency = Some((self.number - prediction.after()) as u32);
         self.gpu_departed = departed;
+        self.gpu_times.extend_from_slice(times);
         Some(candidates)
     }
 
@@ -262,10 +272,10 @@ impl MedialStep {
         None
     }
 
-    /// Time of each pass on the GPU in the last step that went by it, if the device can tell.
+    /// Time of each pass on the GPU of the answer that the last step went by; none if the CPU has culled it, or the device cannot tell.
     #[cfg(feature = "gpu")]
     pub fn gpu_times(&self) -> &[(&'static str, Duration)] {
-        self.gpu.times()
+        &self.gpu_times
     }
 
     /// The passes on the GPU that are waited for, once they have been asked for: counts and times of the last step that they culled.

@@ -3,7 +3,8 @@
 use bevy::tasks::{ComputeTaskPool, TaskPool};
 use bevy_medial::{
     gpu::{GpuCapacity, GpuCulling},
-    pipeline::{Meeting, Statics, StepInput, StepOutput, step, step_from_candidates},
+    medial_axis::MedialAxis,
+    pipeline::{Meeting, Shape, Solid, Statics, StepInput, StepOutput, step, step_from_candidates},
 };
 use glam::Vec3;
 
@@ -22,7 +23,7 @@ pub fn run_on_gpu(culling: &mut GpuCulling, input: &StepInput, statics: &Statics
     step_from_candidates(input, statics, candidates, |_, _| Meeting::Stopping, pool())
 }
 
-/// Compares both on random steps; impacts, contacts, stops and pairs that were reached.
+/// Compares both on random steps, and the GPU with itself; impacts, contacts, stops and pairs that were reached.
 pub fn compare(
     culling: &mut GpuCulling,
     steps: usize,
@@ -32,7 +33,9 @@ pub fn compare(
     for number in 0..steps {
         let (input, statics) = random_step();
         let cpu = step(&input, &statics, pool());
-        let gpu = run_on_gpu(culling, &input, &statics);
+        let candidates = culling.cull(&input, &statics).unwrap();
+        assert_eq!(candidates, culling.cull(&input, &statics).unwrap(), "step {number}, once more");
+        let gpu = step_from_candidates(&input, &statics, candidates, |_, _| Meeting::Stopping, pool());
         assert_eq!(cpu.pairs, gpu.pairs, "step {number}");
         assert_eq!(cpu.manifolds, gpu.manifolds, "step {number}");
         assert_eq!(cpu.stops, gpu.stops, "step {number}");
@@ -60,4 +63,35 @@ fn nothing_is_lost() {
     let [impacts, contacts, stops, _] = many;
     assert!(impacts > 300 && contacts > 1000 && stops > 200);
     println!("{:?}", culling.times());
+}
+
+#[test]
+fn shapes_are_uploaded_once() {
+    let Some(gpu) = device() else { return };
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
+    let (mut input, statics) = random_step(&mut Random(2), 40, 10, 2.0, Vec3::ZERO);
+    // Otherwise they carry each other along, and a step is culled more than once.
+    input.bodies.iter_mut().for_each(|body| body.stops = body.active);
+    let mut uploaded = |input: &StepInput| {
+        let before = culling.uploaded();
+        culling.cull(input, &statics).unwrap();
+        culling.uploaded() - before
+    };
+    let shapes = uploaded(&input);
+    let poses = uploaded(&input);
+    assert!(poses <= 64 + 128 * 40 && shapes > poses + 1000, "{shapes} bytes, then {poses}");
+    for _ in 0..30 {
+        input.bodies.iter_mut().for_each(|body| body.sweep.start.translation.x += 0.01);
+        assert_eq!(uploaded(&input), poses);
+    }
+
+    // Of new ones the first makes the table grow, and the second goes up alone: a sphere and its bound, both as primitives, a node, and where
+    // these are.
+    let mut with_ball = |radius: f32| {
+        input.bodies[0].solid = Solid::Medial(Shape::new(MedialAxis::sphere(radius).unwrap()));
+        uploaded(&input)
+    };
+    assert!(with_ball(0.25) < shapes);
+    assert_eq!(with_ball(0.3), poses + 2 * 16 + 2 * 12 + 32 + 20);
+    assert_eq!(uploaded(&input), poses);
 }

@@ -2,7 +2,11 @@
 
 use std::process::Command;
 
-use bevy::{prelude::*, tasks::block_on};
+use bevy::{
+    prelude::*,
+    render::{renderer::RenderDevice, settings::WgpuSettings},
+    tasks::block_on,
+};
 use bevy_medial::{
     geometry::{Pose3, Sweep},
     gpu::{GpuCapacity, GpuCulling, GpuDevice, GpuError},
@@ -13,11 +17,12 @@ use bevy_medial::{
 use bevy_rapier3d::prelude::RigidBody;
 
 use crate::{
-    common::{Random, mesh, models},
+    common::{DT, Random, mesh, models},
     culling::{compare, pool, run_on_gpu},
     device, log,
-    parity::{app, assert_same, culled_on_gpu},
+    parity::{Latencies, app, app_ahead, assert_same, culled_on_gpu, with_scene},
     random_steps::random_step,
+    renderer::rendering_app_with,
 };
 
 const TINY: GpuCapacity = GpuCapacity { pairs: 1, chords: 1, candidates: 1, survivors: 1 };
@@ -47,6 +52,8 @@ fn apps_set_the_first_size_of_buffers() {
     }
     let grown = gpu.world().resource::<MedialStep>().gpu_culling().unwrap().capacity();
     assert!(grown.pairs > 1 && grown.pairs < GpuCapacity::default().pairs, "{grown:?}");
+    let lines = log::lines("`GpuCapacity` sets where they begin");
+    assert_eq!(lines.len(), 1, "{lines:?}");
 }
 
 /// A device that takes `bytes` in a buffer.
@@ -133,7 +140,6 @@ fn bodies_that_are_nowhere_are_named_and_the_rest_goes_on() {
     if device().is_none() {
         return;
     }
-    log::keep_from(bevy::log::Level::INFO);
     let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app("rods", backend));
     for number in 0..60 {
         for app in [&mut cpu, &mut gpu] {
@@ -193,17 +199,30 @@ fn a_lost_device_loses_no_contact() {
     if device().is_none() {
         return;
     }
-    let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app("rods", backend));
-    for number in 0..120 {
-        if number == 60 {
-            let step = gpu.world().resource::<MedialStep>();
-            step.gpu_culling().expect("it has run by now").device().wgpu_device().destroy();
+    let told = || log::lines("medial meshes are culled on the CPU from now on").len();
+    let of_own = |app: &App| app.world().resource::<MedialStep>().gpu_culling().unwrap().device().wgpu_device().clone();
+    let of_renderer = |app: &App| app.world().resource::<RenderDevice>().wgpu_device().clone();
+    let ways: [(fn(&str, MedialBackend) -> App, &dyn Fn(&App) -> wgpu::Device); 2] =
+        [(app, &of_own), (app_ahead, &of_renderer)];
+    for (way, (app, device_of)) in ways.into_iter().enumerate() {
+        let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app("rods", backend));
+        let mut after = Latencies::default();
+        for number in 0..120 {
+            if number == 60 {
+                assert!(culled_on_gpu(&gpu) && told() == way);
+                device_of(&gpu).destroy();
+            }
+            cpu.update();
+            gpu.update();
+            assert_same(&cpu, &gpu, &format!("step {number}"));
+            // Some answers are on their way.
+            if number > 65 {
+                after.note(&gpu);
+            }
         }
-        cpu.update();
-        gpu.update();
-        assert_same(&cpu, &gpu, &format!("step {number}"));
+        assert_eq!(after.waited() + after.answered(), 0, "it goes on on a device that is lost");
+        assert_eq!(told(), way + 1);
     }
-    assert!(!culled_on_gpu(&gpu), "it goes on on a device that is lost");
 }
 
 #[test]
@@ -211,34 +230,69 @@ fn shapes_may_change_and_go_while_they_are_in_use() {
     if device().is_none() {
         return;
     }
-    let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app("tori", backend));
-    for number in 0..60 {
-        for app in [&mut cpu, &mut gpu] {
-            if number == 20 {
-                let mut axes = app.world_mut().resource_mut::<Assets<MedialAxis>>();
-                let ids: Vec<_> = axes.ids().collect();
-                ids.into_iter().for_each(|id| {
-                    axes.remove(id);
-                });
-            }
-            if number == 10 {
-                // They are loaded anew, smaller.
-                let mut axes = app.world_mut().resource_mut::<Assets<MedialAxis>>();
-                let ids: Vec<_> = axes.ids().collect();
-                for id in ids {
-                    let smaller = MedialAxis::torus(0.3, 0.1, 12).unwrap();
-                    axes.insert(id, smaller).unwrap();
+    for app in [app, app_ahead] {
+        let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app("tori", backend));
+        let mut latencies = Latencies::default();
+        for number in 0..60 {
+            for app in [&mut cpu, &mut gpu] {
+                match number {
+                    10 => load_smaller_tori(app),
+                    20 => remove_shapes(app),
+                    // Others, which the GPU does not know yet.
+                    40 => Scene::by_name("rods").unwrap().spawn(app.world_mut(), models(), 1),
+                    _ => {}
                 }
+                app.update();
             }
-            if number == 40 {
-                // Others, which the GPU does not know yet.
-                Scene::by_name("rods").unwrap().spawn(app.world_mut(), models(), 1);
-            }
-            app.update();
+            assert_same(&cpu, &gpu, &format!("step {number}"));
+            latencies.note(&gpu);
         }
-        assert_same(&cpu, &gpu, &format!("step {number}"));
+        println!("{latencies:?}");
+        assert!(latencies.waited() + latencies.answered() > 50, "{latencies:?}");
+        assert!(culled_on_gpu(&gpu));
     }
-    assert!(culled_on_gpu(&gpu));
+}
+
+fn load_smaller_tori(app: &mut App) {
+    let mut axes = app.world_mut().resource_mut::<Assets<MedialAxis>>();
+    let ids: Vec<_> = axes.ids().collect();
+    for id in ids {
+        axes.insert(id, MedialAxis::torus(0.3, 0.1, 12).unwrap()).unwrap();
+    }
+}
+
+fn remove_shapes(app: &mut App) {
+    let mut axes = app.world_mut().resource_mut::<Assets<MedialAxis>>();
+    let ids: Vec<_> = axes.ids().collect();
+    for id in ids {
+        axes.remove(id);
+    }
+}
+
+/// What the passes need more of is not gone around by another device.
+#[test]
+fn a_renderer_that_cannot_do_it_leaves_it_to_the_cpu() {
+    let Some(gpu) = device() else { return };
+    let told = || log::lines("allows 4 storage buffers in a pass, 8 are needed");
+    for (way, pipelined) in [false, true].into_iter().enumerate() {
+        let [mut cpu, mut refused] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| {
+            let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..default() };
+            let device = WgpuSettings { constrained_limits: Some(limits), ..default() };
+            let mut app = with_scene(rendering_app_with(DT, device), "rods", backend);
+            app.world_mut().resource_mut::<MedialSettings>().pipelined = pipelined;
+            app
+        });
+        for number in 0..60 {
+            cpu.update();
+            refused.update();
+            assert_same(&cpu, &refused, &format!("step {number}"));
+            assert!(!culled_on_gpu(&refused));
+        }
+        assert!(refused.world().resource::<MedialStep>().gpu_culling().is_none());
+        let lines = told();
+        assert_eq!(lines.len(), way + 1, "{lines:?}");
+        assert!(lines[way].contains("culled on the CPU") && lines[way].contains(gpu.name()), "{lines:?}");
+    }
 }
 
 #[test]

@@ -1,13 +1,20 @@
-//! The time of impact of the shaders is that of the CPU.
+//! The time of impact of the shaders is that of the CPU, and as right.
+
+use std::sync::Mutex;
 
 use bevy_medial::{
     geometry::Sphere,
     gpu::{GpuImpacts, MovingPair},
-    query::{Cuboid, Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact},
+    query::{Cuboid, Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, Touch, time_of_impact},
 };
 use glam::Vec3;
 
-use crate::{common::Random, device};
+use crate::{
+    common::Random,
+    device, for_kinds,
+    pairs::{KINDS, Pair},
+    score::{Score, assert_all_good, for_each_case, setting},
+};
 
 /// A primitive of about unit size near `center` that moves by about `motion`.
 fn moving<const N: usize>(random: &mut Random, center: Vec3, motion: Vec3) -> Moving<N> {
@@ -82,4 +89,24 @@ fn times_of_impact_agree() {
 fn no_pairs_have_no_times() {
     let Some(gpu) = device() else { return };
     assert!(GpuImpacts::new(gpu).unwrap().run(&[]).unwrap().is_empty());
+}
+
+/// Of every category and kind, by the reference that the CPU's kernels are judged by.
+#[test]
+fn times_of_impact_agree_with_reference() {
+    let Some(gpu) = device() else { return };
+    let impacts = Mutex::new(GpuImpacts::new(gpu).unwrap());
+    let pack = |pair: &Pair| {
+        let (first, second) = pair.relative();
+        for_kinds!(first, second, |a, b| hulls: MovingPair::new(&a, &b), cuboid: MovingPair::with_cuboid(&a, &b))
+    };
+    let pairs = setting("KERNEL_PAIRS", 1_000);
+    let scores = for_each_case(5, |category, kind, random| {
+        Score::of(category, kind, random, pairs, |pairs| {
+            let pairs: Vec<MovingPair> = pairs.iter().map(pack).collect();
+            let found = impacts.lock().unwrap().run(&pairs).unwrap();
+            found.iter().map(|found| Touch { status: found.status, fraction: found.fraction }).collect()
+        })
+    });
+    assert_all_good(&scores, pairs, KINDS.len());
 }

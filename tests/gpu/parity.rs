@@ -12,6 +12,8 @@ use crate::{
     renderer::rendering_app,
 };
 
+const STEPS: usize = 300;
+
 /// An app with a scene, without a renderer: the GPU is waited for.
 pub fn app(scene: &str, backend: MedialBackend) -> App {
     with_scene(headless_app(DT), scene, backend)
@@ -24,7 +26,8 @@ pub fn app_ahead(scene: &str, backend: MedialBackend) -> App {
     app
 }
 
-fn with_scene(mut app: App, scene: &str, backend: MedialBackend) -> App {
+/// Spawns a scene, to be culled by a back end.
+pub fn with_scene(mut app: App, scene: &str, backend: MedialBackend) -> App {
     app.world_mut().resource_mut::<MedialSettings>().backend = backend;
     Scene::by_name(scene).unwrap().spawn(app.world_mut(), models(), 1);
     app
@@ -38,29 +41,41 @@ pub fn assert_same(cpu: &App, gpu: &App, what: &str) {
     assert_eq!(cpu.output.stops, gpu.output.stops, "{what}");
 }
 
-/// True if the GPU has culled, and has been waited for.
+/// True if the GPU has culled the last step.
 pub fn culled_on_gpu(app: &App) -> bool {
-    app.world().resource::<MedialStep>().gpu_culling().is_some()
+    app.world().resource::<MedialStep>().gpu_latency.is_some()
 }
 
-/// Steps culled on the CPU, and by answers that were one to four steps late.
+/// Steps culled on the CPU, and by answers that were none to four steps late.
 #[derive(Debug, Default)]
-pub struct Latencies([usize; 5]);
+pub struct Latencies {
+    cpu: usize,
+    gpu: [usize; 5],
+}
 
 impl Latencies {
     /// Takes note of the last step of an app.
     pub fn note(&mut self, app: &App) {
-        self.0[app.world().resource::<MedialStep>().gpu_latency.unwrap_or(0) as usize] += 1;
+        match app.world().resource::<MedialStep>().gpu_latency {
+            Some(steps) => self.gpu[steps as usize] += 1,
+            None => self.cpu += 1,
+        }
     }
 
-    /// Steps that went by an answer.
+    /// Steps that the GPU was waited for.
+    pub fn waited(&self) -> usize {
+        self.gpu[0]
+    }
+
+    /// Steps that went by an answer from before.
     pub fn answered(&self) -> usize {
-        self.0[1..].iter().sum()
+        self.gpu[1..].iter().sum()
     }
 }
 
-/// Runs every scene for so many steps on the CPU, with the GPU waited for, and with the GPU looking ahead.
-fn compare(steps: usize) {
+/// Every scene on the CPU, with the GPU waited for, and with the GPU looking ahead.
+#[test]
+fn scenes_go_the_same_way() {
     if device().is_none() {
         return;
     }
@@ -68,16 +83,18 @@ fn compare(steps: usize) {
         let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app(scene.name, backend));
         // Set up alike, but for the back end.
         let [mut cpu_beside, mut ahead] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|b| app_ahead(scene.name, b));
-        let mut latencies = Latencies::default();
+        let [mut on_cpu, mut waited, mut looked_ahead] = [const { Latencies { cpu: 0, gpu: [0; 5] } }; 3];
         let (mut contacts, mut impacts, mut departed, mut bodies) = (0, 0, 0, 0);
-        for step in 0..steps {
+        for step in 0..STEPS {
             cpu.update();
             gpu.update();
             cpu_beside.update();
             ahead.update();
             assert_same(&cpu, &gpu, &format!("{}, step {step}, waited for", scene.name));
             assert_same(&cpu_beside, &ahead, &format!("{}, step {step}, ahead", scene.name));
-            latencies.note(&ahead);
+            on_cpu.note(&cpu);
+            waited.note(&gpu);
+            looked_ahead.note(&ahead);
             let step = ahead.world().resource::<MedialStep>();
             contacts += step.output.counts.contacts;
             impacts += step.output.pairs.iter().filter(|pair| pair.impact.is_some()).count();
@@ -87,24 +104,12 @@ fn compare(steps: usize) {
             }
         }
         println!(
-            "{}: {steps} steps, {contacts} contacts, {impacts} impacts; ahead: steps on the CPU and by answers 1 to 4 steps late {latencies:?}, \
-             {departed} of {bodies} bodies off their way",
+            "{}: {STEPS} steps, {contacts} contacts, {impacts} impacts; waited for {waited:?}, ahead {looked_ahead:?}, {departed} of {bodies} \
+             bodies off their way",
             scene.name
         );
-        assert!(culled_on_gpu(&gpu) && !culled_on_gpu(&cpu) && !culled_on_gpu(&ahead));
-        assert!(latencies.answered() > steps / 2 && departed < bodies);
-        assert!(contacts > steps, "{}: {contacts} contacts", scene.name);
+        assert_eq!((on_cpu.cpu, waited.waited()), (STEPS, STEPS), "{}", scene.name);
+        assert!(looked_ahead.answered() > STEPS * 9 / 10 && departed < bodies, "{}: {looked_ahead:?}", scene.name);
+        assert!(contacts > STEPS, "{}: {contacts} contacts", scene.name);
     }
-}
-
-#[test]
-fn scenes_go_the_same_way() {
-    compare(80);
-}
-
-/// `cargo test --release --test gpu -- --ignored --nocapture scenes_go_the_same_way_for_long`.
-#[test]
-#[ignore = "minutes"]
-fn scenes_go_the_same_way_for_long() {
-    compare(300);
 }

@@ -7,9 +7,9 @@ use bevy_medial::{
 use glam::Vec3;
 
 use crate::{
-    Score, advancement, assert_all_good, for_each_case, for_kinds, one_by_one,
+    advancement, for_kinds, one_by_one,
     pairs::{CATEGORIES, KINDS, Pair, Random, Verdict, judge, random_pair},
-    setting,
+    score::{Score, assert_all_good, for_each_case, setting},
 };
 
 /// Kinds without boxes come first.

@@ -32,6 +32,9 @@ use crate::{
 /// Steps of the reference in one of the app.
 const FINER: u32 = 100;
 
+/// Steps of free flight before, where the GPU looks ahead: its first answers are as late.
+const LEAD: u32 = 10;
+
 /// Steps until the transfer is measured.
 const STEPS: u32 = 8;
 
@@ -189,23 +192,25 @@ impl Cell {
         flight.iter().map(later).collect()
     }
 
-    /// Flights that meet their target within 1.3 to 2.7 steps, and would sink into it.
-    fn hits(&self, random: &mut Random, count: usize) -> Vec<Flight> {
-        let mut flights = Vec::new();
-        while flights.len() < count {
+    /// Flights that meet their target within 1.3 to 2.7 steps, and would sink into it; and the same earlier by some steps.
+    fn hits(&self, random: &mut Random, count: usize, lead: u32) -> [Vec<Flight>; 2] {
+        let mut flights = [const { Vec::new() }; 2];
+        while flights[0].len() < count {
             let beside = random.vector() * Vec3::new(0.0, 0.5, 0.5) * self.radius();
             let flight = self.flight(random, 0.4, beside);
             let sinks = self.first_within(&flight, -0.005, self.passage()).is_some();
             if let Some(touch) = self.first_within(&flight, 0.0, self.passage()).filter(|_| sinks) {
                 let phase = f64::from((1.3 + 1.4 * random.unit()) * DT);
-                flights.push(self.from(&flight, touch - phase));
+                for (flights, steps) in flights.iter_mut().zip([0, lead]) {
+                    flights.push(self.from(&flight, touch - phase - f64::from(steps) * f64::from(DT)));
+                }
             }
         }
         flights
     }
 
-    /// Flights that pass their target, at less than a few centimetres.
-    fn misses(&self, random: &mut Random, count: usize) -> Vec<Flight> {
+    /// Flights that pass their target, at less than a few centimetres, from some steps before on.
+    fn misses(&self, random: &mut Random, count: usize, lead: u32) -> Vec<Flight> {
         let mut flights = Vec::new();
         while flights.len() < count {
             let mut flight = self.flight(random, 0.0, Vec3::ZERO);
@@ -227,7 +232,7 @@ impl Cell {
             }
             flight[0].pose.translation = start + side * far;
             let phase = f64::from(random.unit() * DT);
-            flights.push(self.from(&flight, -phase));
+            flights.push(self.from(&flight, -phase - f64::from(lead) * f64::from(DT)));
         }
         flights
     }
@@ -240,9 +245,9 @@ struct Range {
 }
 
 impl Range {
-    fn new(cell: &Cell, flights: &[Flight], dt: f32, app: fn(f32) -> App) -> Self {
+    /// In an app of steps of `dt` seconds.
+    fn new(cell: &Cell, flights: &[Flight], dt: f32, mut app: App) -> Self {
         assert!(flights.len() < 32);
-        let mut app = app(dt);
         app.add_systems(
             PostUpdate,
             without_gyroscopic_term.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation),
@@ -344,6 +349,11 @@ fn without_gyroscopic_term(
     }
 }
 
+/// Steps that flights need before they come near anything.
+fn lead(app: &App) -> u32 {
+    if app.world().resource::<MedialSettings>().pipelined { LEAD } else { 0 }
+}
+
 /// The index of a body in the last step.
 fn index(step: &MedialStep, entity: Entity) -> usize {
     step.infos.iter().position(|info| info.entity == entity).unwrap()
@@ -382,9 +392,11 @@ impl Hits {
 }
 
 pub fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> Hits {
-    let flights = cell.hits(&mut Random(seed), count);
+    let app = (cell.app)(DT);
+    let lead = lead(&app);
+    let [flights, earlier] = cell.hits(&mut Random(seed), count, lead);
     let histories = [FINER, 2 * FINER].map(|finer| {
-        let mut fine = Range::new(cell, &flights, DT / finer as f32, headless_app);
+        let mut fine = Range::new(cell, &flights, DT / finer as f32, headless_app(DT / finer as f32));
         // The bodies are there from the second update on.
         run(&mut fine.app, 1);
         fine.history(LONGEST * finer - 1)
@@ -395,10 +407,10 @@ pub fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> H
         &history[step.clamp(1, history.len()) - 1][i]
     };
 
-    let mut coarse = Range::new(cell, &flights, DT, cell.app);
+    let mut coarse = Range::new(cell, &earlier, DT, app);
     coarse.app.world_mut().resource_mut::<MedialSettings>().stop_at_impact = stop_at_impact;
-    run(&mut coarse.app, 1);
-    // Nothing touches in the first step.
+    run(&mut coarse.app, 1 + lead);
+    // Nothing touches so early.
     let before = coarse.all_momenta();
     let mut hits = Hits { count, ..default() };
     let mut clocks = vec![1.0; count];
@@ -474,11 +486,13 @@ fn note_behind_the_wall(cell: &Cell, range: &mut Range, behind: &mut [bool]) {
 
 /// Near misses that are proven to be some, and those of them after which a body has stopped or moves in another way.
 pub fn run_misses(cell: &Cell, seed: u64, count: usize) -> [usize; 2] {
-    let flights = cell.misses(&mut Random(seed), count);
-    let mut range = Range::new(cell, &flights, DT, cell.app);
+    let app = (cell.app)(DT);
+    let lead = lead(&app);
+    let flights = cell.misses(&mut Random(seed), count, lead);
+    let mut range = Range::new(cell, &flights, DT, app);
     let mut clear = vec![true; count];
     let mut changed = vec![false; count];
-    for _ in 0..(cell.passage() / f64::from(DT)).ceil() as u32 + 3 {
+    for _ in 0..lead + (cell.passage() / f64::from(DT)).ceil() as u32 + 3 {
         run(&mut range.app, 1);
         let step = range.app.world().resource::<MedialStep>();
         for (i, (bodies, flight)) in range.bodies.iter().zip(&flights).enumerate() {
