@@ -1,5 +1,7 @@
 //! Every tolerance and limit: unit, reason, effect of a change.
 
+use glam::Vec3;
+
 /// Rounding allowance of the f32 kernels, per metre of a pair's extent: gaps below it count as contact.
 ///
 /// A gap is a sum of a few products of coordinates of the pair's size, each rounded to 6e-8 of it. Smaller, and pairs
@@ -102,6 +104,16 @@ pub const STOP_SLOP: f32 = 1.0e-3;
 
 /// Contacts within this many length units of the deepest carry the body: they go to the solver before those farther off.
 pub const CARRYING_DEPTH: f32 = 5.0e-3;
+
+/// How much farther out a contact has to be to come before one that is deeper, per metre of depth. Larger, and rounding chooses among contacts of a
+/// body at rest; smaller, and the deepest may be left out.
+pub const DEPTH_WEIGHT: f32 = 50.0;
+
+/// Width of what carries a body, in parts of its length, from which on that is an area and not a line.
+pub const WIDE: f32 = 0.2;
+
+/// An axis that is none of a shape's own, as a rule: of contacts that mirror each other one is farther out across it.
+pub const OBLIQUE_AXIS: Vec3 = Vec3::new(0.48, 0.6, 0.64);
 
 /// An overlap of this many slops gains no more than [`LEAST_GROWTH`] of a slop within a step: what a loaded contact gains step by step ends there.
 pub const OVERLAP_LIMIT: f32 = 12.0;

@@ -1,9 +1,12 @@
 //! Reduction: from all contacts of a body pair to a few manifolds, in an order that depends on the contacts alone.
 
 use bevy::tasks::TaskPool;
+use glam::Vec3;
 
 use super::{Contact, Impact, Manifold, Pair, StepOutput, broad_phase::BodyPair, parallel};
-use crate::constants::{CARRYING_DEPTH, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS};
+use crate::constants::{
+    CARRYING_DEPTH, DEPTH_WEIGHT, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS, OBLIQUE_AXIS, WIDE,
+};
 
 /// Reduces each pair's contacts and keeps the pairs with something to tell.
 pub(super) fn run(
@@ -48,17 +51,46 @@ pub(super) fn reduce(contacts: &mut [Contact], unit: f32, manifolds: &mut Vec<Ma
     manifolds.extend(groups.iter().map(|group| Manifold::new(&spread(group, unit))));
 }
 
-/// Up to four contacts that span the group: the deepest, the one farthest from it, the one farthest from their line, and the one
-/// farthest out on the other side of it. Those about as deep as the deepest carry the body and come before those that it may touch next.
+/// Up to four contacts that span the group. Those about as deep as the deepest carry the body and come before those that it may touch next.
 fn spread(group: &[Contact], unit: f32) -> Vec<Contact> {
     let carrying = group.partition_point(|contact| contact.distance <= group[0].distance + CARRYING_DEPTH * unit);
     let mut kept = Vec::with_capacity(4);
-    span(&group[..carrying], unit, &mut kept);
+    outermost(&group[..carrying], unit, &mut kept);
+    if !is_wide(&kept) {
+        kept.clear();
+        span(&group[..carrying], unit, &mut kept);
+    }
     span(group, unit, &mut kept);
     kept
 }
 
-/// Adds contacts of the group to those kept, until there are four or the others lie within what is kept.
+/// Of many contacts those farthest out along four directions that are fixed to the body, where depth counts for more than place: a body at
+/// rest keeps the same ones from step to step, though rounding changes which is the deepest, and the solver goes on from what they bore.
+fn outermost(group: &[Contact], unit: f32, kept: &mut Vec<Contact>) {
+    let normal = group[0].normal1;
+    let side = normal.cross(OBLIQUE_AXIS).normalize_or(Vec3::X);
+    let across = normal.cross(side);
+    for direction in [side, across, -side, -across] {
+        let reach = |contact: &Contact| contact.point1.dot(direction) - DEPTH_WEIGHT * contact.distance;
+        let farthest = group.iter().max_by(|a, b| reach(a).total_cmp(&reach(b)));
+        let is_new = |contact: &&Contact| {
+            kept.iter().all(|other| other.point1.distance(contact.point1) > DUPLICATE_CONTACT * unit)
+        };
+        kept.extend(farthest.filter(is_new));
+    }
+    kept.sort_by(Contact::order);
+}
+
+/// True if the contacts span an area, and not a line, on which a body rolls.
+fn is_wide(contacts: &[Contact]) -> bool {
+    let [first, others @ ..] = contacts else { return false };
+    let ways = || others.iter().map(|contact| contact.point1 - first.point1);
+    let longest = ways().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared())).unwrap_or_default();
+    ways().any(|way| way.cross(longest).length() > WIDE * longest.length_squared())
+}
+
+/// Adds contacts of the group to those kept, until there are four or the others lie within what is kept: the deepest, the one farthest from it, the
+/// one farthest from their line, and the one farthest out on the other side of it.
 fn span(group: &[Contact], unit: f32, kept: &mut Vec<Contact>) {
     let normal = group[0].normal1;
     let add = |kept: &mut Vec<Contact>, measure: &dyn Fn(&Contact) -> f32| {
