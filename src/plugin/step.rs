@@ -1,7 +1,9 @@
-use std::time::Duration;
 #[cfg(feature = "gpu")]
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
+use std::time::Duration;
 
+#[cfg(feature = "gpu")]
+use bevy::platform::time::Instant;
 use bevy::{prelude::*, tasks::ComputeTaskPool};
 #[cfg(feature = "rapier")]
 use bevy_rapier3d::rapier::geometry::ColliderHandle;

@@ -1,11 +1,8 @@
 //! What happens in a scene, measured: times, counts, and the signs that something went wrong.
 
-use std::{
-    collections::HashSet,
-    time::{Duration, Instant},
-};
+use std::{collections::HashSet, time::Duration};
 
-use bevy::prelude::*;
+use bevy::{platform::time::Instant, prelude::*};
 use bevy_rapier3d::{
     plugin::context::{DefaultRapierContext, RapierContextColliders, RapierContextSimulation, RapierRigidBodySet},
     prelude::{PhysicsSet, RapierConfiguration},
