@@ -7,7 +7,10 @@ use std::{
 
 use bevy::{asset::StrongHandle, camera::visibility::RenderLayers, prelude::*};
 
-use super::{MedialGizmo, MedialGizmos, wireframe::wireframe};
+use super::{
+    MedialGizmo, MedialGizmos,
+    wireframe::{Place, wireframe},
+};
 use crate::{
     medial_axis::MedialAxis,
     plugin::{MedialLevel, MedialMesh, modified},
@@ -66,7 +69,9 @@ pub(super) fn outline(
         }
         let Some((axis, drawing)) = wanted else { continue };
         let lines = shared.get(&drawing).and_then(Weak::upgrade).map(Handle::Strong).unwrap_or_else(|| {
-            let lines = gizmos.add(wireframe(axis.level(level), colors));
+            let mut lines = GizmoAsset::new();
+            wireframe(&mut lines, axis.level(level), Place::OWN, colors);
+            let lines = gizmos.add(lines);
             if let Handle::Strong(handle) = &lines {
                 shared.insert(drawing, Arc::downgrade(handle));
             }

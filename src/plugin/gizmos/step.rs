@@ -2,7 +2,10 @@
 
 use bevy::prelude::*;
 
-use super::{MedialGizmo, MedialGizmoLayer, MedialGizmos};
+use super::{
+    MedialGizmo, MedialGizmoLayer, MedialGizmos,
+    wireframe::{Place, wireframe},
+};
 use crate::{
     geometry::{Aabb, Pose3, Primitive},
     pipeline::{Shape, Side, Solid, swept_cone},
@@ -132,8 +135,13 @@ impl Draw<'_, '_, '_> {
     fn stops(&mut self, layer: &MedialGizmoLayer, length: f32) {
         for stop in &self.step.output.stops {
             let side = Side::Body(stop.body);
-            if let Some(color) = self.color(layer, self.step.info(side).entity) {
-                self.add_box(stop.pose, self.step.solid(side).aabb(), color);
+            let Some(color) = self.color(layer, self.step.info(side).entity) else { continue };
+            match self.step.solid(side).medial() {
+                Some(Shape { axis, scale }) => {
+                    let place = Place { pose: stop.pose, scale: *scale };
+                    wireframe(&mut self.lines, axis, place, [Some(color); 3]);
+                }
+                None => self.add_box(stop.pose, self.step.solid(side).aabb(), color),
             }
         }
         for pair in &self.step.output.pairs {
