@@ -140,7 +140,10 @@ pub enum MedialSystems {
 /// Makes medial meshes assets, once: a second time would lose those that are there.
 fn init_medial_axis(app: &mut App) {
     if !app.world().contains_resource::<Assets<MedialAxis>>() {
-        app.init_asset::<MedialAxis>().init_asset_loader::<MaLoader>().init_asset_loader::<MedialLoader>();
+        app.init_asset::<MedialAxis>()
+            .register_asset_reflect::<MedialAxis>()
+            .init_asset_loader::<MaLoader>()
+            .init_asset_loader::<MedialLoader>();
     }
 }
 
@@ -166,6 +169,9 @@ impl Plugin for MedialPhysicsPlugin {
             .register_type::<MedialFocus>()
             .register_type::<MedialSettings>()
             .register_type::<MedialBackend>()
+            .register_type::<MedialStep>()
+            .register_type::<MedialContactStarted>()
+            .register_type::<MedialContactEnded>()
             .init_resource::<MedialSettings>()
             .init_resource::<MedialStep>()
             .add_message::<MedialContactStarted>()

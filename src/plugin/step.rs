@@ -109,28 +109,45 @@ impl BodyInfo {
 }
 
 /// Input and output of the last step, and who the indices in them are.
-#[derive(Resource, Default)]
+///
+/// Reflection shows what is told of the step as a whole.
+#[derive(Resource, Default, Reflect)]
+#[reflect(Resource, Default)]
 pub struct MedialStep {
     /// A copy of the settings.
     pub(crate) settings: MedialSettings,
     /// Poses, shapes, motions.
+    #[reflect(ignore)]
     pub input: StepInput,
     /// Static bodies.
+    #[reflect(ignore)]
     pub statics: Statics,
     /// Pairs, contacts, impacts, counts and times.
+    #[reflect(ignore)]
     pub output: StepOutput,
-    /// Number of the step.
+    /// Number of the step. What the GPU looks ahead for counts by it, so a saved one must not come back.
+    #[reflect(ignore)]
     number: u64,
     /// Entity and velocities of each body.
+    #[reflect(ignore)]
     pub infos: Vec<BodyInfo>,
     /// Entity of each static.
+    #[reflect(ignore)]
     pub static_infos: Vec<BodyInfo>,
     /// The rapier context of each world.
     #[cfg(feature = "rapier")]
+    #[reflect(ignore)]
     pub(crate) worlds: Vec<Entity>,
     /// Length of the step in seconds; of several worlds that of the first.
     pub dt: f32,
+    /// Time that it took to note where bodies were before rapier's step, and to gather the input after it.
+    #[cfg(feature = "rapier")]
+    pub snapshot_time: Duration,
+    /// Time that it took to move bodies to where they stop, and to hand the manifolds to rapier.
+    #[cfg(feature = "rapier")]
+    pub table_time: Duration,
     #[cfg(feature = "gpu")]
+    #[reflect(ignore)]
     pub(super) gpu: GpuBackend,
     /// By how many steps the answer of the GPU was late that the last step went by; none if it went by no such answer.
     #[cfg(feature = "gpu")]

@@ -23,8 +23,9 @@ use super::MedialStep;
 ///     layers.candidates.enabled = true;
 /// }
 /// ```
-#[derive(GizmoConfigGroup, Reflect, Clone, Debug)]
-#[reflect(Default)]
+#[derive(GizmoConfigGroup, Reflect, Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Default, Clone, PartialEq)]
 pub struct MedialGizmos {
     /// The spheres of each shape, at the level of detail by which it collides. Default: on.
     pub spheres: MedialGizmoLayer,
@@ -46,12 +47,15 @@ pub struct MedialGizmos {
     pub contacts: MedialGizmoLayer,
     /// Length of a normal, in metres. Default: 0.2.
     pub normal_length: f32,
-    /// Bodies that have stopped at an impact within the step: their boxes there, and where they hit. Default: on.
+    /// Bodies that have stopped at an impact within the step: their shapes there, boxes of those that are not medial, and where they hit.
+    /// Default: on.
     pub stops: MedialGizmoLayer,
 }
 
 /// A layer of [`MedialGizmos`].
 #[derive(Reflect, Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Clone, PartialEq)]
 pub struct MedialGizmoLayer {
     /// Whether it is drawn.
     pub enabled: bool,
