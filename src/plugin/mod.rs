@@ -38,7 +38,7 @@ mod picking;
 mod pipelined;
 mod report;
 mod step;
-#[cfg(not(feature = "rapier"))]
+#[cfg(any(test, not(feature = "rapier")))]
 mod transforms;
 
 #[cfg(feature = "rapier")]
@@ -59,7 +59,7 @@ pub use diagnostics::paths as diagnostic_paths;
 #[cfg(feature = "debug")]
 pub use gizmos::{MedialGizmo, MedialGizmoLayer, MedialGizmos, MedialGizmosPlugin};
 pub(crate) use importance::Detail;
-#[cfg(not(feature = "rapier"))]
+#[cfg(any(test, not(feature = "rapier")))]
 use importance::DetailItem;
 pub use importance::{MedialFocus, MedialImportance};
 pub use levels::{MedialBudget, MedialLevel};

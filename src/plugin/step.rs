@@ -75,11 +75,11 @@ pub struct BodyInfo {
 
 impl BodyInfo {
     /// An entity that does not move.
-    pub(crate) fn at_rest(entity: Entity, #[cfg(feature = "rapier")] collider: ColliderHandle) -> Self {
+    pub(crate) fn at_rest(entity: Entity) -> Self {
         Self {
             entity,
             #[cfg(feature = "rapier")]
-            collider,
+            collider: ColliderHandle::invalid(),
             sensor: false,
             asleep: false,
             center: Vec3::ZERO,

@@ -333,7 +333,8 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
         let &Fixed { pose, owner, types, world, passes, .. } = item;
         let order = order(item.collider);
         bodies.push(StaticBody { solid, pose, order, owner, groups, types, stop_groups, world, passes });
-        step.static_infos.push(BodyInfo { sensor: item.sensor, ..BodyInfo::at_rest(item.entity, item.collider) });
+        let &Fixed { entity, collider, sensor, .. } = item;
+        step.static_infos.push(BodyInfo { collider, sensor, ..BodyInfo::at_rest(entity) });
     }
     step.statics = Statics::new(bodies);
 }
