@@ -207,3 +207,47 @@ pub fn label(
         },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bevy_medial::{
+        medial_axis::MedialAxis,
+        scenes::{Model, Scene},
+    };
+
+    use super::*;
+
+    #[test]
+    fn switches_of_level_and_back_end_go_around() {
+        let ring = |segments| MedialAxis::torus(1.0, 0.2, segments).unwrap();
+        let axis = ring(24).with_coarser(vec![(ring(12), 0.1), (ring(6), 0.2)]);
+        let mut app = App::new();
+        app.add_plugins(plugin).init_resource::<MedialSettings>().init_resource::<GizmoConfigStore>();
+        app.world_mut().resource_mut::<GizmoConfigStore>().insert(default(), MedialGizmos::default());
+        app.insert_resource(Show {
+            scene: Scene::by_name("rods").unwrap(),
+            models: vec![Model { name: "ring".into(), axis }],
+            seed: 1,
+            dt: 1.0 / 60.0,
+            backend: MedialBackend::Auto,
+            budget_percent: 1.0,
+            level: None,
+            folder: default(),
+            overlay: false,
+            layers: Vec::new(),
+        });
+        let mut levels = Vec::new();
+        let mut back_ends = Vec::new();
+        for _ in 0..5 {
+            let world = app.world_mut();
+            levels.push(world.resource::<Show>().level);
+            let settings = world.resource::<MedialSettings>();
+            back_ends.push((settings.backend, settings.pipelined));
+            world.trigger(Switch::Level);
+            world.trigger(Switch::Backend);
+        }
+        assert_eq!(levels, [None, Some(0), Some(1), Some(2), None]);
+        assert_eq!(back_ends[..4], BACKENDS);
+        assert_eq!(back_ends[4], BACKENDS[0]);
+    }
+}

@@ -150,3 +150,27 @@ fn look_at_scene(
     let place = Transform::from_translation(eye).looking_at(focus, Vec3::Y);
     commands.entity(*camera).insert((place, PanOrbitCamera { focus, target_focus: focus, ..default() }));
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use bevy_medial::scenes::load_models;
+
+    use super::*;
+
+    #[test]
+    fn the_budget_of_a_level_is_that_of_no_other() {
+        let models = load_models(&Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models")).unwrap();
+        for Model { axis, name } in &models {
+            let coarsest = axis.coarser().len();
+            for level in 0..=coarsest + 1 {
+                for scale in [0.3, 1.0, 7.7] {
+                    let budget = budget_of_level(axis, level, scale);
+                    assert_eq!(budget.level(axis, scale), level.min(coarsest), "{name}, level {level}, scale {scale}");
+                }
+            }
+        }
+        assert!(models.iter().any(|model| model.axis.coarser().len() > 2));
+    }
+}
