@@ -202,16 +202,53 @@ fn a_body_that_stops_is_drawn_where_it_stops() {
     let fast = Velocity { linear: Vec3::NEG_Y * 100.0, angular: Vec3::ZERO };
     let body = spawn_flying(&mut app, model("bear"), place, fast);
     spawn_ground(&mut app);
-    let lines = (0..10).map(|_| lines(&mut app)).find(|lines| !lines.is_empty()).expect("it stops");
+    let there = (0..10).find(|_| {
+        app.update();
+        !app.world().resource::<MedialStep>().output.stops.is_empty()
+    });
+    assert!(there.is_some(), "it does not stop");
     let step = app.world().resource::<MedialStep>();
     let stop = step.output.stops[0];
     assert_eq!(step.infos[stop.body as usize].entity, body);
+    let [(places, color)] = &stop_outlines(&mut app)[..] else { panic!("one outline") };
+    assert_eq!(*color, MedialGizmos::default().stops.color.to_linear());
     for sphere in model("bear").spheres().iter().map(|sphere| sphere.scaled(scale)) {
         let center = stop.pose.transform_point(sphere.center);
-        let on_it = |place: &Vec3| (place.distance(center) - sphere.radius).abs() < 1e-5;
+        let on_it = |place: &&Vec3| (place.distance(center) - sphere.radius).abs() < 1e-5;
         // Three circles.
-        assert!(lines.iter().filter(|(place, _)| on_it(place)).count() >= 48, "a sphere is missing at {center}");
+        assert!(places.iter().filter(on_it).count() >= 48, "a sphere is missing at {center}");
     }
+    // Once more, in a colour of its own; hidden; and no more when nothing stops.
+    let mut again = |gizmo| {
+        let mut body = app.world_mut().entity_mut(body);
+        body.insert((gizmo, place, fast));
+        (0..10).find_map(|_| {
+            app.update();
+            let stops = !app.world().resource::<MedialStep>().output.stops.is_empty();
+            stops.then(|| stop_outlines(&mut app))
+        })
+    };
+    let own = again(MedialGizmo { color: Some(Color::WHITE), ..default() }).expect("it stops");
+    assert_eq!(own.iter().map(|(_, color)| *color).collect::<Vec<_>>(), [LinearRgba::WHITE]);
+    assert!(again(MedialGizmo { enabled: false, color: None }).expect("it stops").is_empty());
+    assert_eq!(again(MedialGizmo::default()).expect("it stops").len(), 1);
+    app.world_mut().despawn(body);
+    run(&mut app, 3);
+    assert!(stop_outlines(&mut app).is_empty());
+    assert_eq!(app.world().resource::<Assets<GizmoAsset>>().len(), 0, "lines that nobody shows are gone");
+}
+
+/// The shapes that are shown where bodies have stopped: corners in the world, and the colour of the first.
+fn stop_outlines(app: &mut App) -> Vec<(Vec<Vec3>, LinearRgba)> {
+    let mut query = app.world_mut().query_filtered::<(&Gizmo, &GlobalTransform), Without<ChildOf>>();
+    let world = app.world();
+    let lines = world.resource::<Assets<GizmoAsset>>();
+    let corners = |(gizmo, transform): (&Gizmo, &GlobalTransform)| {
+        let buffer = lines.get(&gizmo.handle).unwrap().buffer();
+        let places = buffer.strip_positions.iter().map(|place| transform.transform_point(*place)).collect();
+        (places, buffer.strip_colors[0])
+    };
+    query.iter(world).map(corners).collect()
 }
 
 #[test]

@@ -1,10 +1,11 @@
 //! What the plugin sees, drawn as lines.
 //!
-//! The shapes are many lines that do not change: they are drawn once for each shape and level of detail, and retained beside each body. All else
-//! is drawn anew in every frame, from [`MedialStep`].
+//! The shapes are many lines that do not change: they are drawn once for each shape and level of detail, and retained beside each body, and where
+//! bodies stop. All else is drawn anew in every frame, from [`MedialStep`].
 
 mod outlines;
 mod step;
+mod stops;
 mod wireframe;
 
 use bevy::prelude::*;
@@ -147,6 +148,7 @@ impl Plugin for MedialGizmosPlugin {
             app.init_asset::<GizmoAsset>();
         }
         app.insert_gizmo_config(MedialGizmos::default(), GizmoConfig { enabled: false, ..default() })
+            .init_resource::<outlines::Lines>()
             .register_type::<MedialGizmo>()
             .register_type::<MedialGizmoLayer>()
             .add_systems(
@@ -155,7 +157,7 @@ impl Plugin for MedialGizmosPlugin {
                     (outlines::outline, outlines::follow_config.run_if(resource_changed::<GizmoConfigStore>))
                         .chain()
                         .before(TransformSystems::Propagate),
-                    (step::ask_for_candidates, step::draw.run_if(is_enabled))
+                    (stops::outline, step::ask_for_candidates, step::draw.run_if(is_enabled))
                         .run_if(resource_exists::<MedialStep>)
                         .after(TransformSystems::Propagate),
                 ),

@@ -2,10 +2,7 @@
 
 use bevy::prelude::*;
 
-use super::{
-    MedialGizmo, MedialGizmoLayer, MedialGizmos,
-    wireframe::{Place, wireframe},
-};
+use super::{MedialGizmo, MedialGizmoLayer, MedialGizmos};
 use crate::{
     geometry::{Aabb, Pose3, Primitive},
     pipeline::{Shape, Side, Solid, swept_cone},
@@ -41,6 +38,14 @@ pub(super) fn draw(
     draw.stops(&layers.stops, layers.normal_length);
 }
 
+/// The colour of a layer for an entity; none if it is not to be drawn.
+pub(super) fn color(layer: &MedialGizmoLayer, gizmo: Option<&MedialGizmo>) -> Option<Color> {
+    match gizmo {
+        Some(gizmo) => (layer.enabled && gizmo.enabled).then(|| gizmo.color.unwrap_or(layer.color)),
+        None => layer.enabled.then_some(layer.color),
+    }
+}
+
 struct Draw<'a, 'w, 's> {
     step: &'a MedialStep,
     overrides: Query<'w, 's, &'static MedialGizmo>,
@@ -48,12 +53,8 @@ struct Draw<'a, 'w, 's> {
 }
 
 impl Draw<'_, '_, '_> {
-    /// The colour of a layer for an entity; none if it is not to be drawn.
     fn color(&self, layer: &MedialGizmoLayer, entity: Entity) -> Option<Color> {
-        match self.overrides.get(entity) {
-            Ok(gizmo) => (layer.enabled && gizmo.enabled).then(|| gizmo.color.unwrap_or(layer.color)),
-            Err(_) => layer.enabled.then_some(layer.color),
-        }
+        color(layer, self.overrides.get(entity).ok())
     }
 
     /// The same for a pair, by its first side if that has a colour of its own.
@@ -136,12 +137,10 @@ impl Draw<'_, '_, '_> {
         for stop in &self.step.output.stops {
             let side = Side::Body(stop.body);
             let Some(color) = self.color(layer, self.step.info(side).entity) else { continue };
-            match self.step.solid(side).medial() {
-                Some(Shape { axis, scale }) => {
-                    let place = Place { pose: stop.pose, scale: *scale };
-                    wireframe(&mut self.lines, axis, place, [Some(color); 3]);
-                }
-                None => self.add_box(stop.pose, self.step.solid(side).aabb(), color),
+            let solid = self.step.solid(side);
+            // Medial shapes have lines that are retained.
+            if solid.medial().is_none() {
+                self.add_box(stop.pose, solid.aabb(), color);
             }
         }
         for pair in &self.step.output.pairs {

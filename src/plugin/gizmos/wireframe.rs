@@ -1,10 +1,7 @@
-use bevy::{
-    gizmos::{config::GizmoConfigGroup, gizmos::GizmoBuffer},
-    prelude::*,
-};
+use bevy::prelude::*;
 
 use crate::{
-    geometry::{Pose3, Primitive, Sphere},
+    geometry::{Primitive, Sphere},
     medial_axis::{MedialAxis, face_normals, mantle_directions},
 };
 
@@ -13,38 +10,17 @@ const SPHERE_SIDES: u32 = 16;
 /// Lines along a cone.
 const CONE_LINES: u32 = 4;
 
-/// Where a shape is, and how large.
-#[derive(Clone, Copy)]
-pub(super) struct Place {
-    pub pose: Pose3,
-    pub scale: f32,
-}
-
-impl Place {
-    /// The shape's own frame.
-    pub const OWN: Self = Self { pose: Pose3::IDENTITY, scale: 1.0 };
-
-    fn point(&self, point: Vec3) -> Vec3 {
-        self.pose.transform_point(point * self.scale)
-    }
-}
-
-/// Adds the lines of a shape in colours for its spheres, cones and slabs. What has none is left out.
-pub(super) fn wireframe<Config: GizmoConfigGroup, Clear: Send + Sync + 'static>(
-    lines: &mut GizmoBuffer<Config, Clear>,
-    axis: &MedialAxis,
-    place: Place,
-    [spheres, cones, slabs]: [Option<Color>; 3],
-) {
+/// Lines of a shape, in its own frame, in colours for its spheres, cones and slabs. What has none is left out.
+pub(super) fn wireframe(axis: &MedialAxis, [spheres, cones, slabs]: [Option<Color>; 3]) -> GizmoAsset {
+    let mut lines = GizmoAsset::new();
     // Where a plane of that normal touches a sphere.
     let touched = |corner: u32, normal: Vec3| {
         let sphere = &axis.spheres()[corner as usize];
-        place.point(sphere.center + normal * sphere.radius)
+        sphere.center + normal * sphere.radius
     };
     if let Some(color) = spheres {
         for Sphere { center, radius } in axis.spheres().iter().filter(|sphere| sphere.radius > 0.0) {
-            let isometry = Isometry3d::new(place.point(*center), place.pose.rotation);
-            lines.sphere(isometry, radius * place.scale, color).resolution(SPHERE_SIDES);
+            lines.sphere(*center, *radius, color).resolution(SPHERE_SIDES);
         }
     }
     for primitive in axis.primitives() {
@@ -65,4 +41,5 @@ pub(super) fn wireframe<Config: GizmoConfigGroup, Clear: Send + Sync + 'static>(
             _ => {}
         }
     }
+    lines
 }
