@@ -10,7 +10,7 @@
 //! - **threads**: the steps of 1,000 bodies in the rain once more, on one thread and on two, in turns, least of several;
 //! - **stops**: what it adds to a step of the scene `dinosaur` that bodies stop at impacts, on one thread: the same steps with and without, in turns;
 //! - **view**: what an update takes beside physics, which stands still, with 1,000 bodies of the rain in touch: with the debug view off, with the shapes, with all
-//!   layers. On the CPU, without a renderer;
+//!   layers but the candidates, with all. On the CPU, without a renderer;
 //! - **memory**: bytes of a step's input for each body, and allocations of a step, as a counting allocator tells them.
 
 #[path = "common/activity.rs"]
@@ -82,7 +82,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let (counts, steps): (&[usize], usize) = if args.quick { (&[20, 100], 60) } else { (&[100, 1000, 10_000], 60) };
     let mut rows = Vec::new();
     let mut tell = |what, bodies, value, unit| {
-        println!("{what:34} {bodies:6} bodies {value:12.3} {unit}");
+        println!("{what:36} {bodies:6} bodies {value:12.3} {unit}");
         rows.push(Row { what, bodies, value, unit });
     };
 
@@ -239,7 +239,7 @@ fn rain(deer: &Shape, count: usize, steps: usize, record: bool) -> Rain {
 }
 
 /// Median of an update in milliseconds while physics stands still, with more and more of the debug view.
-fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 3] {
+fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 4] {
     let shapes = ["spheres", "cones", "slabs"];
     let mut app = rainy(deer, count);
     let switch = |app: &mut App, is_on: &dyn Fn(&str) -> bool| {
@@ -267,6 +267,7 @@ fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 3] {
     [
         ("view: an update, view off", updates(&|_| false)),
         ("view: an update, shapes", updates(&|name| shapes.contains(&name))),
+        ("view: an update, all but candidates", updates(&|name| name != "candidates")),
         ("view: an update, all layers", updates(&|_| true)),
     ]
 }
