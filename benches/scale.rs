@@ -9,6 +9,8 @@
 //! - **fall**: 10,000 such bodies that fall and are near nothing;
 //! - **threads**: the steps of 1,000 bodies in the rain once more, on one thread and on two, in turns, least of several;
 //! - **stops**: what it adds to a step of the scene `dinosaur` that bodies stop at impacts, on one thread: the same steps with and without, in turns;
+//! - **view**: what an update takes beside physics, which stands still, with 1,000 bodies of the rain in touch: with the debug view off, with the shapes, with all
+//!   layers but the candidates, with all. On the CPU, without a renderer;
 //! - **memory**: bytes of a step's input for each body, and allocations of a step, as a counting allocator tells them.
 
 #[path = "common/activity.rs"]
@@ -36,11 +38,11 @@ use bevy_medial::{
     builder::{BuildOptions, build, load::load},
     geometry::{Pose3, Sweep},
     pipeline::{Body, Shape, Statics, StepInput, step},
-    plugin::MedialStep,
+    plugin::{MedialGizmos, MedialStep},
     prelude::*,
     scenes::{Scene, headless_app, load_models},
 };
-use bevy_rapier3d::prelude::RigidBody;
+use bevy_rapier3d::prelude::{RapierConfiguration, RigidBody};
 use clap::Parser;
 use indicatif::ProgressBar;
 use serde::Serialize;
@@ -80,7 +82,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let (counts, steps): (&[usize], usize) = if args.quick { (&[20, 100], 60) } else { (&[100, 1000, 10_000], 60) };
     let mut rows = Vec::new();
     let mut tell = |what, bodies, value, unit| {
-        println!("{what:34} {bodies:6} bodies {value:12.3} {unit}");
+        println!("{what:36} {bodies:6} bodies {value:12.3} {unit}");
         rows.push(Row { what, bodies, value, unit });
     };
 
@@ -131,6 +133,11 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     tell("stops: extra time, median", 0, median(extra.iter().copied()), "ms");
     tell("stops: extra time, 95 of 100", 0, extra[extra.len() * 95 / 100], "ms");
     tell("stops: extra time, most", 0, extra[extra.len() - 1], "ms");
+
+    let viewed = counts[counts.len().min(2) - 1];
+    for (what, median) in view(&deer, viewed, steps) {
+        tell(what, viewed, median, "ms");
+    }
 
     if let Some((input, statics)) = recorded.last() {
         let copied = measure(|| drop(std::hint::black_box(input.clone())));
@@ -184,7 +191,8 @@ const SPACING: f32 = 1.0;
 /// Of bodies above each other.
 const LAYERS: usize = 5;
 
-fn rain(deer: &Shape, count: usize, steps: usize, record: bool) -> Rain {
+/// An app with the bodies above the ground.
+fn rainy(deer: &Shape, count: usize) -> App {
     let mut app = headless_app(1.0 / 60.0);
     let mesh = MedialMesh(app.world_mut().resource_mut::<Assets<MedialAxis>>().add(deer.axis.clone()));
     let side = ((count / LAYERS) as f32).sqrt().ceil() as usize;
@@ -207,6 +215,11 @@ fn rain(deer: &Shape, count: usize, steps: usize, record: bool) -> Rain {
         let place = Transform::from_translation(cell * SPACING).with_rotation(turn).with_scale(Vec3::splat(deer.scale));
         world.spawn((RigidBody::Dynamic, mesh.clone(), place));
     }
+    app
+}
+
+fn rain(deer: &Shape, count: usize, steps: usize, record: bool) -> Rain {
+    let mut app = rainy(deer, count);
     let mut rain = Rain { steps: Vec::new(), recorded: Vec::new() };
     let progress = ProgressBar::new(steps as u64).with_message(format!("{count} bodies"));
     for number in 0..steps {
@@ -223,6 +236,40 @@ fn rain(deer: &Shape, count: usize, steps: usize, record: bool) -> Rain {
     }
     progress.finish_and_clear();
     rain
+}
+
+/// Median of an update in milliseconds while physics stands still, with more and more of the debug view.
+fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 4] {
+    let shapes = ["spheres", "cones", "slabs"];
+    let mut app = rainy(deer, count);
+    let switch = |app: &mut App, is_on: &dyn Fn(&str) -> bool| {
+        let mut store = app.world_mut().resource_mut::<GizmoConfigStore>();
+        let (group, layers) = store.config_mut::<MedialGizmos>();
+        layers.layers_mut().into_iter().for_each(|(name, layer)| layer.enabled = is_on(name));
+        group.enabled = layers.layers_mut().iter().any(|(_, layer)| layer.enabled);
+    };
+    // Candidates are kept by steps that are to be drawn.
+    switch(&mut app, &|_| true);
+    (0..steps).for_each(|_| app.update());
+    let mut contexts = app.world_mut().query::<&mut RapierConfiguration>();
+    contexts.iter_mut(app.world_mut()).for_each(|mut rapier| rapier.physics_pipeline_active = false);
+    let mut updates = |is_on: &dyn Fn(&str) -> bool| {
+        switch(&mut app, is_on);
+        // The lines of shapes are made once.
+        app.update();
+        app.update();
+        median((0..30).map(|_| {
+            let clock = Instant::now();
+            app.update();
+            clock.elapsed().as_secs_f64() * 1e3
+        }))
+    };
+    [
+        ("view: an update, view off", updates(&|_| false)),
+        ("view: an update, shapes", updates(&|name| shapes.contains(&name))),
+        ("view: an update, all but candidates", updates(&|name| name != "candidates")),
+        ("view: an update, all layers", updates(&|_| true)),
+    ]
 }
 
 /// How much longer the steps of `dinosaur` take because bodies stop, in milliseconds: least of several.

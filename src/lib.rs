@@ -19,6 +19,9 @@
 //! }
 //! ```
 //!
+//! Camera, light and what is drawn are Bevy's as ever: the README's *ten minutes* have a whole program, from `cargo add` on, and the folder `docs` of
+//! the repository is a guide.
+//!
 //! # The story of a step
 //!
 //! | | stage | file | from | to |
@@ -53,6 +56,15 @@
 //! | [`rapier`] | custom shape, dispatcher, contact table, scene queries |
 //! | [`scenes`] | the demo scenes, for examples, tests and benchmarks |
 //!
+//! # Plugins
+//!
+//! | plugin | feature | what | added |
+//! |---|---|---|---|
+//! | [`MedialPhysicsPlugin`](plugin::MedialPhysicsPlugin) | | collision, and with `rapier` response | after `DefaultPlugins`, or at least `AssetPlugin`; after rapier's plugin, if you add that yourself |
+//! | `MedialBuildPlugin` | `bevy_mesh` | builds the shapes of entities with a `BuildMedialMesh` | after `AssetPlugin` |
+//! | `MedialGizmosPlugin` | `debug` | the debug view | by the first; by yourself in an app without physics |
+//! | `MedialPickingPlugin` | `picking` | pointers pick medial bodies | after `DefaultPlugins` |
+//!
 //! # Units and frames
 //!
 //! SI units: metres, seconds, radians, kilograms. A *fraction* is time within a step, from 0 to 1. `pose12` is the pose of body 2 in the frame of
@@ -71,6 +83,14 @@
 //! | `bevy_mesh` | no | triangle meshes from Bevy's, and medial meshes built of them while the app runs |
 //! | `mesh_files` | no | triangle meshes from OBJ, glTF, STL and PLY files |
 //! | `cli` | no | the program `medial` |
+//!
+//! # Versions
+//!
+//! | bevy_medial | bevy | bevy_rapier3d | Rust |
+//! |---|---|---|---|
+//! | 0.1 | 0.19.1 | 0.36 | 1.95 |
+//!
+//! Built and tested on Linux. `wasm32` is neither built nor tested; waiting for the GPU cannot work there.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 

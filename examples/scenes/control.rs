@@ -12,6 +12,13 @@ use crate::view::{Show, start};
 
 /// Budgets to choose from, in percent.
 const BUDGETS: [f32; 6] = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0];
+/// Back ends to choose from, and whether they look ahead.
+const BACKENDS: [(MedialBackend, bool); 4] = [
+    (MedialBackend::Auto, false),
+    (MedialBackend::Cpu, false),
+    (MedialBackend::Gpu, false),
+    (MedialBackend::Gpu, true),
+];
 /// Parts of real time to choose from.
 const SPEEDS: [f32; 3] = [1.0, 0.25, 0.0625];
 
@@ -26,13 +33,14 @@ pub enum Switch {
     Backend,
     Culling,
     Budget,
+    Level,
     Gizmos,
     Levels,
     Layer(usize),
 }
 
 /// All switches with their keys.
-pub const SWITCHES: [(Switch, KeyCode, &str); 19] = [
+pub const SWITCHES: [(Switch, KeyCode, &str); 20] = [
     (Switch::Pause, KeyCode::Space, "space"),
     (Switch::Step, KeyCode::KeyN, "N"),
     (Switch::Speed, KeyCode::KeyT, "T"),
@@ -41,6 +49,7 @@ pub const SWITCHES: [(Switch, KeyCode, &str); 19] = [
     (Switch::Backend, KeyCode::KeyB, "B"),
     (Switch::Culling, KeyCode::KeyC, "C"),
     (Switch::Budget, KeyCode::KeyE, "E"),
+    (Switch::Level, KeyCode::KeyD, "D"),
     (Switch::Gizmos, KeyCode::KeyG, "G"),
     (Switch::Levels, KeyCode::KeyL, "L"),
     (Switch::Layer(0), KeyCode::Digit1, "1"),
@@ -117,11 +126,17 @@ fn switch(
             clock.single_steps += 1;
         }
         Switch::Backend => {
-            let choices = [MedialBackend::Auto, MedialBackend::Cpu, MedialBackend::Gpu];
-            settings.backend = next(&choices, settings.backend);
+            (settings.backend, settings.pipelined) = next(&BACKENDS, (settings.backend, settings.pipelined));
         }
         Switch::Culling => settings.brute_force = !settings.brute_force,
         Switch::Budget => show.budget_percent = next(&BUDGETS, show.budget_percent),
+        Switch::Level => {
+            let coarsest = show.models.iter().map(|model| model.axis.coarser().len()).max().unwrap_or(0);
+            show.level = match show.level {
+                None => Some(0),
+                Some(level) => Some(level + 1).filter(|level| *level <= coarsest),
+            };
+        }
         Switch::Gizmos => group.enabled = !group.enabled,
         Switch::Levels => layers.color_by_level = !layers.color_by_level,
         Switch::Layer(number) => {
@@ -174,14 +189,65 @@ pub fn label(
         Switch::Speed => (format!("speed 1/{}", 1.0 / clock.speed), clock.speed != 1.0),
         Switch::Restart => ("restart".into(), false),
         Switch::Scene => (format!("scene: {}", show.scene.name), false),
-        Switch::Backend => (format!("back end: {:?}", settings.backend).to_lowercase(), false),
+        Switch::Backend => {
+            let ahead = if settings.pipelined { ", ahead" } else { "" };
+            (format!("back end: {:?}{ahead}", settings.backend).to_lowercase(), settings.pipelined)
+        }
         Switch::Culling => (format!("culling: {}", if settings.brute_force { "none" } else { "hybrid" }), false),
         Switch::Budget => (format!("budget: {} %", show.budget_percent), false),
+        Switch::Level => match show.level {
+            None => ("level: by budget".into(), false),
+            Some(level) => (format!("level: {level}"), true),
+        },
         Switch::Gizmos => ("debug view".into(), group.enabled),
         Switch::Levels => ("by level".into(), layers.color_by_level),
         Switch::Layer(number) => match layers.clone().layers_mut().into_iter().nth(number) {
             Some((name, layer)) => (name.into(), layer.enabled),
             None => (String::new(), false),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy_medial::{
+        medial_axis::MedialAxis,
+        scenes::{Model, Scene},
+    };
+
+    use super::*;
+
+    #[test]
+    fn switches_of_level_and_back_end_go_around() {
+        let ring = |segments| MedialAxis::torus(1.0, 0.2, segments).unwrap();
+        let axis = ring(24).with_coarser(vec![(ring(12), 0.1), (ring(6), 0.2)]);
+        let mut app = App::new();
+        app.add_plugins(plugin).init_resource::<MedialSettings>().init_resource::<GizmoConfigStore>();
+        app.world_mut().resource_mut::<GizmoConfigStore>().insert(default(), MedialGizmos::default());
+        app.insert_resource(Show {
+            scene: Scene::by_name("rods").unwrap(),
+            models: vec![Model { name: "ring".into(), axis }],
+            seed: 1,
+            dt: 1.0 / 60.0,
+            backend: MedialBackend::Auto,
+            budget_percent: 1.0,
+            level: None,
+            folder: default(),
+            overlay: false,
+            layers: Vec::new(),
+        });
+        let mut levels = Vec::new();
+        let mut back_ends = Vec::new();
+        for _ in 0..5 {
+            let world = app.world_mut();
+            levels.push(world.resource::<Show>().level);
+            let settings = world.resource::<MedialSettings>();
+            back_ends.push((settings.backend, settings.pipelined));
+            world.trigger(Switch::Level);
+            world.trigger(Switch::Backend);
+        }
+        assert_eq!(levels, [None, Some(0), Some(1), Some(2), None]);
+        assert_eq!(back_ends[..4], BACKENDS);
+        assert_eq!(back_ends[4], BACKENDS[0]);
     }
 }

@@ -152,6 +152,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         dt: args.dt,
         backend,
         budget_percent: args.budget,
+        level: None,
         folder: folder.clone(),
         overlay: args.overlay,
         layers: args.layers.clone(),

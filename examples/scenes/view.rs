@@ -23,6 +23,8 @@ pub struct Show {
     pub backend: MedialBackend,
     /// Error that bodies may have, in percent of their diagonal.
     pub budget_percent: f32,
+    /// The level of detail that bodies have, whatever the budget.
+    pub level: Option<usize>,
     /// Where the models are.
     pub folder: PathBuf,
     /// Pictures show the overlay.
@@ -107,16 +109,31 @@ fn switch_layers(show: Res<Show>, mut store: ResMut<GizmoConfigStore>) {
     }
 }
 
-/// Gives bodies the budget of the show.
+/// Gives bodies the budget of the show, or that of its level.
 fn keep_budget(
     mut commands: Commands,
     show: Res<Show>,
-    bodies: Query<(Entity, Option<&MedialBudget>), (With<SceneEntity>, With<MedialMesh>)>,
+    bodies: Query<(Entity, &MedialMesh, &Transform, Option<&MedialBudget>), With<SceneEntity>>,
+    axes: Res<Assets<MedialAxis>>,
 ) {
-    let budget = MedialBudget::Percent(show.budget_percent);
-    for (entity, _) in bodies.iter().filter(|(_, own)| *own != Some(&budget)) {
-        commands.entity(entity).try_insert(budget);
+    for (entity, mesh, transform, own) in &bodies {
+        let budget = match show.level.zip(axes.get(&mesh.0)) {
+            Some((level, axis)) => budget_of_level(axis, level, transform.scale.x),
+            None => MedialBudget::Percent(show.budget_percent),
+        };
+        if own != Some(&budget) {
+            commands.entity(entity).try_insert(budget);
+        }
     }
+}
+
+/// The budget within which a level of detail is the coarsest, or the coarsest level if there are not as many.
+pub fn budget_of_level(axis: &MedialAxis, level: usize, scale: f32) -> MedialBudget {
+    /// More than dividing by the scale loses.
+    const ROUNDING: f32 = 1.0 + 1e-5;
+    let levels = axis.coarser();
+    let error = level.min(levels.len()).checked_sub(1).map_or(0.0, |at| levels[at].1);
+    MedialBudget::Metres(error * scale * ROUNDING)
 }
 
 /// Brings the camera to where the scene is seen best whenever there is another one.
@@ -132,4 +149,28 @@ fn look_at_scene(
     let [eye, focus] = show.scene.view;
     let place = Transform::from_translation(eye).looking_at(focus, Vec3::Y);
     commands.entity(*camera).insert((place, PanOrbitCamera { focus, target_focus: focus, ..default() }));
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use bevy_medial::scenes::load_models;
+
+    use super::*;
+
+    #[test]
+    fn the_budget_of_a_level_is_that_of_no_other() {
+        let models = load_models(&Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models")).unwrap();
+        for Model { axis, name } in &models {
+            let coarsest = axis.coarser().len();
+            for level in 0..=coarsest + 1 {
+                for scale in [0.3, 1.0, 7.7] {
+                    let budget = budget_of_level(axis, level, scale);
+                    assert_eq!(budget.level(axis, scale), level.min(coarsest), "{name}, level {level}, scale {scale}");
+                }
+            }
+        }
+        assert!(models.iter().any(|model| model.axis.coarser().len() > 2));
+    }
 }

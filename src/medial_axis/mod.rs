@@ -19,7 +19,7 @@ pub(crate) mod oracle;
 
 use std::sync::Arc;
 
-use bevy::{asset::Asset, reflect::TypePath};
+use bevy::{asset::Asset, reflect::Reflect};
 use glam::{DVec3, Vec3};
 use thiserror::Error;
 
@@ -47,7 +47,8 @@ pub const MAX_SPHERES: usize = 1 << 20;
 /// * primitives are in ascending order (spheres, cones, slabs), as are the indices in each.
 ///
 /// A clone shares everything.
-#[derive(Asset, TypePath, Clone, Debug)]
+#[derive(Asset, Reflect, Clone, Debug)]
+#[reflect(opaque, Clone, Debug)]
 pub struct MedialAxis(Arc<Data>);
 
 #[derive(Clone, Debug)]

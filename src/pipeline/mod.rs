@@ -39,10 +39,10 @@ use std::{
         Arc,
         atomic::{AtomicU64, Ordering},
     },
-    time::{Duration, Instant},
+    time::Duration,
 };
 
-use bevy::tasks::TaskPool;
+use bevy::{platform::time::Instant, tasks::TaskPool};
 use glam::Vec3;
 
 use crate::{

@@ -48,6 +48,7 @@ pub struct BuildMedialMesh(pub FitOptions);
 
 /// How the build of an entity's medial mesh goes. It comes with [`BuildMedialMesh`], and is there to be read.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub enum MedialBuildStatus {
     /// There is no `Mesh3d`, or it has not loaded yet.

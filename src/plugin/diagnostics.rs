@@ -12,6 +12,12 @@ use crate::medial_axis::MedialAxis;
 pub mod paths {
     use bevy::diagnostic::DiagnosticPath;
 
+    /// Noting where bodies were before rapier's step and gathering the input after it, in milliseconds.
+    #[cfg(feature = "rapier")]
+    pub const SNAPSHOT: DiagnosticPath = DiagnosticPath::const_new("medial/snapshot_ms");
+    /// Moving bodies to where they stop and handing the manifolds to rapier, in milliseconds.
+    #[cfg(feature = "rapier")]
+    pub const TABLE: DiagnosticPath = DiagnosticPath::const_new("medial/table_ms");
     /// Broad phase, in milliseconds.
     pub const BROAD: DiagnosticPath = DiagnosticPath::const_new("medial/broad_ms");
     /// Mid phase, in milliseconds.
@@ -28,8 +34,12 @@ pub mod paths {
     pub const BODY_PAIRS: DiagnosticPath = DiagnosticPath::const_new("medial/body_pairs");
     /// Primitive pairs after the mid phase.
     pub const CANDIDATES: DiagnosticPath = DiagnosticPath::const_new("medial/candidates");
+    /// Times of impact that have been asked for.
+    pub const TOI_TESTS: DiagnosticPath = DiagnosticPath::const_new("medial/toi_tests");
     /// Contact points.
     pub const CONTACTS: DiagnosticPath = DiagnosticPath::const_new("medial/contacts");
+    /// Those of them that ran out of rounds: what is told for them is on the safe side.
+    pub const UNRESOLVED: DiagnosticPath = DiagnosticPath::const_new("medial/unresolved");
     /// Passes on the GPU, in milliseconds of its time: those of [`GpuCulling`](crate::gpu::GpuCulling).
     #[cfg(feature = "gpu")]
     pub const GPU: [DiagnosticPath; 7] = [
@@ -65,10 +75,23 @@ pub mod paths {
 }
 
 const TIMES: [DiagnosticPath; 5] = [paths::BROAD, paths::MID, paths::NARROW, paths::STOP, paths::REDUCE];
-const COUNTS: [DiagnosticPath; 5] =
-    [paths::BODIES, paths::BODY_PAIRS, paths::CANDIDATES, paths::CONTACTS, paths::STOPPED];
+#[cfg(feature = "rapier")]
+const TIMES_AROUND: [DiagnosticPath; 2] = [paths::SNAPSHOT, paths::TABLE];
+const COUNTS: [DiagnosticPath; 7] = [
+    paths::BODIES,
+    paths::BODY_PAIRS,
+    paths::CANDIDATES,
+    paths::TOI_TESTS,
+    paths::CONTACTS,
+    paths::UNRESOLVED,
+    paths::STOPPED,
+];
 
 pub(super) fn register(app: &mut App) {
+    #[cfg(feature = "rapier")]
+    for path in TIMES_AROUND {
+        app.register_diagnostic(Diagnostic::new(path).with_suffix("ms"));
+    }
     for path in TIMES {
         app.register_diagnostic(Diagnostic::new(path).with_suffix("ms"));
     }
@@ -98,7 +121,19 @@ pub(super) fn measure(
     for (path, time) in TIMES.iter().zip([times.broad, times.mid, times.narrow, times.stop, times.reduce]) {
         diagnostics.add_measurement(path, || milliseconds(time));
     }
-    let counts = [counts.bodies, counts.body_pairs, counts.candidates, counts.contacts, step.output.stops.len()];
+    #[cfg(feature = "rapier")]
+    for (path, time) in TIMES_AROUND.iter().zip([step.snapshot_time, step.table_time]) {
+        diagnostics.add_measurement(path, || milliseconds(time));
+    }
+    let counts = [
+        counts.bodies,
+        counts.body_pairs,
+        counts.candidates,
+        counts.toi_tests,
+        counts.contacts,
+        counts.unresolved,
+        step.output.stops.len(),
+    ];
     for (path, count) in COUNTS.iter().zip(counts) {
         diagnostics.add_measurement(path, || count as f64);
     }

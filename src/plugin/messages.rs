@@ -2,6 +2,8 @@ use bevy::prelude::*;
 
 /// Where and how two bodies touch.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Clone, PartialEq)]
 pub struct TouchPoint {
     /// When, as a fraction of the step: that of their impact, or 1 where they touch gently, as found at its end.
     pub fraction: f32,
@@ -54,6 +56,8 @@ impl TouchPoint {
 /// }
 /// ```
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Clone, PartialEq)]
 pub struct MedialContactStarted {
     /// The first entity: that of a collider with a medial mesh, on a body or fixed. To an observer: the entity that it observes.
     #[event_target]
@@ -76,6 +80,8 @@ impl MedialContactStarted {
 /// Two bodies have ceased to touch: they are farther apart than the prediction distance, may not collide any more, or one of them is gone.
 /// Told once for each [`MedialContactStarted`], as a message and as an event on those of the two entities that still exist.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Clone, PartialEq)]
 pub struct MedialContactEnded {
     /// The first entity. It may have been despawned. To an observer: the entity that it observes.
     #[event_target]

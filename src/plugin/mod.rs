@@ -38,7 +38,7 @@ mod picking;
 mod pipelined;
 mod report;
 mod step;
-#[cfg(not(feature = "rapier"))]
+#[cfg(any(test, not(feature = "rapier")))]
 mod transforms;
 
 #[cfg(feature = "rapier")]
@@ -59,7 +59,7 @@ pub use diagnostics::paths as diagnostic_paths;
 #[cfg(feature = "debug")]
 pub use gizmos::{MedialGizmo, MedialGizmoLayer, MedialGizmos, MedialGizmosPlugin};
 pub(crate) use importance::Detail;
-#[cfg(not(feature = "rapier"))]
+#[cfg(any(test, not(feature = "rapier")))]
 use importance::DetailItem;
 pub use importance::{MedialFocus, MedialImportance};
 pub use levels::{MedialBudget, MedialLevel};
@@ -140,7 +140,10 @@ pub enum MedialSystems {
 /// Makes medial meshes assets, once: a second time would lose those that are there.
 fn init_medial_axis(app: &mut App) {
     if !app.world().contains_resource::<Assets<MedialAxis>>() {
-        app.init_asset::<MedialAxis>().init_asset_loader::<MaLoader>().init_asset_loader::<MedialLoader>();
+        app.init_asset::<MedialAxis>()
+            .register_asset_reflect::<MedialAxis>()
+            .init_asset_loader::<MaLoader>()
+            .init_asset_loader::<MedialLoader>();
     }
 }
 
@@ -166,6 +169,9 @@ impl Plugin for MedialPhysicsPlugin {
             .register_type::<MedialFocus>()
             .register_type::<MedialSettings>()
             .register_type::<MedialBackend>()
+            .register_type::<MedialStep>()
+            .register_type::<MedialContactStarted>()
+            .register_type::<MedialContactEnded>()
             .init_resource::<MedialSettings>()
             .init_resource::<MedialStep>()
             .add_message::<MedialContactStarted>()

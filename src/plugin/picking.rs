@@ -74,8 +74,9 @@ impl Default for MedialPickingSettings {
 }
 
 /// Marks a camera that picks medial bodies where [`MedialPickingSettings`] require markers.
-#[derive(Component, Clone, Copy, Debug, Default, Reflect)]
-#[reflect(Component, Default, Clone)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Component, Default, Clone, PartialEq)]
 pub struct MedialPickingCamera;
 
 /// What may be hit.

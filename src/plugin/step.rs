@@ -1,7 +1,9 @@
-use std::time::Duration;
 #[cfg(feature = "gpu")]
-use std::{sync::Arc, time::Instant};
+use std::sync::Arc;
+use std::time::Duration;
 
+#[cfg(feature = "gpu")]
+use bevy::platform::time::Instant;
 use bevy::{prelude::*, tasks::ComputeTaskPool};
 #[cfg(feature = "rapier")]
 use bevy_rapier3d::rapier::geometry::ColliderHandle;
@@ -73,11 +75,11 @@ pub struct BodyInfo {
 
 impl BodyInfo {
     /// An entity that does not move.
-    pub(crate) fn at_rest(entity: Entity, #[cfg(feature = "rapier")] collider: ColliderHandle) -> Self {
+    pub(crate) fn at_rest(entity: Entity) -> Self {
         Self {
             entity,
             #[cfg(feature = "rapier")]
-            collider,
+            collider: ColliderHandle::invalid(),
             sensor: false,
             asleep: false,
             center: Vec3::ZERO,
@@ -107,28 +109,45 @@ impl BodyInfo {
 }
 
 /// Input and output of the last step, and who the indices in them are.
-#[derive(Resource, Default)]
+///
+/// Reflection shows what is told of the step as a whole.
+#[derive(Resource, Default, Reflect)]
+#[reflect(Resource, Default)]
 pub struct MedialStep {
     /// A copy of the settings.
     pub(crate) settings: MedialSettings,
     /// Poses, shapes, motions.
+    #[reflect(ignore)]
     pub input: StepInput,
     /// Static bodies.
+    #[reflect(ignore)]
     pub statics: Statics,
     /// Pairs, contacts, impacts, counts and times.
+    #[reflect(ignore)]
     pub output: StepOutput,
-    /// Number of the step.
+    /// Number of the step. What the GPU looks ahead for counts by it, so a saved one must not come back.
+    #[reflect(ignore)]
     number: u64,
     /// Entity and velocities of each body.
+    #[reflect(ignore)]
     pub infos: Vec<BodyInfo>,
     /// Entity of each static.
+    #[reflect(ignore)]
     pub static_infos: Vec<BodyInfo>,
     /// The rapier context of each world.
     #[cfg(feature = "rapier")]
+    #[reflect(ignore)]
     pub(crate) worlds: Vec<Entity>,
     /// Length of the step in seconds; of several worlds that of the first.
     pub dt: f32,
+    /// Time that it took to note where bodies were before rapier's step, and to gather the input after it.
+    #[cfg(feature = "rapier")]
+    pub snapshot_time: Duration,
+    /// Time that it took to move bodies to where they stop, and to hand the manifolds to rapier.
+    #[cfg(feature = "rapier")]
+    pub table_time: Duration,
     #[cfg(feature = "gpu")]
+    #[reflect(ignore)]
     pub(super) gpu: GpuBackend,
     /// By how many steps the answer of the GPU was late that the last step went by, 0 if it was waited for; none if the CPU has culled the step.
     #[cfg(feature = "gpu")]

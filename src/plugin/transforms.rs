@@ -128,3 +128,103 @@ fn detect(
     }
     step.run(|_, _, _| Meeting::Stopping);
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use bevy::{
+        asset::AssetPlugin, diagnostic::DiagnosticsPlugin, ecs::message::MessageCursor, time::TimeUpdateStrategy,
+    };
+
+    use super::*;
+    use crate::plugin::{MedialBackend, MedialContactEnded, MedialContactStarted, MedialPhysicsPlugin};
+
+    const RADIUS: f32 = 0.1;
+
+    /// An app without rapier, each of whose updates is 1/60 s.
+    fn app() -> App {
+        let mut app = App::new();
+        let physics = MedialPhysicsPlugin { add_systems, ..default() };
+        app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, DiagnosticsPlugin, physics))
+            .insert_resource(MedialSettings { backend: MedialBackend::Cpu, ..default() })
+            .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(1.0 / 60.0)));
+        app
+    }
+
+    fn ball(app: &mut App, x: f32) -> Entity {
+        let ball = app.world_mut().resource_mut::<Assets<MedialAxis>>().add(MedialAxis::sphere(RADIUS).unwrap());
+        app.world_mut().spawn((MedialMesh(ball), Transform::from_xyz(x, 0.0, 0.0))).id()
+    }
+
+    /// A wall of 2 cm.
+    fn wall(app: &mut App) -> Entity {
+        app.world_mut().spawn((StaticObb::new(0.01, 1.0, 1.0), Transform::default())).id()
+    }
+
+    fn place(app: &mut App, entity: Entity, x: f32) {
+        app.world_mut().get_mut::<Transform>(entity).unwrap().translation.x = x;
+        app.update();
+    }
+
+    /// What has been told so far.
+    fn told(app: &App) -> (Vec<MedialContactStarted>, Vec<MedialContactEnded>) {
+        let world = app.world();
+        let started = MessageCursor::default().read(world.resource::<Messages<_>>()).copied().collect();
+        (started, MessageCursor::default().read(world.resource::<Messages<_>>()).copied().collect())
+    }
+
+    #[test]
+    fn a_body_that_is_moved_through_a_wall_is_told_of_and_goes_on() {
+        let mut app = app();
+        let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
+        app.update();
+        app.update();
+        assert_eq!(told(&app), (vec![], vec![]));
+        place(&mut app, ball, 1.0);
+        let (started, ended) = told(&app);
+        let [hit] = started[..] else { panic!("{started:?}") };
+        assert_eq!((hit.entity1, hit.entity2, hit.sensor, ended.len()), (ball, wall, false, 0));
+        // Its side has two metres to go, and meets the wall after 89 cm.
+        assert!((hit.touch.fraction - 0.445).abs() < 1e-3, "{hit:?}");
+        assert!(
+            hit.touch.normal.distance(Vec3::X) < 1e-4 && (hit.touch.approach_speed - 120.0).abs() < 0.01,
+            "{hit:?}"
+        );
+        assert_eq!(app.world().get::<Transform>(ball).unwrap().translation, Vec3::X);
+        app.update();
+        let ended = told(&app).1;
+        assert_eq!(ended, [MedialContactEnded { entity1: ball, entity2: wall }]);
+    }
+
+    #[test]
+    fn two_bodies_meet_even_if_one_of_them_is_not_to_stop() {
+        for enabled in [true, false] {
+            let mut app = app();
+            let [one, other] = [-1.0, 1.0].map(|x| ball(&mut app, x));
+            app.world_mut().entity_mut(other).insert(MedialCcd { enabled });
+            app.update();
+            app.world_mut().get_mut::<Transform>(one).unwrap().translation.x = 1.0;
+            place(&mut app, other, -1.0);
+            let started = told(&app).0;
+            let [hit] = started[..] else { panic!("{started:?}") };
+            assert!((hit.touch.fraction - 0.45).abs() < 1e-3, "{hit:?}");
+        }
+    }
+
+    #[test]
+    fn a_wall_is_where_its_transform_says() {
+        let mut app = app();
+        let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
+        app.update();
+        place(&mut app, wall, 5.0);
+        place(&mut app, ball, 1.0);
+        assert_eq!(told(&app).0, []);
+        place(&mut app, wall, 0.0);
+        place(&mut app, ball, -1.0);
+        assert_eq!(told(&app).0.len(), 1);
+        app.world_mut().despawn(wall);
+        app.update();
+        assert_eq!(app.world().resource::<MedialStep>().statics.bodies().len(), 0);
+    }
+}

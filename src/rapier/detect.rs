@@ -1,12 +1,13 @@
 //! The step of the pipeline around rapier's: poses before it, the motion that it has solved, and what comes of that.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{collections::HashMap, sync::Arc, time::Duration};
 
 use bevy::{
     ecs::{
         query::QueryData,
         system::{StaticSystemParam, SystemParamItem},
     },
+    platform::time::Instant,
     prelude::*,
 };
 use bevy_rapier3d::{
@@ -70,6 +71,7 @@ pub(super) struct Snapshot {
     starts: HashMap<(Entity, ColliderHandle), Start>,
     /// How far each world was ahead of the time that is shown, in seconds.
     leads: HashMap<Entity, f32>,
+    took: Duration,
 }
 
 #[derive(Clone, Copy)]
@@ -101,6 +103,7 @@ fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
 }
 
 pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, table: Res<ContactTable>, contexts: Query<Context>) {
+    let clock = Instant::now();
     let snapshot = snapshot.as_mut();
     let mut paces = HashMap::new();
     let mut length_unit = 0.0f32;
@@ -121,6 +124,7 @@ pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, table: Res<ContactTable>,
         }
     }
     table.prepare(paces, length_unit);
+    snapshot.took = clock.elapsed();
 }
 
 /// Seconds that rapier has simulated in its step.
@@ -216,6 +220,7 @@ pub(super) fn detect<Hooks>(
     if !contexts.iter().any(running) {
         return;
     }
+    let clock = Instant::now();
     let step = step.as_mut();
     step.settings = *settings;
     // Where bodies sleep. One that sleeps elsewhere now was put there, as by a context that is restored, and is looked at once.
@@ -312,12 +317,14 @@ pub(super) fn detect<Hooks>(
         *known = fixed;
     }
     let hooks = hooks.into_inner();
+    step.snapshot_time = snapshot.took + clock.elapsed();
     step.run(|step, first, second| {
         let Ok(context) = contexts.get(step.context(first)) else { return Meeting::Apart };
         let pair = [first, second].map(|side| step.info(side).collider);
         let narrow_phase = &context.simulation.narrow_phase;
         hooks::meeting(&hooks, pair, &context.bodies.bodies, &context.colliders.colliders, narrow_phase)
     });
+    let clock = Instant::now();
     for (world, (entity, dt)) in (0..).zip(&worlds) {
         if let Ok(context) = contexts.get_mut(*entity) {
             stop_bodies(step, &astray, world, *dt, context);
@@ -330,6 +337,7 @@ pub(super) fn detect<Hooks>(
         }
     }
     table.fill(entries);
+    step.table_time = clock.elapsed();
 }
 
 /// Rebuilds the statics: one of them has come, gone or changed.
@@ -342,7 +350,8 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
         let &Fixed { pose, owner, types, world, passes, .. } = item;
         let order = order(item.collider);
         bodies.push(StaticBody { solid, pose, order, owner, groups, types, stop_groups, world, passes });
-        step.static_infos.push(BodyInfo { sensor: item.sensor, ..BodyInfo::at_rest(item.entity, item.collider) });
+        let &Fixed { entity, collider, sensor, .. } = item;
+        step.static_infos.push(BodyInfo { collider, sensor, ..BodyInfo::at_rest(entity) });
     }
     step.statics = Statics::new(bodies);
 }

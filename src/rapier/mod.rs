@@ -81,6 +81,7 @@ where
         app.add_plugins(RapierPhysicsPlugin::<Hooks>::default().in_schedule(schedule));
     }
     app.init_resource::<ContactTable>()
+        .register_type::<ContactTable>()
         .init_resource::<detect::Snapshot>()
         .init_resource::<quarantine::Running>()
         .configure_sets(

@@ -3,7 +3,7 @@ use std::{
     sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard},
 };
 
-use bevy::prelude::Resource;
+use bevy::prelude::*;
 use bevy_rapier3d::parry::shape::Shape;
 
 use super::{pace::Pace, shape::MedialShape};
@@ -13,8 +13,11 @@ use crate::{geometry::Pose3, pipeline::Manifold};
 ///
 /// Manifolds are a pure function of shapes, relative pose, prediction distance and length unit, which are in the key but for the last: an
 /// entry is never wrong, only missing once a body has been moved in between.
-#[derive(Resource, Clone, Default)]
-pub struct ContactTable(Arc<RwLock<Entries>>);
+///
+/// Reflection sees that it is there, and nothing in it: it is full of addresses of this run.
+#[derive(Resource, Clone, Default, Reflect)]
+#[reflect(Resource, Default, Clone)]
+pub struct ContactTable(#[reflect(ignore, clone)] Arc<RwLock<Entries>>);
 
 struct Entries {
     manifolds: HashMap<PairKey, Vec<Manifold>>,

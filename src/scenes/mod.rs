@@ -87,16 +87,22 @@ impl Scene {
 }
 
 /// Marks what a scene has spawned.
-#[derive(Component, Clone, Copy, Debug, Default)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Component, Default, Clone, PartialEq)]
 pub struct SceneEntity;
 
 /// Marks the fast body of the scene `dinosaur`.
-#[derive(Component, Clone, Copy, Debug, Default)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Component, Default, Clone, PartialEq)]
 pub struct Projectile;
 
 /// Marks a body of the scene `bullets`: rapier would hold it to 400 m/s and an eighth of a turn a step, whatever hits it. See
 /// [`lift_speed_limits`].
-#[derive(Component, Clone, Copy, Debug, Default)]
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Component, Default, Clone, PartialEq)]
 pub struct Bullet;
 
 /// Beyond this distance from the origin, in metres, a body has escaped.

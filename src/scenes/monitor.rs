@@ -1,11 +1,8 @@
 //! What happens in a scene, measured: times, counts, and the signs that something went wrong.
 
-use std::{
-    collections::HashSet,
-    time::{Duration, Instant},
-};
+use std::{collections::HashSet, time::Duration};
 
-use bevy::prelude::*;
+use bevy::{platform::time::Instant, prelude::*};
 use bevy_rapier3d::{
     plugin::context::{DefaultRapierContext, RapierContextColliders, RapierContextSimulation, RapierRigidBodySet},
     prelude::{PhysicsSet, RapierConfiguration},
@@ -13,7 +10,7 @@ use bevy_rapier3d::{
 };
 use serde::Serialize;
 
-use super::{Projectile, WORLD_RADIUS};
+use super::{Bullet, Projectile, SceneEntity, WORLD_RADIUS};
 use crate::{
     pipeline::{Impact, Pair, Side, Times},
     plugin::{MedialContactStarted, MedialStep, MedialSystems},
@@ -23,7 +20,8 @@ use crate::{
 const UNEXPLAINED_SPEED: f32 = 0.1;
 
 /// What was seen in every step so far.
-#[derive(Resource, Default)]
+#[derive(Resource, Default, Reflect)]
+#[reflect(Resource, Default)]
 pub struct Monitor {
     /// A row for each step.
     pub rows: Vec<Row>,
@@ -36,12 +34,13 @@ pub struct Monitor {
     /// Everything that the scene's projectile has touched.
     pub touched_by_projectile: HashSet<Entity>,
     near: HashSet<Entity>,
+    #[reflect(ignore)]
     step_begin: Option<Instant>,
     response: Duration,
 }
 
 /// One step.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Reflect, Serialize)]
 pub struct Row {
     /// Broad phase, in milliseconds.
     pub broad_ms: f64,
@@ -157,16 +156,21 @@ pub struct Summary {
     pub seed: u64,
 }
 
-/// Adds the monitor to an app whose physics runs in `PostUpdate`.
+/// Adds the monitor to an app whose physics runs in `PostUpdate`, and lets the app reflect what scenes spawn.
 pub fn add_monitor(app: &mut App) {
-    app.init_resource::<Monitor>().add_systems(
-        PostUpdate,
-        (
-            begin_response.after(MedialSystems::Snapshot).before(PhysicsSet::StepSimulation),
-            end_response.after(PhysicsSet::StepSimulation).before(MedialSystems::Detect),
-            watch.after(MedialSystems::Report),
-        ),
-    );
+    app.init_resource::<Monitor>()
+        .register_type::<Monitor>()
+        .register_type::<SceneEntity>()
+        .register_type::<Projectile>()
+        .register_type::<Bullet>()
+        .add_systems(
+            PostUpdate,
+            (
+                begin_response.after(MedialSystems::Snapshot).before(PhysicsSet::StepSimulation),
+                end_response.after(PhysicsSet::StepSimulation).before(MedialSystems::Detect),
+                watch.after(MedialSystems::Report),
+            ),
+        );
 }
 
 fn begin_response(mut monitor: ResMut<Monitor>) {

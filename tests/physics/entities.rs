@@ -3,12 +3,27 @@
 use std::{fs, path::PathBuf, time::Duration};
 
 use bevy::{
-    asset::{AssetServer, LoadState},
+    asset::{
+        AssetServer, EphemeralHandleBehavior, HandleDeserializeProcessor, HandleSerializeProcessor, LoadState,
+        ReflectAsset,
+    },
+    ecs::reflect::{ReflectComponent, ReflectResource},
     prelude::*,
+    reflect::{
+        PartialReflect, ReflectFromReflect, TypeRegistration, TypeRegistry,
+        serde::{TypedReflectDeserializer, TypedReflectSerializer},
+    },
     time::Fixed,
 };
-use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_medial::{
+    builder::FitOptions,
+    medial_axis::MedialAxis,
+    plugin::{MedialGizmos, MedialPickingCamera},
+    prelude::*,
+    scenes::{Bullet, Projectile, SceneEntity, add_monitor},
+};
 use bevy_rapier3d::prelude::{Collider, ColliderMassProperties, RapierConfiguration, RigidBody};
+use serde::de::DeserializeSeed;
 
 use crate::common::*;
 
@@ -190,4 +205,110 @@ fn in_the_fixed_schedule_a_body_falls_and_rests_as_well() {
         assert!((height - TUBE).abs() < 2e-3 && is_at_rest(&mut app, body), "{rate}: {height}");
         assert_eq!(record.counts(body, ground), [1, 0], "{rate}");
     }
+}
+
+/// The value as text and read from it, as saved worlds are: handles by the paths of their files.
+fn through_text(
+    value: &dyn PartialReflect,
+    registration: &TypeRegistration,
+    registry: &TypeRegistry,
+    assets: &AssetServer,
+) -> Box<dyn PartialReflect> {
+    let write = HandleSerializeProcessor { ephemeral_handle_behavior: EphemeralHandleBehavior::Error };
+    let text = serde_json::to_string(&TypedReflectSerializer::with_processor(value, registry, &write)).unwrap();
+    let mut load_from_path = assets.clone();
+    let mut read = HandleDeserializeProcessor { load_from_path: &mut load_from_path };
+    let seed = TypedReflectDeserializer::with_processor(registration, registry, &mut read);
+    seed.deserialize(&mut serde_json::Deserializer::from_str(&text)).unwrap()
+}
+
+#[test]
+fn all_components_and_resources_are_reflected_and_come_back_from_text() {
+    let plugins = (MedialPhysicsPlugin::default(), MedialBuildPlugin::default(), MedialPickingPlugin);
+    let mut app = app_with(plugins, &assets());
+    add_monitor(&mut app);
+    let mesh = load(&app, "models/bear.medial");
+    let options = FitOptions { spheres: Some(7), max_error: Some(0.5), levels: true, searches: Some(2), seed: 9 };
+    let world = app.world_mut();
+    let original = world
+        .spawn((
+            (mesh, StaticObb::new(1.0, 2.0, 3.0), MedialCcd { enabled: false }, MedialBudget::Metres(0.25)),
+            (MedialLevel(3), MedialImportance(2.0), MedialFocus::default(), BuildMedialMesh(options)),
+            (MedialBuildStatus::Building(0.5), MedialGizmo { enabled: false, color: Some(Color::WHITE) }),
+            (MedialPickingCamera, SceneEntity, Projectile, Bullet),
+        ))
+        .id();
+    let copy = world.spawn_empty().id();
+    *world.resource_mut::<MedialSettings>() =
+        MedialSettings { stop_at_impact: false, brute_force: true, backend: MedialBackend::Cpu, pipelined: true };
+
+    let registry = world.resource::<AppTypeRegistry>().clone();
+    let registry = registry.read();
+    let assets = world.resource::<AssetServer>().clone();
+    let [mut components, mut resources] = [Vec::new(), Vec::new()];
+    for registration in registry.iter().filter(|r| r.type_info().type_path().starts_with("bevy_medial::")) {
+        let Some(component) = registration.data::<ReflectComponent>() else { continue };
+        let name = registration.type_info().type_path_table().short_path();
+        let is_resource = registration.contains::<ReflectResource>();
+        // Resources are components of entities of their own.
+        let entities: Vec<Entity> = world.query::<Entity>().query(world).iter().collect();
+        let owner = entities.into_iter().find(|&entity| component.contains(world.entity(entity)));
+        let owner = owner.unwrap_or_else(|| panic!("{name} is nowhere"));
+        assert!(is_resource || owner == original, "{name}");
+        let value = component.reflect(world.entity(owner)).unwrap();
+        let read = through_text(value.as_partial_reflect(), registration, &registry, &assets);
+        let read = registration.data::<ReflectFromReflect>().unwrap().from_reflect(&*read).expect(name);
+        assert_eq!(read.reflect_partial_eq(value.as_partial_reflect()), Some(true), "{name}: {read:?} {value:?}");
+        if is_resource {
+            resources.push(name);
+            continue;
+        }
+        components.push(name);
+        component.insert(&mut world.entity_mut(copy), read.as_partial_reflect(), &registry);
+        let [value, copied] = [original, copy].map(|entity| component.reflect(world.entity(entity)).unwrap());
+        assert_eq!(copied.reflect_partial_eq(value.as_partial_reflect()), Some(true), "{name}");
+    }
+    components.sort();
+    resources.sort();
+    let expected = [
+        "BuildMedialMesh",
+        "Bullet",
+        "MedialBudget",
+        "MedialBuildStatus",
+        "MedialCcd",
+        "MedialFocus",
+        "MedialGizmo",
+        "MedialImportance",
+        "MedialLevel",
+        "MedialMesh",
+        "MedialPickingCamera",
+        "Projectile",
+        "SceneEntity",
+        "StaticObb",
+    ];
+    assert_eq!(components, expected);
+    let expected = ["ContactTable", "GpuCapacity", "MedialPickingSettings", "MedialSettings", "MedialStep", "Monitor"];
+    assert_eq!(resources, expected);
+    assert!(registry.get_type_data::<ReflectAsset>(std::any::TypeId::of::<MedialAxis>()).is_some());
+}
+
+#[test]
+fn messages_and_layers_come_back_from_text() {
+    let touch = TouchPoint {
+        fraction: 0.5,
+        point: Vec3::X,
+        normal: Vec3::Y,
+        separation: -0.25,
+        approach_speed: 3.0,
+        primitive1: 4,
+        primitive2: 5,
+    };
+    let [entity1, entity2] = [7, 8].map(Entity::from_raw_u32).map(Option::unwrap);
+    let started = MedialContactStarted { entity1, entity2, touch, sensor: true };
+    let ended = MedialContactEnded { entity1, entity2 };
+    let mut layers = MedialGizmos { normal_length: 0.125, color_by_level: true, ..default() };
+    layers.contacts.color = Color::WHITE;
+    let text = serde_json::to_string(&(started, ended, &layers)).unwrap();
+    let read: (MedialContactStarted, MedialContactEnded, MedialGizmos) = serde_json::from_str(&text).unwrap();
+    assert_eq!(read, (started, ended, layers));
 }

@@ -7,8 +7,9 @@ use bevy_medial::{
     medial_axis::MedialAxis,
     plugin::{MedialGizmo, MedialGizmos},
     prelude::*,
-    scenes::Scene,
+    scenes::{Scene, SceneEntity},
 };
+use bevy_rapier3d::prelude::Velocity;
 
 use crate::common::*;
 
@@ -30,14 +31,22 @@ fn outlines(app: &mut App) -> Vec<(Entity, usize, AssetId<GizmoAsset>)> {
     query.iter(world).map(|(parent, gizmo)| (parent.0, corners(gizmo), gizmo.handle.id())).collect()
 }
 
-/// Corners of the lines that a frame draws anew.
-fn drawn(app: &mut App) -> usize {
+/// Corners of the lines that a frame draws anew, each with its colour.
+fn lines(app: &mut App) -> Vec<(Vec3, LinearRgba)> {
     app.update();
     let world = app.world();
     let handles = world.resource::<GizmoHandles>().handles();
-    let Some(Some(handle)) = handles.get(&TypeId::of::<MedialGizmos>()) else { return 0 };
+    let Some(Some(handle)) = handles.get(&TypeId::of::<MedialGizmos>()) else { return Vec::new() };
     let buffer = world.resource::<Assets<GizmoAsset>>().get(handle).unwrap().buffer();
-    buffer.list_positions.len() + buffer.strip_positions.len()
+    let list = buffer.list_positions.iter().zip(&buffer.list_colors);
+    let strips = buffer.strip_positions.iter().zip(&buffer.strip_colors);
+    // What is not a number parts strips.
+    list.chain(strips).filter(|(place, _)| place.is_finite()).map(|(place, color)| (*place, *color)).collect()
+}
+
+/// How many.
+fn drawn(app: &mut App) -> usize {
+    lines(app).len()
 }
 
 /// The scene of rods when bodies have met them.
@@ -121,33 +130,125 @@ fn a_body_is_drawn_at_the_level_by_which_it_collides() {
     }
 }
 
+/// The layers that are drawn of a step, with their colours.
+fn layers_of_steps() -> Vec<(&'static str, LinearRgba)> {
+    let shapes = ["spheres", "cones", "slabs"];
+    let mut layers = MedialGizmos::default();
+    let layers = layers.layers_mut().map(|(name, layer)| (name, layer.color.to_linear()));
+    layers.into_iter().filter(|(name, _)| !shapes.contains(name)).collect()
+}
+
+/// Turns all layers off but the one of that name, if there is one.
+fn show_only(app: &mut App, name: &str) {
+    set(app, |group, layers| {
+        group.enabled = true;
+        layers.layers_mut().into_iter().for_each(|(other, layer)| layer.enabled = other == name);
+    });
+}
+
+/// Colours of the first frame that draws anything. The candidates are those of the next step; impacts come and go.
+fn first_colors(app: &mut App) -> Option<Vec<LinearRgba>> {
+    let lines = (0..120).map(|_| lines(app)).find(|lines| !lines.is_empty())?;
+    Some(lines.into_iter().map(|(_, color)| color).collect())
+}
+
 #[test]
 fn each_layer_of_a_step_adds_lines_and_takes_them_away() {
     let mut app = rods();
     assert_eq!(drawn(&mut app), 0, "the group is off");
-    set(&mut app, |group, layers| {
-        group.enabled = true;
-        layers.layers_mut().into_iter().for_each(|(_, layer)| layer.enabled = false);
-    });
+    show_only(&mut app, "nothing");
     assert_eq!(drawn(&mut app), 0, "every layer is off");
-    let names: Vec<&str> = MedialGizmos::default().layers_mut().map(|(name, _)| name).into();
-    let shapes = ["spheres", "cones", "slabs"];
-    let switch = |app: &mut App, name: &str, on: bool| {
-        set(app, |_, layers| {
-            let layers = layers.layers_mut().into_iter();
-            layers.filter(|(other, _)| *other == name).for_each(|(_, layer)| layer.enabled = on);
-        });
-    };
-    for name in names.iter().filter(|name| !shapes.contains(name)) {
-        switch(&mut app, name, true);
-        // The candidates are those of the next step; impacts come and go.
-        let corners = (0..120).map(|_| drawn(&mut app)).find(|corners| *corners > 0);
-        assert!(corners.is_some(), "{name} draws nothing");
-        switch(&mut app, name, false);
+    for (name, color) in layers_of_steps() {
+        show_only(&mut app, name);
+        let colors = first_colors(&mut app).unwrap_or_else(|| panic!("{name} draws nothing"));
+        assert!(colors.iter().all(|other| *other == color), "{name}: {colors:?}");
+        show_only(&mut app, "nothing");
         assert_eq!(drawn(&mut app), 0, "{name} is left");
     }
     let step = app.world().resource::<MedialStep>();
     assert!(step.output.candidates.is_empty() || !step.input.report_candidates);
+}
+
+#[test]
+fn an_entity_has_its_own_colour_in_each_layer_of_a_step_or_is_left_out() {
+    // The hierarchy is of no entity.
+    for (name, _) in layers_of_steps().into_iter().filter(|(name, _)| *name != "hierarchy") {
+        let mut app = rods();
+        show_only(&mut app, name);
+        let mut with = |gizmo| {
+            let world = app.world_mut();
+            let entities: Vec<Entity> = world.query_filtered::<Entity, With<SceneEntity>>().iter(world).collect();
+            for entity in entities {
+                world.entity_mut(entity).insert(gizmo);
+            }
+            first_colors(&mut app)
+        };
+        let colors = with(MedialGizmo { enabled: true, color: Some(Color::WHITE) });
+        let colors = colors.unwrap_or_else(|| panic!("{name} draws nothing"));
+        assert!(colors.iter().all(|color| *color == LinearRgba::WHITE), "{name}: {colors:?}");
+        assert_eq!(with(MedialGizmo { enabled: false, color: None }), None, "{name}");
+    }
+}
+
+#[test]
+fn a_body_that_stops_is_drawn_where_it_stops() {
+    let mut app = app();
+    set(&mut app, |group, layers| {
+        group.enabled = true;
+        layers.layers_mut().into_iter().for_each(|(name, layer)| layer.enabled = name == "stops");
+    });
+    let scale = 0.5;
+    let place = Transform::from_xyz(0.0, 1.0, 0.0).with_scale(Vec3::splat(scale));
+    let fast = Velocity { linear: Vec3::NEG_Y * 100.0, angular: Vec3::ZERO };
+    let body = spawn_flying(&mut app, model("bear"), place, fast);
+    spawn_ground(&mut app);
+    let there = (0..10).find(|_| {
+        app.update();
+        !app.world().resource::<MedialStep>().output.stops.is_empty()
+    });
+    assert!(there.is_some(), "it does not stop");
+    let step = app.world().resource::<MedialStep>();
+    let stop = step.output.stops[0];
+    assert_eq!(step.infos[stop.body as usize].entity, body);
+    let [(places, color)] = &stop_outlines(&mut app)[..] else { panic!("one outline") };
+    assert_eq!(*color, MedialGizmos::default().stops.color.to_linear());
+    for sphere in model("bear").spheres().iter().map(|sphere| sphere.scaled(scale)) {
+        let center = stop.pose.transform_point(sphere.center);
+        let on_it = |place: &&Vec3| (place.distance(center) - sphere.radius).abs() < 1e-5;
+        // Three circles.
+        assert!(places.iter().filter(on_it).count() >= 48, "a sphere is missing at {center}");
+    }
+    // Once more, in a colour of its own; hidden; and no more when nothing stops.
+    let mut again = |gizmo| {
+        let mut body = app.world_mut().entity_mut(body);
+        body.insert((gizmo, place, fast));
+        (0..10).find_map(|_| {
+            app.update();
+            let stops = !app.world().resource::<MedialStep>().output.stops.is_empty();
+            stops.then(|| stop_outlines(&mut app))
+        })
+    };
+    let own = again(MedialGizmo { color: Some(Color::WHITE), ..default() }).expect("it stops");
+    assert_eq!(own.iter().map(|(_, color)| *color).collect::<Vec<_>>(), [LinearRgba::WHITE]);
+    assert!(again(MedialGizmo { enabled: false, color: None }).expect("it stops").is_empty());
+    assert_eq!(again(MedialGizmo::default()).expect("it stops").len(), 1);
+    app.world_mut().despawn(body);
+    run(&mut app, 3);
+    assert!(stop_outlines(&mut app).is_empty());
+    assert_eq!(app.world().resource::<Assets<GizmoAsset>>().len(), 0, "lines that nobody shows are gone");
+}
+
+/// The shapes that are shown where bodies have stopped: corners in the world, and the colour of the first.
+fn stop_outlines(app: &mut App) -> Vec<(Vec<Vec3>, LinearRgba)> {
+    let mut query = app.world_mut().query_filtered::<(&Gizmo, &GlobalTransform), Without<ChildOf>>();
+    let world = app.world();
+    let lines = world.resource::<Assets<GizmoAsset>>();
+    let corners = |(gizmo, transform): (&Gizmo, &GlobalTransform)| {
+        let buffer = lines.get(&gizmo.handle).unwrap().buffer();
+        let places = buffer.strip_positions.iter().map(|place| transform.transform_point(*place)).collect();
+        (places, buffer.strip_colors[0])
+    };
+    query.iter(world).map(corners).collect()
 }
 
 #[test]

@@ -329,3 +329,43 @@ fn diagnostics_tell_how_many_are_at_which_level_and_what_shapes_take() {
     run(&mut app, 3);
     assert_eq!(value(&app, &SHAPE_MEMORY), memory);
 }
+
+#[test]
+fn diagnostics_tell_what_the_step_tells() {
+    use bevy::diagnostic::DiagnosticsStore;
+    use bevy_medial::{plugin::diagnostic_paths as paths, scenes::Scene};
+
+    let mut app = app();
+    Scene::by_name("rods").unwrap().spawn(app.world_mut(), models(), 1);
+    let mut sums = [0.0; 14];
+    for _ in 0..90 {
+        app.update();
+        let step = app.world().resource::<MedialStep>();
+        let (counts, times) = (&step.output.counts, &step.output.times);
+        let ms = |time: std::time::Duration| time.as_secs_f64() * 1e3;
+        let expected = [
+            (paths::SNAPSHOT, ms(step.snapshot_time)),
+            (paths::BROAD, ms(times.broad)),
+            (paths::MID, ms(times.mid)),
+            (paths::NARROW, ms(times.narrow)),
+            (paths::STOP, ms(times.stop)),
+            (paths::REDUCE, ms(times.reduce)),
+            (paths::TABLE, ms(step.table_time)),
+            (paths::BODIES, counts.bodies as f64),
+            (paths::BODY_PAIRS, counts.body_pairs as f64),
+            (paths::CANDIDATES, counts.candidates as f64),
+            (paths::TOI_TESTS, counts.toi_tests as f64),
+            (paths::CONTACTS, counts.contacts as f64),
+            (paths::UNRESOLVED, counts.unresolved as f64),
+            (paths::STOPPED, step.output.stops.len() as f64),
+        ];
+        let store = app.world().resource::<DiagnosticsStore>();
+        for (sum, (path, value)) in sums.iter_mut().zip(&expected) {
+            assert_eq!(store.get(path).unwrap().value(), Some(*value), "{path}");
+            *sum += value;
+        }
+    }
+    // All but the unresolved are there to be told apart.
+    let [times @ .., _, _] = &sums;
+    assert!(times.iter().all(|sum| *sum > 0.0) && sums[13] > 0.0, "{sums:?}");
+}

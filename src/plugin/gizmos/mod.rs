@@ -1,10 +1,11 @@
 //! What the plugin sees, drawn as lines.
 //!
-//! The shapes are many lines that do not change: they are drawn once for each shape and level of detail, and retained beside each body. All else
-//! is drawn anew in every frame, from [`MedialStep`].
+//! The shapes are many lines that do not change: they are drawn once for each shape and level of detail, and retained beside each body, and where
+//! bodies stop. All else is drawn anew in every frame, from [`MedialStep`].
 
 mod outlines;
 mod step;
+mod stops;
 mod wireframe;
 
 use bevy::prelude::*;
@@ -23,8 +24,9 @@ use super::MedialStep;
 ///     layers.candidates.enabled = true;
 /// }
 /// ```
-#[derive(GizmoConfigGroup, Reflect, Clone, Debug)]
-#[reflect(Default)]
+#[derive(GizmoConfigGroup, Reflect, Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Default, Clone, PartialEq)]
 pub struct MedialGizmos {
     /// The spheres of each shape, at the level of detail by which it collides. Default: on.
     pub spheres: MedialGizmoLayer,
@@ -46,12 +48,15 @@ pub struct MedialGizmos {
     pub contacts: MedialGizmoLayer,
     /// Length of a normal, in metres. Default: 0.2.
     pub normal_length: f32,
-    /// Bodies that have stopped at an impact within the step: their boxes there, and where they hit. Default: on.
+    /// Bodies that have stopped at an impact within the step: their shapes there, boxes of those that are not medial, and where they hit.
+    /// Default: on.
     pub stops: MedialGizmoLayer,
 }
 
 /// A layer of [`MedialGizmos`].
 #[derive(Reflect, Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
+#[reflect(Clone, PartialEq)]
 pub struct MedialGizmoLayer {
     /// Whether it is drawn.
     pub enabled: bool,
@@ -143,6 +148,7 @@ impl Plugin for MedialGizmosPlugin {
             app.init_asset::<GizmoAsset>();
         }
         app.insert_gizmo_config(MedialGizmos::default(), GizmoConfig { enabled: false, ..default() })
+            .init_resource::<outlines::Lines>()
             .register_type::<MedialGizmo>()
             .register_type::<MedialGizmoLayer>()
             .add_systems(
@@ -151,7 +157,7 @@ impl Plugin for MedialGizmosPlugin {
                     (outlines::outline, outlines::follow_config.run_if(resource_changed::<GizmoConfigStore>))
                         .chain()
                         .before(TransformSystems::Propagate),
-                    (step::ask_for_candidates, step::draw.run_if(is_enabled))
+                    (stops::outline, step::ask_for_candidates, step::draw.run_if(is_enabled))
                         .run_if(resource_exists::<MedialStep>)
                         .after(TransformSystems::Propagate),
                 ),

@@ -7,7 +7,7 @@ use std::{
 
 use bevy::{asset::StrongHandle, camera::visibility::RenderLayers, prelude::*};
 
-use super::{MedialGizmo, MedialGizmos, wireframe::wireframe};
+use super::{MedialGizmo, MedialGizmos, stops::StopOutline, wireframe::wireframe};
 use crate::{
     medial_axis::MedialAxis,
     plugin::{MedialLevel, MedialMesh, modified},
@@ -20,6 +20,34 @@ pub(super) struct Drawing {
     level: usize,
     /// Bits of the colours of spheres, cones and slabs.
     colors: [Option<[u32; 4]>; 3],
+}
+
+impl Drawing {
+    pub fn new(asset: AssetId<MedialAxis>, level: usize, colors: [Option<Color>; 3]) -> Self {
+        Self { asset, level, colors: colors.map(|color| color.map(bits)) }
+    }
+}
+
+/// The lines that are shown somewhere.
+#[derive(Resource, Default)]
+pub(super) struct Lines(HashMap<Drawing, Weak<StrongHandle>>);
+
+impl Lines {
+    /// Those of a drawing, made if nobody shows them yet.
+    pub fn get(
+        &mut self,
+        drawing: Drawing,
+        gizmos: &mut Assets<GizmoAsset>,
+        draw: impl FnOnce() -> GizmoAsset,
+    ) -> Handle<GizmoAsset> {
+        self.0.get(&drawing).and_then(Weak::upgrade).map(Handle::Strong).unwrap_or_else(|| {
+            let lines = gizmos.add(draw());
+            if let Handle::Strong(handle) = &lines {
+                self.0.insert(drawing, Arc::downgrade(handle));
+            }
+            lines
+        })
+    }
 }
 
 /// What is drawn of an entity, and by which of its children.
@@ -43,11 +71,11 @@ pub(super) fn outline(
     axes: Res<Assets<MedialAxis>>,
     mut events: MessageReader<AssetEvent<MedialAxis>>,
     mut gizmos: ResMut<Assets<GizmoAsset>>,
-    mut shared: Local<HashMap<Drawing, Weak<StrongHandle>>>,
+    mut shared: ResMut<Lines>,
 ) {
     let (group, layers) = store.config::<MedialGizmos>();
     let changed = modified(&mut events);
-    shared.retain(|drawing, lines| !changed.contains(&drawing.asset) && lines.strong_count() > 0);
+    shared.0.retain(|drawing, lines| !changed.contains(&drawing.asset) && lines.strong_count() > 0);
     for (entity, outlined) in &left {
         remove(&mut commands, entity, outlined);
     }
@@ -56,7 +84,7 @@ pub(super) fn outline(
         let level = level.map_or(0, |level| level.0);
         let colors = colors(group.enabled, layers, level, gizmo);
         let axis = if colors == [None; 3] { None } else { axes.get(asset) };
-        let wanted = axis.map(|axis| (axis, Drawing { asset, level, colors: colors.map(|color| color.map(bits)) }));
+        let wanted = axis.map(|axis| (axis, Drawing::new(asset, level, colors)));
         let is_drawn = |outlined: &&Outlined| outlines.contains(outlined.outline) && !changed.contains(&asset);
         if outlined.filter(is_drawn).map(|outlined| outlined.drawing) == wanted.map(|(_, drawing)| drawing) {
             continue;
@@ -65,13 +93,7 @@ pub(super) fn outline(
             remove(&mut commands, entity, outlined);
         }
         let Some((axis, drawing)) = wanted else { continue };
-        let lines = shared.get(&drawing).and_then(Weak::upgrade).map(Handle::Strong).unwrap_or_else(|| {
-            let lines = gizmos.add(wireframe(axis.level(level), colors));
-            if let Handle::Strong(handle) = &lines {
-                shared.insert(drawing, Arc::downgrade(handle));
-            }
-            lines
-        });
+        let lines = shared.get(drawing, &mut gizmos, || wireframe(axis.level(level), colors));
         let gizmo = Gizmo { handle: lines, line_config: group.line.clone(), depth_bias: group.depth_bias };
         let layers = group.render_layers.clone();
         // One that has gone in the meantime leaves no lines behind.
@@ -111,7 +133,7 @@ fn bits(color: Color) -> [u32; 4] {
 /// Passes changes of line width and the like on.
 pub(super) fn follow_config(
     store: Res<GizmoConfigStore>,
-    mut outlines: Query<(&mut Gizmo, &mut RenderLayers), With<Outline>>,
+    mut outlines: Query<(&mut Gizmo, &mut RenderLayers), Or<(With<Outline>, With<StopOutline>)>>,
 ) {
     let group = store.config::<MedialGizmos>().0;
     for (mut gizmo, mut layers) in &mut outlines {

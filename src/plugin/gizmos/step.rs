@@ -38,6 +38,14 @@ pub(super) fn draw(
     draw.stops(&layers.stops, layers.normal_length);
 }
 
+/// The colour of a layer for an entity; none if it is not to be drawn.
+pub(super) fn color(layer: &MedialGizmoLayer, gizmo: Option<&MedialGizmo>) -> Option<Color> {
+    match gizmo {
+        Some(gizmo) => (layer.enabled && gizmo.enabled).then(|| gizmo.color.unwrap_or(layer.color)),
+        None => layer.enabled.then_some(layer.color),
+    }
+}
+
 struct Draw<'a, 'w, 's> {
     step: &'a MedialStep,
     overrides: Query<'w, 's, &'static MedialGizmo>,
@@ -45,12 +53,8 @@ struct Draw<'a, 'w, 's> {
 }
 
 impl Draw<'_, '_, '_> {
-    /// The colour of a layer for an entity; none if it is not to be drawn.
     fn color(&self, layer: &MedialGizmoLayer, entity: Entity) -> Option<Color> {
-        match self.overrides.get(entity) {
-            Ok(gizmo) => (layer.enabled && gizmo.enabled).then(|| gizmo.color.unwrap_or(layer.color)),
-            Err(_) => layer.enabled.then_some(layer.color),
-        }
+        color(layer, self.overrides.get(entity).ok())
     }
 
     /// The same for a pair, by its first side if that has a colour of its own.
@@ -132,8 +136,11 @@ impl Draw<'_, '_, '_> {
     fn stops(&mut self, layer: &MedialGizmoLayer, length: f32) {
         for stop in &self.step.output.stops {
             let side = Side::Body(stop.body);
-            if let Some(color) = self.color(layer, self.step.info(side).entity) {
-                self.add_box(stop.pose, self.step.solid(side).aabb(), color);
+            let Some(color) = self.color(layer, self.step.info(side).entity) else { continue };
+            let solid = self.step.solid(side);
+            // Medial shapes have lines that are retained.
+            if solid.medial().is_none() {
+                self.add_box(stop.pose, solid.aabb(), color);
             }
         }
         for pair in &self.step.output.pairs {

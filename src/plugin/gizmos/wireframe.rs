@@ -10,19 +10,24 @@ const SPHERE_SIDES: u32 = 16;
 /// Lines along a cone.
 const CONE_LINES: u32 = 4;
 
-/// Lines of a shape, in its own frame. What has no colour is left out.
+/// Lines of a shape, in its own frame, in colours for its spheres, cones and slabs. What has none is left out.
 pub(super) fn wireframe(axis: &MedialAxis, [spheres, cones, slabs]: [Option<Color>; 3]) -> GizmoAsset {
     let mut lines = GizmoAsset::new();
+    // Where a plane of that normal touches a sphere.
+    let touched = |corner: u32, normal: Vec3| {
+        let sphere = &axis.spheres()[corner as usize];
+        sphere.center + normal * sphere.radius
+    };
     if let Some(color) = spheres {
-        for sphere in axis.spheres().iter().filter(|sphere| sphere.radius > 0.0) {
-            lines.sphere(sphere.center, sphere.radius, color).resolution(SPHERE_SIDES);
+        for Sphere { center, radius } in axis.spheres().iter().filter(|sphere| sphere.radius > 0.0) {
+            lines.sphere(*center, *radius, color).resolution(SPHERE_SIDES);
         }
     }
     for primitive in axis.primitives() {
         match (primitive, cones, slabs) {
             (Primitive::Cone(corners), Some(color), _) => {
                 let mut add_line = |direction: Vec3| {
-                    let [from, to] = corners.map(|corner| touched(&axis.spheres()[corner as usize], direction));
+                    let [from, to] = corners.map(|corner| touched(corner, direction));
                     lines.line(from, to, color);
                 };
                 let directions = mantle_directions(axis.spheres(), *corners, CONE_LINES);
@@ -30,17 +35,11 @@ pub(super) fn wireframe(axis: &MedialAxis, [spheres, cones, slabs]: [Option<Colo
             }
             (Primitive::Slab(corners), _, Some(color)) => {
                 for normal in face_normals(axis.spheres(), *corners).into_iter().flatten() {
-                    let face = corners.map(|corner| touched(&axis.spheres()[corner as usize], normal.as_vec3()));
-                    lines.lineloop(face, color);
+                    lines.lineloop(corners.map(|corner| touched(corner, normal.as_vec3())), color);
                 }
             }
             _ => {}
         }
     }
     lines
-}
-
-/// Where a plane of that normal touches a sphere.
-fn touched(sphere: &Sphere, normal: Vec3) -> Vec3 {
-    sphere.center + normal * sphere.radius
 }

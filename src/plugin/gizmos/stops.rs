@@ -1,0 +1,59 @@
+//! Shapes of bodies where they have stopped: lines that are retained as those beside bodies, at the pose of the stop.
+
+use bevy::prelude::*;
+
+use super::{
+    MedialGizmo, MedialGizmos,
+    outlines::{Drawing, Lines},
+    step::color,
+    wireframe::wireframe,
+};
+use crate::{
+    pipeline::{Shape, Side},
+    plugin::{MedialLevel, MedialMesh, MedialStep},
+};
+
+/// Shows the shape of a body that has stopped. As many as there are such bodies, each for another one in each step.
+#[derive(Component)]
+pub(super) struct StopOutline;
+
+/// Puts an outline at each stop of the last step.
+pub(super) fn outline(
+    mut commands: Commands,
+    step: Res<MedialStep>,
+    store: Res<GizmoConfigStore>,
+    overrides: Query<&MedialGizmo>,
+    meshes: Query<(&MedialMesh, &MedialLevel)>,
+    mut lines: ResMut<Lines>,
+    mut gizmos: ResMut<Assets<GizmoAsset>>,
+    mut outlines: Query<(Entity, &mut Gizmo, &mut GlobalTransform), With<StopOutline>>,
+) {
+    let (group, layers) = store.config::<MedialGizmos>();
+    let mut spare = outlines.iter_mut();
+    for stop in step.output.stops.iter().filter(|_| group.enabled && layers.stops.enabled) {
+        let side = Side::Body(stop.body);
+        let entity = step.info(side).entity;
+        let Some(Shape { axis, scale }) = step.solid(side).medial() else { continue };
+        let Some(color) = color(&layers.stops, overrides.get(entity).ok()) else { continue };
+        let Ok((mesh, level)) = meshes.get(entity) else { continue };
+        let colors = [Some(color); 3];
+        let drawing = Drawing::new(mesh.0.id(), level.0, colors);
+        let handle = lines.get(drawing, &mut gizmos, || wireframe(axis, colors));
+        let place =
+            Transform { translation: stop.pose.translation, rotation: stop.pose.rotation, scale: Vec3::splat(*scale) };
+        match spare.next() {
+            Some((_, mut gizmo, mut transform)) => {
+                gizmo.handle = handle;
+                *transform = place.into();
+            }
+            None => {
+                let gizmo = Gizmo { handle, line_config: group.line.clone(), depth_bias: group.depth_bias };
+                let place = (place, GlobalTransform::from(place));
+                commands.spawn((StopOutline, gizmo, group.render_layers.clone(), place));
+            }
+        }
+    }
+    for (entity, ..) in spare {
+        commands.entity(entity).despawn();
+    }
+}
