@@ -11,9 +11,8 @@ use crate::{
 };
 
 /// What is known of the hazards in which this crate fails.
-const WHY: &str = "A body that turns about a contact goes on a straight line within the step, so the contact sinks in. Where steps are long, or overlaps deep, it does so \
-    by more than a body may gain: it stops almost at once, and again in each step that follows, and hangs there with its velocity. Rings on each other touch \
-    in places that change from step to step, and a stack of ten of them slowly rocks.";
+const WHY: &str = "A body that turns about a contact goes on a straight line within the step, so the contact sinks in. Two rings that begin within each other do so \
+    by more than a body may gain: they stop almost at once, and again in each step that follows, and come apart too slowly.";
 
 /// What a run has found.
 pub struct Report<'a> {

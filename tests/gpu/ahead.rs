@@ -6,7 +6,7 @@ use bevy::{
     render::renderer::RenderDevice,
 };
 use bevy_medial::{gpu::GpuCapacity, plugin::diagnostic_paths, prelude::*};
-use bevy_rapier3d::prelude::{Collider, GravityScale, RigidBody, Velocity};
+use bevy_rapier3d::prelude::{Collider, GravityScale, RigidBody, Sleeping, Velocity};
 
 use crate::{
     common::{DT, mesh, spawn_ground},
@@ -77,7 +77,7 @@ fn a_stack_stands_the_same_way() {
             let aside = 0.005 * Vec3::new((3.0 * layer as f32).sin(), 0.0, (5.0 * layer as f32).cos());
             let place = Transform::from_translation(Vec3::Y * (0.15 + 0.301 * layer as f32) + aside);
             let turned = place.with_rotation(Quat::from_rotation_y(0.2 * (7.0 * layer as f32).sin()));
-            app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), turned));
+            app.world_mut().spawn((RigidBody::Dynamic, Sleeping::disabled(), mesh.clone(), turned));
         }
         app
     });

@@ -150,9 +150,12 @@ fn bodies_that_are_nowhere_are_named_and_the_rest_goes_on() {
             }
             if number == 40 {
                 // One that was somewhere.
-                let mut bodies =
-                    app.world_mut().query_filtered::<&mut Transform, (With<MedialMesh>, With<RigidBody>)>();
-                bodies.iter_mut(app.world_mut()).next().unwrap().translation.z = f32::NAN;
+                let mut bodies = app.world_mut().query_filtered::<(&RigidBody, &mut Transform), With<MedialMesh>>();
+                let mut bodies = bodies.iter_mut(app.world_mut());
+                let is_somewhere = |(body, transform): &(&RigidBody, Mut<Transform>)| {
+                    **body == RigidBody::Dynamic && transform.translation.is_finite()
+                };
+                bodies.find(is_somewhere).unwrap().1.translation.z = f32::NAN;
             }
             app.update();
         }
