@@ -116,3 +116,47 @@ fn span(group: &[Contact], unit: f32, kept: &mut Vec<Contact>) {
         add(kept, &|c| side * (c.point1 - deepest).dot(across) - reached);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::medial_axis::oracle::Random;
+
+    /// Which contacts are kept of a ring that lies on a floor, one of them deeper than the others.
+    fn kept_of_ring(random: &mut Random, deeper: usize) -> Vec<u32> {
+        let contact = |i: usize| {
+            let angle = i as f32 / 24.0 * std::f32::consts::TAU;
+            let sinks = if i == deeper { 2.0e-3 } else { 0.0 };
+            Contact {
+                point1: Vec3::new(0.2 * angle.cos(), -0.05, 0.2 * angle.sin()),
+                point2: Vec3::ZERO,
+                normal1: Vec3::NEG_Y,
+                distance: 1.0e-6 * random.vector().x - sinks,
+                primitive1: i as u32,
+                primitive2: 0,
+            }
+        };
+        let mut manifolds = Vec::new();
+        reduce(&mut (0..24).map(contact).collect::<Vec<_>>(), 1.0, &mut manifolds);
+        assert_eq!(manifolds.len(), 1);
+        let mut kept: Vec<u32> = manifolds[0].contacts().iter().map(|contact| contact.primitive1).collect();
+        assert!(deeper >= 24 || kept[0] == deeper as u32, "{kept:?} without the deepest, {deeper}");
+        kept.sort_unstable();
+        kept
+    }
+
+    #[test]
+    fn a_ring_at_rest_keeps_its_contacts() {
+        let mut random = Random::new(1);
+        let expected = kept_of_ring(&mut random, 24);
+        assert_eq!(expected.len(), 4);
+        // On every side, so that it does not tip.
+        assert!(expected.windows(2).all(|pair| pair[1] - pair[0] >= 4), "{expected:?}");
+        for _ in 0..50 {
+            assert_eq!(kept_of_ring(&mut random, 24), expected);
+        }
+        for deeper in 0..24 {
+            assert_eq!(kept_of_ring(&mut random, deeper).len(), 4);
+        }
+    }
+}

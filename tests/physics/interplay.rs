@@ -87,6 +87,30 @@ fn a_body_of_two_shapes_rests_and_its_shapes_do_not_touch_each_other() {
 }
 
 #[test]
+fn a_turned_shape_deep_in_a_body_is_where_it_looks() {
+    for speed in [0.0, 100.0] {
+        let mut app = app();
+        let ground = spawn_ground(&mut app);
+        // Lying as it is made, upright as it is turned, and half a metre beneath the body: its foot is 0.9 m below.
+        let capsule = mesh(&mut app, MedialAxis::capsule(Vec3::X * -0.3, Vec3::X * 0.3, 0.1).unwrap());
+        let world = app.world_mut();
+        let upright = Transform::from_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_2));
+        let shape = world.spawn((capsule, Transform::from_xyz(-0.2, 0.0, 0.1))).id();
+        let arm = world.spawn(Transform::from_xyz(0.0, -0.3, 0.0) * upright).add_child(shape).id();
+        let body = (RigidBody::Dynamic, LockedAxes::ROTATION_LOCKED, Velocity::linear(Vec3::NEG_Y * speed));
+        let body = world.spawn((body, Transform::from_xyz(0.0, 3.0, 0.0))).add_child(arm).id();
+        let mut record = Record::default();
+        for step in 0..240 {
+            record.run(&mut app, 1);
+            let height = position(&mut app, body).y;
+            assert!(height > 0.895, "{speed} m/s, step {step}: {height}");
+        }
+        assert!((position(&mut app, body).y - 0.9).abs() < 2e-3 && is_at_rest(&mut app, body), "{speed} m/s");
+        assert!(record.counts(shape, ground)[0] >= 1 && record.counts(arm, ground) == [0, 0]);
+    }
+}
+
+#[test]
 fn a_fast_body_of_two_shapes_is_stopped_by_either() {
     for z in [0.5, -0.5] {
         let mut app = app();

