@@ -31,16 +31,9 @@ mod shape;
 mod stop;
 mod thin;
 
-use std::{
-    collections::HashSet,
-    fmt,
-    ops::Range,
-    sync::{
-        Arc,
-        atomic::{AtomicU64, Ordering},
-    },
-    time::Duration,
-};
+#[cfg(feature = "gpu")]
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::{collections::HashSet, fmt, ops::Range, sync::Arc, time::Duration};
 
 use bevy::{platform::time::Instant, tasks::TaskPool};
 use glam::Vec3;
@@ -261,6 +254,7 @@ pub fn relative_pose([(pose1, order1), (pose2, order2)]: [(Pose3, u32); 2]) -> P
 #[derive(Clone, Debug, Default)]
 pub struct Statics {
     /// No other statics have it, but clones and those that are empty by default.
+    #[cfg(feature = "gpu")]
     id: u64,
     bodies: Arc<[StaticBody]>,
     boxes: Arc<[Obb]>,
@@ -275,8 +269,10 @@ impl Statics {
         let boxes: Vec<Obb> = bodies.iter().map(StaticBody::obb).collect();
         let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
         let primitives = broad_phase::count(bodies.iter().map(|body| &body.solid));
+        #[cfg(feature = "gpu")]
         static NEXT: AtomicU64 = AtomicU64::new(1);
         Self {
+            #[cfg(feature = "gpu")]
             id: NEXT.fetch_add(1, Ordering::Relaxed),
             bvh: Arc::new(Bvh::new(&aabbs)),
             boxes: boxes.into(),
