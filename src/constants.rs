@@ -106,8 +106,11 @@ pub const STOP_SLOP: f32 = 1.0e-3;
 pub const CARRYING_DEPTH: f32 = 5.0e-3;
 
 /// How much farther out a contact has to be to come before one that is deeper, per metre of depth. Larger, and rounding chooses among contacts of a
-/// body at rest; smaller, and the deepest may be left out.
+/// body at rest; smaller, and one that is deeper may be left out.
 pub const DEPTH_WEIGHT: f32 = 50.0;
+
+/// How many length units deeper than those that lie farther out a contact has to be to be kept all the same.
+pub const DEEPER: f32 = 5.0e-4;
 
 /// Width of what carries a body, in parts of its length, from which on that is an area and not a line.
 pub const WIDE: f32 = 0.2;

@@ -356,7 +356,7 @@ impl StepInput {
 
     /// How far apart bodies that slide may end the step, in metres: what turns in a long step comes off the ground, and falls back in the next.
     fn parting_way(&self) -> f32 {
-        TOUCH_DISTANCE * self.length_unit + self.slide_way() - SLIDE_WAY * self.prediction
+        TOUCH_DISTANCE * self.length_unit + (self.fall - SLIDE_WAY * self.prediction).max(0.0)
     }
 }
 

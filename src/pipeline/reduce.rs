@@ -5,7 +5,7 @@ use glam::Vec3;
 
 use super::{Contact, Impact, Manifold, Pair, StepOutput, broad_phase::BodyPair, parallel};
 use crate::constants::{
-    CARRYING_DEPTH, DEPTH_WEIGHT, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS, OBLIQUE_AXIS, WIDE,
+    CARRYING_DEPTH, DEEPER, DEPTH_WEIGHT, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS, OBLIQUE_AXIS, WIDE,
 };
 
 /// Reduces each pair's contacts and keeps the pairs with something to tell.
@@ -33,8 +33,8 @@ pub(super) fn run(
     }
 }
 
-/// Groups contacts by normal, the deepest contact of each group giving its normal, and keeps up to four of each group. `unit`: the length unit in
-/// metres.
+/// Groups contacts by normal, each with those that are close to the normal of its deepest, and keeps up to four of each group. `unit`: the length
+/// unit in metres.
 pub(super) fn reduce(contacts: &mut [Contact], unit: f32, manifolds: &mut Vec<Manifold>) {
     contacts.sort_by(Contact::order);
     let mut groups: Vec<Vec<Contact>> = Vec::new();
@@ -51,7 +51,8 @@ pub(super) fn reduce(contacts: &mut [Contact], unit: f32, manifolds: &mut Vec<Ma
     manifolds.extend(groups.iter().map(|group| Manifold::new(&spread(group, unit))));
 }
 
-/// Up to four contacts that span the group. Those about as deep as the deepest carry the body and come before those that it may touch next.
+/// Up to four contacts that span the group, the deepest first. Those about as deep as the deepest carry the body and come before those that it
+/// may touch next.
 fn spread(group: &[Contact], unit: f32) -> Vec<Contact> {
     let carrying = group.partition_point(|contact| contact.distance <= group[0].distance + CARRYING_DEPTH * unit);
     let mut kept = Vec::with_capacity(4);
@@ -61,7 +62,18 @@ fn spread(group: &[Contact], unit: f32) -> Vec<Contact> {
         span(&group[..carrying], unit, &mut kept);
     }
     span(group, unit, &mut kept);
+    keep_deepest(group[0], unit, &mut kept);
+    kept.sort_by(Contact::order);
     kept
+}
+
+/// Puts the deepest contact in the place of the nearest one that is kept, if it is deeper than all of them by more than rounding.
+fn keep_deepest(deepest: Contact, unit: f32, kept: &mut [Contact]) {
+    let distance = |contact: &Contact| contact.point1.distance_squared(deepest.point1);
+    let is_missing = kept.iter().all(|contact| contact.distance > deepest.distance + DEEPER * unit);
+    if let Some(nearest) = kept.iter_mut().min_by(|a, b| distance(a).total_cmp(&distance(b))).filter(|_| is_missing) {
+        *nearest = deepest;
+    }
 }
 
 /// Of many contacts those farthest out along four directions that are fixed to the body, where depth counts for more than place: a body at
@@ -122,24 +134,32 @@ mod tests {
     use super::*;
     use crate::medial_axis::oracle::Random;
 
+    /// A contact of a body with a floor.
+    fn contact(primitive1: usize, point1: Vec3, distance: f32) -> Contact {
+        let primitive1 = primitive1 as u32;
+        Contact { point1, point2: Vec3::ZERO, normal1: Vec3::NEG_Y, distance, primitive1, primitive2: 0 }
+    }
+
+    /// The contacts that are kept, by their primitives.
+    fn kept_of(contacts: impl Iterator<Item = Contact>) -> Vec<u32> {
+        let mut manifolds = Vec::new();
+        reduce(&mut contacts.collect::<Vec<_>>(), 1.0, &mut manifolds);
+        assert_eq!(manifolds.len(), 1);
+        let contacts = manifolds[0].contacts();
+        assert!(contacts.windows(2).all(|pair| pair[0].distance <= pair[1].distance), "the deepest is not first");
+        contacts.iter().map(|contact| contact.primitive1).collect()
+    }
+
+    /// A place on a ring of 0.2 m.
+    fn on_ring(i: usize) -> Vec3 {
+        let angle = i as f32 / 24.0 * std::f32::consts::TAU;
+        Vec3::new(0.2 * angle.cos(), -0.05, 0.2 * angle.sin())
+    }
+
     /// Which contacts are kept of a ring that lies on a floor, one of them deeper than the others.
     fn kept_of_ring(random: &mut Random, deeper: usize) -> Vec<u32> {
-        let contact = |i: usize| {
-            let angle = i as f32 / 24.0 * std::f32::consts::TAU;
-            let sinks = if i == deeper { 2.0e-3 } else { 0.0 };
-            Contact {
-                point1: Vec3::new(0.2 * angle.cos(), -0.05, 0.2 * angle.sin()),
-                point2: Vec3::ZERO,
-                normal1: Vec3::NEG_Y,
-                distance: 1.0e-6 * random.vector().x - sinks,
-                primitive1: i as u32,
-                primitive2: 0,
-            }
-        };
-        let mut manifolds = Vec::new();
-        reduce(&mut (0..24).map(contact).collect::<Vec<_>>(), 1.0, &mut manifolds);
-        assert_eq!(manifolds.len(), 1);
-        let mut kept: Vec<u32> = manifolds[0].contacts().iter().map(|contact| contact.primitive1).collect();
+        let sinks = |i| if i == deeper { 2.0e-3 } else { 0.0 };
+        let mut kept = kept_of((0..24).map(|i| contact(i, on_ring(i), 1.0e-6 * random.vector().x - sinks(i))));
         assert!(deeper >= 24 || kept[0] == deeper as u32, "{kept:?} without the deepest, {deeper}");
         kept.sort_unstable();
         kept
@@ -158,5 +178,18 @@ mod tests {
         for deeper in 0..24 {
             assert_eq!(kept_of_ring(&mut random, deeper).len(), 4);
         }
+    }
+
+    #[test]
+    fn a_contact_in_the_middle_that_is_deeper_is_kept() {
+        // Less deep than places farther out count for.
+        let middle = contact(24, Vec3::NEG_Y * 0.05, -3.0e-3);
+        let kept = kept_of((0..24).map(|i| contact(i, on_ring(i), 0.0)).chain([middle]));
+        assert_eq!(kept.len(), 4);
+        assert_eq!(kept[0], 24);
+        // By less than rounding may tell.
+        let middle = Contact { distance: -1.0e-5, ..middle };
+        let kept = kept_of((0..24).map(|i| contact(i, on_ring(i), 0.0)).chain([middle]));
+        assert!(!kept.contains(&24));
     }
 }
