@@ -16,7 +16,7 @@ mod shapes;
 #[path = "../examples/stability/world.rs"]
 mod world;
 
-use hazards::{Hazard, OPEN};
+use hazards::Hazard;
 use methods::{METHODS, Method};
 
 fn hazard(name: &str) -> Hazard {
@@ -30,8 +30,7 @@ fn method(name: &str) -> Method {
 #[test]
 fn no_hazard_makes_this_crate_fail() {
     let mut hazards = hazards::all();
-    assert!(OPEN.iter().all(|name| hazards.iter().any(|hazard| hazard.name == *name)));
-    hazards.retain(|hazard| hazard.seeds[0] > 0 && !OPEN.contains(&hazard.name));
+    hazards.retain(|hazard| hazard.seeds[0] > 0);
     assert!(hazards.len() > 30, "{}", hazards.len());
     let cells = run::all(&hazards, &[method("medial, CPU")], true);
     assert_eq!(cells.len(), hazards.len());

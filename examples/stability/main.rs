@@ -83,12 +83,9 @@ fn run(args: &Args) -> Result<(), String> {
     if let Some(folder) = &args.out {
         report.write(folder)?;
     }
-    let failed = cells.iter().filter(|cell| {
-        let known = hazards::OPEN.contains(&hazards[cell.hazard].name);
-        methods[cell.method].is_ours && !known && cell.passed() < cell.results.len()
-    });
+    let failed = cells.iter().filter(|cell| methods[cell.method].is_ours && cell.passed() < cell.results.len());
     match failed.count() {
         0 => Ok(()),
-        failed => Err(format!("this crate fails in {failed} cells where it did not before")),
+        failed => Err(format!("this crate fails in {failed} cells")),
     }
 }

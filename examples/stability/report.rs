@@ -2,17 +2,7 @@
 
 use std::{fmt::Write, path::Path, thread};
 
-use crate::{
-    hazards::{Hazard, OPEN},
-    heat_map,
-    methods::Method,
-    run::Cell,
-    today::today,
-};
-
-/// What is known of the hazards in which this crate fails.
-const WHY: &str = "A body that turns about a contact goes on a straight line within the step, so the contact sinks in. Two rings that begin within each other do so \
-    by more than a body may gain: they stop almost at once, and again in each step that follows, and come apart too slowly.";
+use crate::{hazards::Hazard, heat_map, methods::Method, run::Cell, today::today};
 
 /// What a run has found.
 pub struct Report<'a> {
@@ -80,12 +70,11 @@ impl Report<'_> {
             "# Stability: where methods fail\n\n`{}`, {}, {cores} cores.\n\n\
              Each hazard is run with several seeds and has one criterion for all methods. A cell tells how many seeds pass. \
              This crate fails in {ours} of {} cells.\n\n![Pass rates](images/stability.svg)\n\n{}\n\
-             ## Where this crate is known to fail\n\nWith some seeds in {}. {WHY}\n\n## Methods\n\n",
+             ## Methods\n\n",
             self.command,
             today(),
             self.cells.iter().filter(|cell| self.methods[cell.method].is_ours).count(),
             self.table(),
-            OPEN.iter().map(|name| format!("*{name}*")).collect::<Vec<_>>().join(", "),
         );
         for method in self.methods {
             _ = writeln!(text, "- **{}**: {}.", method.name, method.about);

@@ -57,7 +57,7 @@ pub(super) fn first_impact(
         let candidates = match candidates {
             Some(known) if count == 1 => known,
             _ => {
-                found = motions.iter().map(|m| mid_phase::candidates(m, culling, slack, boxes)).collect();
+                found = motions.iter().map(|m| mid_phase::on_the_way(m, culling, slack, boxes)).collect();
                 &found
             }
         };
@@ -95,7 +95,7 @@ impl Parts {
 #[derive(Default)]
 struct Search {
     result: ImpactResult,
-    /// The greatest overlap at the start of the step, as far as the solver leaves it on purpose, in metres.
+    /// The greatest overlap at the start of the step, in metres: what comes out of it turns, and then other primitives overlap by as much.
     carried: f32,
     /// The overlaps of single primitives of a motion there.
     overlaps: Vec<((usize, PrimitivePair), f32)>,
@@ -158,7 +158,7 @@ impl Search {
                     result.normal = motion.frame_at(0.0).rotation * start.normal();
                 }
                 if part == 0 && start.overlap() > 0.0 {
-                    self.carried = self.carried.max(start.overlap().min(motion.allowed));
+                    self.carried = self.carried.max(start.overlap());
                     self.overlaps.push(((index, pair), start.overlap()));
                 }
                 if !start.stay_apart() {

@@ -122,6 +122,19 @@ pub(super) fn candidates(
     }
 }
 
+/// Those that may meet on their way, within `slack` metres of it, and no others: for one look at them.
+pub(super) fn on_the_way(
+    motion: &PairMotion,
+    culling: Culling,
+    slack: f32,
+    boxes: [Option<TimedBoxes>; 2],
+) -> Candidates {
+    match culling {
+        Culling::None => all(motion),
+        Culling::Hybrid => swept(motion, slack, boxes),
+    }
+}
+
 /// The primitives that come within `covers` metres of each other at the start. Their distance is exact where it is less than `nearing`.
 fn near(motion: &PairMotion, [nearing, covers]: [f32; 2], boxes: [Option<TimedBoxes>; 2]) -> Candidates {
     let pose12 = motion.pose12();

@@ -73,8 +73,6 @@ pub(super) struct PairMotion<'a> {
     moved: f32,
     /// Overlap that the pair may gain, in metres.
     pub slop: f32,
-    /// Overlap that the solver leaves on purpose, in metres.
-    pub allowed: f32,
     /// Distance at which the bodies are in touch, in metres.
     pub touch: f32,
 }
@@ -119,7 +117,6 @@ impl<'a> PairMotion<'a> {
                     size,
                     moved,
                     slop: slop(size, 0.0),
-                    allowed,
                     touch,
                 }]
             }
@@ -144,7 +141,6 @@ impl<'a> PairMotion<'a> {
                         size,
                         moved,
                         slop: slop(size, rounding),
-                        allowed,
                         touch,
                     }
                 };
@@ -211,11 +207,6 @@ impl<'a> PairMotion<'a> {
     /// Pose of what is faced in the frame of the shape at the start.
     pub fn pose12(&self) -> Pose3 {
         self.sweep1.start.inv_mul(&self.sweep2.start)
-    }
-
-    /// True if neither body moves.
-    pub fn is_at_rest(&self) -> bool {
-        self.sweep1.is_at_rest() && self.sweep2.is_at_rest()
     }
 
     /// How far any point of the second body strays from its chord over the motion, in metres.

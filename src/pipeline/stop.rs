@@ -440,9 +440,10 @@ fn impact_from(
     before: &ImpactResult,
 ) -> ImpactResult {
     let mut motions = PairMotion::all(input, statics, pair, |body| stops.sweep_from(input, body, fraction));
-    motions.retain(|motion| !motion.is_at_rest());
     // Overlaps have grown since the start of the step already.
     motions.iter_mut().for_each(|motion| motion.slop *= RENEWED_SLOP);
+    // On a shorter way none grows by that.
+    motions.retain(|motion| motion.way() > motion.slop);
     // What slides may stray from its way by less than was added to find them.
     let slack = 2.0 * input.slide_way();
     let slide = slack <= input.prediction && pair.bodies().all(|body| stops.state(body) <= State::Sliding);
