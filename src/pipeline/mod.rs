@@ -17,6 +17,7 @@ mod broad_phase;
 pub mod contact;
 mod first_impact;
 mod first_touch;
+mod islands;
 mod mid_phase;
 mod motion;
 mod moving_boxes;
@@ -349,6 +350,16 @@ impl Default for StepInput {
 }
 
 impl StepInput {
+    /// True for a body that impacts stop.
+    fn is_stopping(&self, body: u32) -> bool {
+        self.stop_at_impact && self.bodies[body as usize].stops
+    }
+
+    /// A side that is a body that impacts stop.
+    fn stopping(&self, side: Side) -> Option<u32> {
+        side.body().filter(|&body| self.is_stopping(body))
+    }
+
     /// How far a body may leave its way to slide on, in metres.
     fn slide_way(&self) -> f32 {
         self.fall.max(SLIDE_WAY * self.prediction)

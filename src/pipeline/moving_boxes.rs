@@ -122,6 +122,11 @@ impl MovingBox {
         Self { min: at(self.min), max: at(self.max) }
     }
 
+    /// The box that holds all of its way, at rest.
+    pub fn span(&self) -> Self {
+        Self { min: [self.min[0].min(self.min[1]); 2], max: [self.max[0].max(self.max[1]); 2] }
+    }
+
     /// How far the other is beyond this one along each axis, and along each axis' reverse, at the start or at the end.
     #[inline]
     fn gaps(&self, other: &Self, offset: Vec3A, time: usize) -> [Vec3A; 2] {
@@ -183,11 +188,7 @@ mod tests {
             assert!(meets || !sampled, "they meet");
             met += usize::from(sampled);
             apart += usize::from(!meets);
-            let whole = |moving: &MovingBox| {
-                let (min, max) = (moving.min[0].min(moving.min[1]), moving.max[0].max(moving.max[1]));
-                MovingBox { min: [min; 2], max: [max; 2] }
-            };
-            apart_though_swept += usize::from(!meets && whole(&first).meets(&whole(&second), offset, reach));
+            apart_though_swept += usize::from(!meets && first.span().meets(&second.span(), offset, reach));
         }
         assert!(met > 150 && apart > 500 && apart_though_swept > 300, "{met} {apart} {apart_though_swept}");
     }

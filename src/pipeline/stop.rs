@@ -28,6 +28,7 @@ use super::{
     Impact, Side, Statics, StepInput,
     broad_phase::BodyPair,
     first_impact::{ImpactResult, first_impact},
+    islands::Islands,
     mid_phase::Candidates,
     motion::{Facing, PairMotion},
     moving_boxes::BodyBoxes,
@@ -158,8 +159,7 @@ impl Ord for Event {
 
 /// Stops bodies; `results` then holds the impacts that have happened.
 ///
-/// Bodies that no chain of pairs joins are nothing to each other: of each such island an impact is taken at a time, and what all of these
-/// change is searched on the pool's threads.
+/// Of each island an impact is taken at a time, and what all of these change is searched on the pool's threads.
 pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
@@ -184,9 +184,10 @@ pub(super) fn run(
             assembled.entry(assembly).or_default().push(index);
         }
     }
+    let islands = Islands::new(input, pairs, boxes, results, &assembled, pool);
     let next = results.iter().map(|result| result.impact).collect();
     let happened = vec![false; pairs.len()];
-    let mut run = Run { input, statics, pairs, results, stops, pairs_of, assembled, next, happened };
+    let mut run = Run { input, statics, pairs, results, stops, pairs_of, assembled, islands, next, happened };
     let mut queues = run.queues();
     loop {
         let mut searches: Vec<(usize, Event)> = Vec::new();
@@ -222,17 +223,13 @@ struct Run<'a> {
     stops: Stops,
     pairs_of: Vec<Vec<usize>>,
     assembled: HashMap<u64, Vec<u32>>,
+    islands: Islands,
     /// The next impact of each pair.
     next: Vec<Option<Impact>>,
     happened: Vec<bool>,
 }
 
 impl Run<'_> {
-    /// True for a body that impacts stop.
-    fn is_stopping(&self, body: u32) -> bool {
-        self.input.stop_at_impact && self.input.bodies[body as usize].stops
-    }
-
     /// The bodies that a body is joined with, itself among them.
     fn joined_with(&self, body: u32) -> Vec<u32> {
         match self.input.bodies[body as usize].assembly {
@@ -243,23 +240,11 @@ impl Run<'_> {
 
     /// The impacts of each island, in the order of time.
     fn queues(&self) -> Vec<BinaryHeap<Event>> {
-        let mut islands = Islands::new(self.input.bodies.len());
-        for pair in self.pairs.iter().filter(|pair| pair.stops) {
-            if let (Some(a), Some(b)) = (pair.first.body(), pair.second.body())
-                && self.is_stopping(a)
-                && self.is_stopping(b)
-            {
-                islands.join(a, b);
-            }
-        }
-        for bodies in self.assembled.values() {
-            bodies.windows(2).for_each(|pair| islands.join(pair[0], pair[1]));
-        }
         let mut queues: BTreeMap<u32, BinaryHeap<Event>> = BTreeMap::new();
         for (pair, impact) in self.next.iter().enumerate().filter(|(pair, _)| self.pairs[*pair].stops) {
-            let body = self.pairs[pair].bodies().find(|&body| self.is_stopping(body));
+            let body = self.pairs[pair].bodies().find(|&body| self.input.is_stopping(body));
             if let (Some(impact), Some(body)) = (impact, body.or_else(|| self.pairs[pair].bodies().next())) {
-                queues.entry(islands.of(body)).or_default().push(Event { fraction: impact.fraction, pair });
+                queues.entry(self.islands.of(body)).or_default().push(Event { fraction: impact.fraction, pair });
             }
         }
         queues.into_values().collect()
@@ -297,7 +282,7 @@ impl Run<'_> {
         }
         let mut affected: Vec<usize> =
             courses.iter().flat_map(|(body, _)| &self.pairs_of[*body as usize]).copied().collect();
-        affected.retain(|&other| (other != pair || !stands) && self.pairs[other].stops);
+        affected.retain(|&other| (other != pair || !stands) && self.islands.may_meet(other));
         affected.sort_unstable();
         affected.dedup();
         affected
@@ -328,10 +313,10 @@ impl Run<'_> {
         let BodyPair { first, second, .. } = self.pairs[pair];
         let mut courses = Vec::new();
         for (side, other, away) in [(first, second, -impact.normal), (second, first, impact.normal)] {
-            let Some(body) = side.body().filter(|&body| self.is_stopping(body)) else { continue };
+            let Some(body) = input.stopping(side) else { continue };
             let other = other.body();
             let push = other
-                .filter(|&other| !self.is_stopping(other) || stops.state(other) == State::Carried)
+                .filter(|&other| !self.input.is_stopping(other) || stops.state(other) == State::Carried)
                 .map(|pusher| stops.sweep_from(input, pusher, fraction));
             // How far the pusher goes on this way, and the body.
             let way = |sweep: &Sweep| way_at(sweep, impact.point).dot(away);
@@ -342,7 +327,9 @@ impl Run<'_> {
                 (State::Free | State::Sliding, None) => State::Stopped,
                 (State::Carried, Some(_)) if into >= -own && pushes < MAX_PUSHES => State::Carried,
                 // It goes on if the other gives way.
-                (State::Carried, Some(_)) if into < -own && other.is_some_and(|other| self.is_stopping(other)) => {
+                (State::Carried, Some(_))
+                    if into < -own && other.is_some_and(|other| self.input.is_stopping(other)) =>
+                {
                     continue;
                 }
                 (State::Carried, None) if other.is_some_and(|other| stops.state(other) < State::Carried) => continue,
@@ -367,30 +354,6 @@ impl Run<'_> {
     }
 }
 
-/// Sets of bodies that are joined.
-struct Islands(Vec<u32>);
-
-impl Islands {
-    /// Each body by itself.
-    fn new(bodies: usize) -> Self {
-        Self((0..bodies as u32).collect())
-    }
-
-    /// The body that stands for the island.
-    fn of(&mut self, mut body: u32) -> u32 {
-        while self.0[body as usize] != body {
-            self.0[body as usize] = self.0[self.0[body as usize] as usize];
-            body = self.0[body as usize];
-        }
-        body
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let [a, b] = [a, b].map(|body| self.of(body));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
-}
-
 /// The bodies of a pair that slide on along each other, and by what they leave their way. None of them, if they have to stop.
 ///
 /// Each loses the part of its own translation that goes into the other, as far as they approach at all. One of them has to stand, or both
@@ -408,7 +371,7 @@ fn slides(
     for ((side, way), into) in [pair.first, pair.second].into_iter().zip(&mut ways).zip([impact.normal, -impact.normal])
     {
         let Some(body) = side.body() else { continue };
-        if !(input.stop_at_impact && input.bodies[body as usize].stops) || stops.state(body) > State::Stopped {
+        if !input.is_stopping(body) || stops.state(body) > State::Stopped {
             return Vec::new();
         }
         let sweep = stops.sweep_from(input, body, fraction);

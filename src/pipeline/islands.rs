@@ -1,0 +1,131 @@
+//! Islands: bodies that may have to do with each other within a step, wherever each of them stops.
+//!
+//! A body that stops or slides stays near its own way, so that bodies whose ways are apart do not meet. One that is pushed may go anywhere: among those
+//! that it could reach, all that are near are taken to meet.
+
+use std::{cell::Cell, collections::HashMap};
+
+use bevy::tasks::TaskPool;
+
+use super::{
+    Culling, Side, StepInput,
+    broad_phase::BodyPair,
+    first_impact::ImpactResult,
+    moving_boxes::{BodyBoxes, MovingBox},
+    parallel,
+};
+use crate::constants::{CHORD_TOLERANCE, CONTACT_ROUNDING};
+
+/// Which pairs may meet, and the sets of bodies that these join.
+pub(super) struct Islands {
+    sets: Vec<u32>,
+    may_meet: Vec<bool>,
+}
+
+impl Islands {
+    /// `results`: of each pair, were no body to stop. `assemblies`: bodies that stop together.
+    pub fn new(
+        input: &StepInput,
+        pairs: &[BodyPair],
+        boxes: &BodyBoxes,
+        results: &[ImpactResult],
+        assemblies: &HashMap<u64, Vec<u32>>,
+        pool: &TaskPool,
+    ) -> Self {
+        let joined = |may_meet: &dyn Fn(usize) -> bool| {
+            let mut sets = DisjointSets::new(input.bodies.len());
+            for (_, pair) in pairs.iter().enumerate().filter(|(i, _)| may_meet(*i)) {
+                if let [Some(a), Some(b)] = [pair.first, pair.second].map(|side| input.stopping(side)) {
+                    sets.join(a, b);
+                }
+            }
+            for bodies in assemblies.values() {
+                bodies.windows(2).for_each(|pair| sets.join(pair[0], pair[1]));
+            }
+            sets.representatives()
+        };
+        let mut parts = vec![false; input.bodies.len()];
+        let several = assemblies.values().filter(|bodies| bodies.len() > 1);
+        several.flatten().for_each(|&body| parts[body as usize] = true);
+        let near = joined(&|i| pairs[i].stops);
+        let [mut pushed, mut eventful] = [(); 2].map(|()| vec![false; input.bodies.len()]);
+        for (pair, result) in pairs.iter().zip(results).filter(|(pair, _)| pair.stops) {
+            let pushes =
+                pair.bodies().any(|body| !input.is_stopping(body) && !input.bodies[body as usize].sweep.is_at_rest());
+            for body in pair.bodies().filter(|&body| input.is_stopping(body)) {
+                let island = near[body as usize] as usize;
+                pushed[island] |= pushes;
+                eventful[island] |= result.impact.is_some();
+            }
+        }
+        let may_meet = parallel::map(pool, pairs, 16, |i, pair| {
+            let among = |islands: &[bool]| pair.bodies().any(|body| islands[near[body as usize] as usize]);
+            pair.stops
+                && among(&eventful)
+                && (results[i].impact.is_some() || among(&pushed) || ways_meet(input, pair, boxes, &parts))
+        });
+        Self { sets: joined(&|i| may_meet[i]), may_meet }
+    }
+
+    /// The body that stands for the island.
+    pub fn of(&self, body: u32) -> u32 {
+        self.sets[body as usize]
+    }
+
+    /// False if the bodies of a pair do not meet, wherever they stop.
+    pub fn may_meet(&self, pair: usize) -> bool {
+        self.may_meet[pair]
+    }
+}
+
+/// True if two bodies come near each other, each wherever on its way, or if that is not known. `parts`: which bodies are joined with others,
+/// and slide with them.
+fn ways_meet(input: &StepInput, pair: &BodyPair, boxes: &BodyBoxes, parts: &[bool]) -> bool {
+    if input.culling == Culling::None {
+        return true;
+    }
+    let of = |side: Side| {
+        let body = side.body().filter(|&body| !parts[body as usize])?;
+        Some((input.bodies[body as usize].solid.medial()?, boxes.between(side, [0.0, 1.0])?))
+    };
+    let (Some((shape1, boxes1)), Some((shape2, boxes2))) = (of(pair.first), of(pair.second)) else { return true };
+    let size = shape1.bounding_sphere().radius.max(shape2.bounding_sphere().radius);
+    let reach = 2.0 * input.slide_way()
+        + boxes1.sagitta()
+        + boxes2.sagitta()
+        + (2.0 * CHORD_TOLERANCE + CONTACT_ROUNDING) * size;
+    let offset = boxes1.offset(&boxes2);
+    let found = Cell::new(false);
+    let span = MovingBox::span;
+    let test = |i, j| !found.get() && span(&boxes1.node(i)).is_near(&span(&boxes2.node(j)), offset, reach);
+    shape1.bvh().visit_pairs(shape2.bvh(), test, |_, _| found.set(true));
+    found.get()
+}
+
+/// Sets of bodies, each a tree.
+struct DisjointSets(Vec<u32>);
+
+impl DisjointSets {
+    /// Each body by itself.
+    fn new(bodies: usize) -> Self {
+        Self((0..bodies as u32).collect())
+    }
+
+    fn of(&mut self, mut body: u32) -> u32 {
+        while self.0[body as usize] != body {
+            self.0[body as usize] = self.0[self.0[body as usize] as usize];
+            body = self.0[body as usize];
+        }
+        body
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let [a, b] = [a, b].map(|body| self.of(body));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+
+    /// For each body the first of its set.
+    fn representatives(mut self) -> Vec<u32> {
+        (0..self.0.len() as u32).map(|body| self.of(body)).collect()
+    }
+}
