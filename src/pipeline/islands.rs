@@ -129,3 +129,80 @@ impl DisjointSets {
         (0..self.0.len() as u32).map(|body| self.of(body)).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bevy::tasks::TaskPoolBuilder;
+    use glam::Vec3;
+
+    use super::*;
+    use crate::{
+        geometry::{Pose3, Sweep},
+        medial_axis::MedialAxis,
+        pipeline::{Body, Impact, Shape, Statics},
+    };
+
+    /// Four rings in a row that go down, all near each other; the ways of the first two meet, and those of the last two, and these two have an impact.
+    fn input() -> (StepInput, Vec<BodyPair>, Vec<ImpactResult>) {
+        let ring = Shape { axis: MedialAxis::torus(0.2, 0.05, 12).unwrap(), scale: 1.0 };
+        let body = |x: f32| {
+            let [start, end] = [0.0, -0.3].map(|y| Pose3::from_translation(Vec3::new(x, y, 0.0)));
+            Body {
+                assembly: Some(x.to_bits().into()),
+                ..Body::new(ring.clone(), Sweep::between(start, end, Vec3::ZERO, Vec3::ZERO))
+            }
+        };
+        let bodies = [0.0, 0.49, 1.1, 1.59].map(body).to_vec();
+        let input = StepInput { bodies, stop_at_impact: true, prediction: 0.02, ..Default::default() };
+        let pair = |[a, b]: [u32; 2]| BodyPair { first: Side::Body(a), second: Side::Body(b), stops: true };
+        let pairs = [[0, 1], [1, 2], [2, 3]].map(pair).to_vec();
+        let impact = Impact { fraction: 0.5, point: Vec3::ZERO, normal: Vec3::X, primitive1: 0, primitive2: 0 };
+        let mut results = vec![ImpactResult::default(); 3];
+        results[2].impact = Some(impact);
+        (input, pairs, results)
+    }
+
+    fn islands((input, pairs, results): (StepInput, Vec<BodyPair>, Vec<ImpactResult>)) -> (Vec<u32>, Vec<bool>) {
+        let pool = TaskPoolBuilder::new().num_threads(0).build();
+        let mut assemblies: HashMap<u64, Vec<u32>> = HashMap::new();
+        for (i, body) in (0..).zip(&input.bodies) {
+            assemblies.entry(body.assembly.unwrap()).or_default().push(i);
+        }
+        let boxes = BodyBoxes::new(&input, &Statics::default(), &pairs, &pool);
+        let Islands { sets, may_meet } = Islands::new(&input, &pairs, &boxes, &results, &assemblies, &pool);
+        (sets, may_meet)
+    }
+
+    #[test]
+    fn bodies_whose_ways_are_apart_are_no_island() {
+        assert_eq!(islands(input()), (vec![0, 0, 2, 2], vec![true, false, true]));
+    }
+
+    #[test]
+    fn a_long_way_to_slide_joins() {
+        let (input, pairs, results) = input();
+        let input = StepInput { fall: 0.1, ..input };
+        assert_eq!(islands((input, pairs, results)), (vec![0; 4], vec![true; 3]));
+    }
+
+    #[test]
+    fn what_is_pushed_may_go_anywhere() {
+        let (mut input, pairs, results) = input();
+        input.bodies[0].stops = false;
+        assert_eq!(islands((input, pairs, results)), (vec![0, 1, 1, 1], vec![true; 3]));
+    }
+
+    #[test]
+    fn joined_bodies_stop_together() {
+        let (mut input, pairs, results) = input();
+        input.bodies[3].assembly = input.bodies[0].assembly;
+        assert_eq!(islands((input, pairs, results)), (vec![0; 4], vec![true, false, true]));
+    }
+
+    #[test]
+    fn where_nothing_happens_nothing_is_looked_at() {
+        let (input, pairs, mut results) = input();
+        results[2].impact = None;
+        assert_eq!(islands((input, pairs, results)), (vec![0, 1, 2, 3], vec![false; 3]));
+    }
+}
