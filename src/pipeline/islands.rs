@@ -32,10 +32,17 @@ impl Islands {
         assemblies: &HashMap<u64, Vec<u32>>,
         pool: &TaskPool,
     ) -> Self {
+        let mut parts = vec![false; input.bodies.len()];
+        let several = assemblies.values().filter(|bodies| bodies.len() > 1);
+        several.flatten().for_each(|&body| parts[body as usize] = true);
+        // A kinematic body stops with what it is joined to.
+        let stops = |body: u32| input.is_stopping(body) || parts[body as usize];
         let joined = |may_meet: &dyn Fn(usize) -> bool| {
             let mut sets = DisjointSets::new(input.bodies.len());
             for (_, pair) in pairs.iter().enumerate().filter(|(i, _)| may_meet(*i)) {
-                if let [Some(a), Some(b)] = [pair.first, pair.second].map(|side| input.stopping(side)) {
+                if let [Some(a), Some(b)] =
+                    [pair.first, pair.second].map(|side| side.body().filter(|&body| stops(body)))
+                {
                     sets.join(a, b);
                 }
             }
@@ -44,15 +51,12 @@ impl Islands {
             }
             sets.representatives()
         };
-        let mut parts = vec![false; input.bodies.len()];
-        let several = assemblies.values().filter(|bodies| bodies.len() > 1);
-        several.flatten().for_each(|&body| parts[body as usize] = true);
         let near = joined(&|i| pairs[i].stops);
         let [mut pushed, mut eventful] = [(); 2].map(|()| vec![false; input.bodies.len()]);
         for (pair, result) in pairs.iter().zip(results).filter(|(pair, _)| pair.stops) {
             let pushes =
                 pair.bodies().any(|body| !input.is_stopping(body) && !input.bodies[body as usize].sweep.is_at_rest());
-            for body in pair.bodies().filter(|&body| input.is_stopping(body)) {
+            for body in pair.bodies().filter(|&body| stops(body)) {
                 let island = near[body as usize] as usize;
                 pushed[island] |= pushes;
                 eventful[island] |= result.impact.is_some();

@@ -355,11 +355,6 @@ impl StepInput {
         self.stop_at_impact && self.bodies[body as usize].stops
     }
 
-    /// A side that is a body that impacts stop.
-    fn stopping(&self, side: Side) -> Option<u32> {
-        side.body().filter(|&body| self.is_stopping(body))
-    }
-
     /// How far a body may leave its way to slide on, in metres.
     fn slide_way(&self) -> f32 {
         self.fall.max(SLIDE_WAY * self.prediction)

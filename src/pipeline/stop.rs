@@ -313,7 +313,7 @@ impl Run<'_> {
         let BodyPair { first, second, .. } = self.pairs[pair];
         let mut courses = Vec::new();
         for (side, other, away) in [(first, second, -impact.normal), (second, first, impact.normal)] {
-            let Some(body) = input.stopping(side) else { continue };
+            let Some(body) = side.body().filter(|&body| input.is_stopping(body)) else { continue };
             let other = other.body();
             let push = other
                 .filter(|&other| !self.input.is_stopping(other) || stops.state(other) == State::Carried)
