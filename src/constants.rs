@@ -102,6 +102,9 @@ pub const TOUCH_DISTANCE: f32 = 1.0e-3;
 /// leaves at a contact that it knows, well below what can be seen.
 pub const STOP_SLOP: f32 = 1.0e-3;
 
+/// Overlap, per metre of the smaller body's radius, that no pressure explains: such bodies were put into each other.
+pub const DEEP: f32 = 0.05;
+
 /// Contacts within this many length units of the deepest carry the body: they go to the solver before those farther off.
 pub const CARRYING_DEPTH: f32 = 5.0e-3;
 

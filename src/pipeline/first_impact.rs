@@ -95,7 +95,7 @@ impl Parts {
 #[derive(Default)]
 struct Search {
     result: ImpactResult,
-    /// The greatest overlap at the start of the step, in metres: what comes out of it turns, and then other primitives overlap by as much.
+    /// How deep primitives may be that were less deep at the start of the step, in metres.
     carried: f32,
     /// The overlaps of single primitives of a motion there.
     overlaps: Vec<((usize, PrimitivePair), f32)>,
@@ -158,7 +158,7 @@ impl Search {
                     result.normal = motion.frame_at(0.0).rotation * start.normal();
                 }
                 if part == 0 && start.overlap() > 0.0 {
-                    self.carried = self.carried.max(start.overlap());
+                    self.carried = self.carried.max(motion.carried(start.overlap()));
                     self.overlaps.push(((index, pair), start.overlap()));
                 }
                 if !start.stay_apart() {

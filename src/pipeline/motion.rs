@@ -4,7 +4,9 @@ use glam::{Quat, Vec3};
 
 use super::{Part, Second, Side, Solid, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
 use crate::{
-    constants::{CHORD_TOLERANCE, MAX_STEP_PARTS, PART_ANGLE, STOP_ALLOWED, STOP_ROUNDINGS, STOP_SLOP, TOUCH_DISTANCE},
+    constants::{
+        CHORD_TOLERANCE, DEEP, MAX_STEP_PARTS, PART_ANGLE, STOP_ALLOWED, STOP_ROUNDINGS, STOP_SLOP, TOUCH_DISTANCE,
+    },
     geometry::{Aabb, Pose3, Sphere, Sweep},
     query::Chords,
 };
@@ -73,6 +75,8 @@ pub(super) struct PairMotion<'a> {
     moved: f32,
     /// Overlap that the pair may gain, in metres.
     pub slop: f32,
+    /// Overlap that the solver leaves on purpose, in metres.
+    allowed: f32,
     /// Distance at which the bodies are in touch, in metres.
     pub touch: f32,
 }
@@ -117,6 +121,7 @@ impl<'a> PairMotion<'a> {
                     size,
                     moved,
                     slop: slop(size, 0.0),
+                    allowed,
                     touch,
                 }]
             }
@@ -141,6 +146,7 @@ impl<'a> PairMotion<'a> {
                         size,
                         moved,
                         slop: slop(size, rounding),
+                        allowed,
                         touch,
                     }
                 };
@@ -180,6 +186,12 @@ impl<'a> PairMotion<'a> {
             Facing::Part(part) => part.aabb().center(),
         });
         self.to_chords(self.frame.rotation * (center2 - center1).normalize_or(Vec3::Y))
+    }
+
+    /// How deep other primitives may be where some overlap by so much at the start, in metres: as deep as the solver leaves them on purpose. Bodies that
+    /// were put into each other turn as they come apart, and then others are as deep as those were.
+    pub fn carried(&self, overlap: f32) -> f32 {
+        if overlap > DEEP * self.size { overlap } else { overlap.min(self.allowed) }
     }
 
     /// In how many parts the step is to be searched.
