@@ -11,7 +11,7 @@ use super::{
     Culling, Side, StepInput,
     broad_phase::BodyPair,
     first_impact::ImpactResult,
-    moving_boxes::{BodyBoxes, MovingBox},
+    moving_boxes::{self, BodyBoxes, MovingBox},
     parallel,
 };
 use crate::constants::{CHORD_TOLERANCE, CONTACT_ROUNDING};
@@ -94,15 +94,12 @@ fn ways_meet(input: &StepInput, pair: &BodyPair, boxes: &BodyBoxes, parts: &[boo
     };
     let (Some((shape1, boxes1)), Some((shape2, boxes2))) = (of(pair.first), of(pair.second)) else { return true };
     let size = shape1.bounding_sphere().radius.max(shape2.bounding_sphere().radius);
-    let reach = 2.0 * input.slide_way()
-        + boxes1.sagitta()
-        + boxes2.sagitta()
-        + (2.0 * CHORD_TOLERANCE + CONTACT_ROUNDING) * size;
-    let offset = boxes1.offset(&boxes2);
+    let reach = 2.0 * input.slide_way() + (2.0 * CHORD_TOLERANCE + CONTACT_ROUNDING) * size;
     let found = Cell::new(false);
-    let span = MovingBox::span;
-    let test = |i, j| !found.get() && span(&boxes1.node(i)).is_near(&span(&boxes2.node(j)), offset, reach);
-    shape1.bvh().visit_pairs(shape2.bvh(), test, |_, _| found.set(true));
+    let test = |box1: &MovingBox, box2: &MovingBox, offset, reach| {
+        !found.get() && box1.span().is_near(&box2.span(), offset, reach)
+    };
+    moving_boxes::visit_pairs([shape1, shape2], [boxes1, boxes2], reach, test, |_, _| found.set(true));
     found.get()
 }
 

@@ -16,7 +16,7 @@ use super::{
     Culling, Hull, Shape, Statics, StepInput,
     broad_phase::BodyPair,
     motion::{Facing, PairMotion, with_sides},
-    moving_boxes::{BodyBoxes, MovingBox, MovingBoxes, TimedBoxes},
+    moving_boxes::{self, BodyBoxes, MovingBox, MovingBoxes, TimedBoxes},
     near::{Directions, near_part},
     parallel,
 };
@@ -213,18 +213,15 @@ fn pairs_of_boxes(
     test: impl Fn(&MovingBox, &MovingBox, Vec3A, f32) -> bool,
 ) -> Vec<PrimitivePair> {
     let mut pairs = Vec::new();
-    let mut visit = |boxes1: TimedBoxes, boxes2: TimedBoxes| {
-        let offset = boxes1.offset(&boxes2);
-        let reach = reach + boxes1.sagitta() + boxes2.sagitta() + CONTACT_ROUNDING * motion.size;
-        let test = |i, j| test(&boxes1.node(i), &boxes2.node(j), offset, reach);
-        motion.shape1.bvh().visit_pairs(shape2.bvh(), test, |i, j| pairs.push([i, j]));
-    };
+    let shapes = [motion.shape1, shape2];
+    let reach = reach + CONTACT_ROUNDING * motion.size;
+    let mut visit = |boxes| moving_boxes::visit_pairs(shapes, boxes, reach, &test, |i, j| pairs.push([i, j]));
     match boxes {
-        [Some(boxes1), Some(boxes2)] => visit(boxes1, boxes2),
+        [Some(boxes1), Some(boxes2)] => visit([boxes1, boxes2]),
         _ => {
             let boxes = [(motion.shape1, &motion.sweep1), (shape2, &motion.sweep2)];
-            let [boxes1, boxes2] = boxes.map(|(shape, sweep)| MovingBoxes::new(shape, sweep, Vec3::ZERO));
-            visit(boxes1.whole(), boxes2.whole());
+            let boxes = boxes.map(|(shape, sweep)| MovingBoxes::new(shape, sweep, Vec3::ZERO));
+            visit(boxes.each_ref().map(MovingBoxes::whole));
         }
     }
     pairs.sort_unstable();

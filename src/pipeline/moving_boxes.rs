@@ -82,6 +82,21 @@ impl MovingBoxes {
     }
 }
 
+/// Visits the primitives of two shapes whose boxes pass a test, which is asked with two boxes, by what the second is to be shifted, and the `reach`
+/// within which they count, larger by how far spheres may stray from them.
+pub(super) fn visit_pairs(
+    [shape1, shape2]: [&Shape; 2],
+    [boxes1, boxes2]: [TimedBoxes; 2],
+    reach: f32,
+    test: impl Fn(&MovingBox, &MovingBox, Vec3A, f32) -> bool,
+    visit: impl FnMut(u32, u32),
+) {
+    let offset = boxes1.offset(&boxes2);
+    let reach = reach + boxes1.sagitta() + boxes2.sagitta();
+    let test = |i, j| test(&boxes1.node(i), &boxes2.node(j), offset, reach);
+    shape1.bvh().visit_pairs(shape2.bvh(), test, visit);
+}
+
 impl TimedBoxes<'_> {
     /// The box of a node.
     pub fn node(&self, index: usize) -> MovingBox {

@@ -316,7 +316,7 @@ impl Run<'_> {
             let Some(body) = side.body().filter(|&body| input.is_stopping(body)) else { continue };
             let other = other.body();
             let push = other
-                .filter(|&other| !self.input.is_stopping(other) || stops.state(other) == State::Carried)
+                .filter(|&other| !input.is_stopping(other) || stops.state(other) == State::Carried)
                 .map(|pusher| stops.sweep_from(input, pusher, fraction));
             // How far the pusher goes on this way, and the body.
             let way = |sweep: &Sweep| way_at(sweep, impact.point).dot(away);
@@ -327,9 +327,7 @@ impl Run<'_> {
                 (State::Free | State::Sliding, None) => State::Stopped,
                 (State::Carried, Some(_)) if into >= -own && pushes < MAX_PUSHES => State::Carried,
                 // It goes on if the other gives way.
-                (State::Carried, Some(_))
-                    if into < -own && other.is_some_and(|other| self.input.is_stopping(other)) =>
-                {
+                (State::Carried, Some(_)) if into < -own && other.is_some_and(|other| input.is_stopping(other)) => {
                     continue;
                 }
                 (State::Carried, None) if other.is_some_and(|other| stops.state(other) < State::Carried) => continue,
