@@ -60,14 +60,6 @@ pub const PARTING_DIRECTIONS: usize = 6;
 /// How many primitives are looked at one by one. Fewer, and looking at all at once takes longer than what it saves.
 pub const FEW_PRIMITIVES: usize = 8;
 
-/// Relative way of two bodies in a step, per metre of the smaller one's bounding radius, up to which those of their primitives are looked for that are
-/// near each other at the start. Farther, and most of these are never met.
-pub const NEAR_WAY: f32 = 0.06;
-
-/// The same for the ways of either body by itself, which count where one stops and the other does not. Larger, and more primitives are found;
-/// smaller, and they are looked for anew at a stop.
-pub const SURE_WAY: f32 = 0.1;
-
 /// Angle in radians through which the bodies of a pair turn, together, before their step is searched in parts of that length: within each of
 /// them only few primitives are near each other.
 pub const PART_ANGLE: f32 = 0.5;

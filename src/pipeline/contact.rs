@@ -191,7 +191,7 @@ pub(super) fn of_shapes(
             });
         };
         with_spheres!(hull, |first| with_spheres!(shape2.hull(primitive2), |second| {
-            if directions.parting(&first, &second, [prediction; 2]).is_none() {
+            if !directions.are_apart(&first, &second, prediction) {
                 let [made1, made2] = &mut made;
                 let spheres1 = SharedSpheres::new(shape1, primitive1, primitive2, made1);
                 let spheres2 = SharedSpheres::new(shape2, primitive2, primitive1, made2);

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::{
     Culling, Impact,
-    mid_phase::{self, Candidate, Candidates, PrimitivePair},
+    mid_phase::{self, Candidates, PrimitivePair},
     motion::{Facing, PairMotion, with_sides},
     moving_boxes::TimedBoxes,
     parting::Parting,
@@ -46,7 +46,12 @@ pub(super) fn first_impact(
     slack: f32,
     normal: Vec3,
 ) -> ImpactResult {
-    let mut search = Search { result: ImpactResult { normal, ..Default::default() }, ..Default::default() };
+    let slop = motions.iter().map(|motion| motion.slop).fold(0.0, f32::max);
+    let mut search = Search { result: ImpactResult { slop, normal, ..Default::default() }, ..Default::default() };
+    // On a shorter way no overlap grows by that.
+    if motions.iter().all(|motion| motion.way() <= motion.slop) {
+        return search.result;
+    }
     let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
     // They are those of one part.
     let boxes = if count == 1 { boxes } else { [None; 2] };
@@ -57,7 +62,8 @@ pub(super) fn first_impact(
         let candidates = match candidates {
             Some(known) if count == 1 => known,
             _ => {
-                found = motions.iter().map(|m| mid_phase::on_the_way(m, culling, slack, boxes)).collect();
+                let of = |motion: &PairMotion| mid_phase::candidates(motion, culling, slack + motion.stray(), boxes);
+                found = motions.iter().map(of).collect();
                 &found
             }
         };
@@ -115,8 +121,8 @@ impl Search {
             };
             parts.cut(motions, part);
             motions[index].slop = 0.0;
-            let mut candidates = vec![Candidates::default(); motions.len()];
-            candidates[index] = Candidates::all([pair], None);
+            let mut candidates = vec![Candidates::new(); motions.len()];
+            candidates[index].push(pair);
             let later = self.result.impact.take();
             self.run(motions, &candidates, [part, parts.count]);
             self.result.impact = self.result.impact.or(later);
@@ -129,22 +135,20 @@ impl Search {
         let (mut sides, mut approaching) = (Vec::new(), Vec::new());
         let mut nearest = f32::INFINITY;
         for (index, (motion, candidates)) in motions.iter().zip(candidates).enumerate() {
-            result.slop = result.slop.max(motion.slop);
-            let nearing = motion.nearing();
-            let count = candidates.within(nearing).count();
-            if count == 0 {
+            if candidates.is_empty() {
                 continue;
             }
             let chords = motion.chords();
-            result.toi_tests += count;
+            result.toi_tests += candidates.len();
             let direction = match result.normal {
                 normal if normal == Vec3::ZERO => motion.center_line(),
                 normal => motion.to_chords(normal),
             };
-            let mut parting = (count > FEW_PRIMITIVES).then(|| Parting::new(motion, &chords, direction)).flatten();
+            let many = candidates.len() > FEW_PRIMITIVES;
+            let mut parting = many.then(|| Parting::new(motion, &chords, direction)).flatten();
             let side = sides.len();
-            for &Candidate { primitives: pair, normal, .. } in candidates.within(nearing) {
-                if parting.as_mut().is_some_and(|parting| parting.is_apart(pair, normal)) {
+            for &pair in candidates {
+                if parting.as_mut().is_some_and(|parting| parting.is_apart(pair)) {
                     continue;
                 }
                 let start = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {

@@ -6,7 +6,6 @@ use super::{
     Body, Culling, Impact, Side, Statics, StepInput,
     broad_phase::{BodyPair, meet},
     first_impact::first_impact,
-    mid_phase::Candidates,
     motion::PairMotion,
 };
 
@@ -26,7 +25,7 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
     let pair = BodyPair { first: Side::Body(0), second: Side::Body(1), stops: true };
     let mut motions = PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep);
     motions.iter_mut().for_each(|motion| motion.slop = 0.0);
-    let candidates = primitives.map(|pairs| [Candidates::all(pairs.iter().copied(), None)]);
+    let candidates = primitives.map(|pairs| [pairs.to_vec()]);
     let candidates = candidates.as_ref().map(|candidates| &candidates[..]);
     first_impact(culling, motions, candidates, [None; 2], 0.0, Vec3::ZERO).impact
 }

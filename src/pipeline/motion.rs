@@ -71,8 +71,6 @@ pub(super) struct PairMotion<'a> {
     arms: [f32; 2],
     /// Bounding radius of the smaller body, in metres.
     pub size: f32,
-    /// How much nearer any two points may have come since the start of the step, in metres.
-    moved: f32,
     /// Overlap that the pair may gain, in metres.
     pub slop: f32,
     /// Overlap that the solver leaves on purpose, in metres.
@@ -102,7 +100,6 @@ impl<'a> PairMotion<'a> {
         };
         let ((first, sweep1), (second, sweep2)) = (side(pair.first), side(pair.second));
         let Some(shape1) = first.medial() else { return Vec::new() };
-        let moved = moved(input, pair, [sweep1.start, sweep2.start]);
         let radius1 = shape1.bounding_sphere().radius;
         let (allowed, touch) = (input.allowed_overlap, TOUCH_DISTANCE * input.length_unit);
         let slop =
@@ -119,7 +116,6 @@ impl<'a> PairMotion<'a> {
                     frame,
                     arms: [shape1.arm(sweep1.local_center), shape2.arm(sweep2.local_center)],
                     size,
-                    moved,
                     slop: slop(size, 0.0),
                     allowed,
                     touch,
@@ -144,7 +140,6 @@ impl<'a> PairMotion<'a> {
                         frame,
                         arms,
                         size,
-                        moved,
                         slop: slop(size, rounding),
                         allowed,
                         touch,
@@ -206,19 +201,9 @@ impl<'a> PairMotion<'a> {
         (self.sweep1.translation - self.sweep2.translation).length() + turn
     }
 
-    /// The longest ways of any point of either body, added up, or more, in metres.
-    pub fn ways(&self) -> f32 {
-        self.sweep1.reach(self.arms[0]) + self.sweep2.reach(self.arms[1])
-    }
-
-    /// How much nearer any two points may come between the start of the step and the end of the motion as chords, in metres.
-    pub fn nearing(&self) -> f32 {
-        self.moved + self.way() + 2.0 * CHORD_TOLERANCE * self.size
-    }
-
-    /// Pose of what is faced in the frame of the shape at the start.
-    pub fn pose12(&self) -> Pose3 {
-        self.sweep1.start.inv_mul(&self.sweep2.start)
+    /// How far both bodies together may stray from their ways as chords of it do, in metres.
+    pub fn stray(&self) -> f32 {
+        2.0 * CHORD_TOLERANCE * self.size
     }
 
     /// How far any point of the second body strays from its chord over the motion, in metres.
@@ -230,24 +215,6 @@ impl<'a> PairMotion<'a> {
     pub fn world_offset(&self) -> Option<Vec3> {
         (self.frame.rotation == Quat::IDENTITY).then_some(self.frame.translation)
     }
-}
-
-/// How much nearer any two points of a pair's bodies may be than at the start of the step, in metres, when the bodies have the given poses.
-pub(super) fn moved(input: &StepInput, pair: &BodyPair, poses: [Pose3; 2]) -> f32 {
-    let mut way = Vec3::ZERO;
-    let mut turns = 0.0;
-    for ((side, pose), sign) in [pair.first, pair.second].into_iter().zip(poses).zip([1.0, -1.0]) {
-        let Some(body) = side.body().map(|body| &input.bodies[body as usize]) else { continue };
-        let Sweep { start, local_center, .. } = body.sweep;
-        let arm = match &body.solid {
-            Solid::Medial(shape) => shape.arm(local_center),
-            Solid::Parts(parts) => parts.bounding_sphere().farthest(local_center),
-        };
-        way += sign * (pose.transform_point(local_center) - start.transform_point(local_center));
-        // The chord of the turn.
-        turns += 2.0 * arm * (pose.rotation * start.rotation.inverse()).xyz().length();
-    }
-    way.length() + turns
 }
 
 /// All of the second body that the shape can meet, as a box in that body's frame.

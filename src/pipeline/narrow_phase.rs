@@ -4,12 +4,12 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Contact, Impact, Second, Side, Solid, Statics, StepInput,
+    Contact, Culling, Impact, Second, Side, Solid, Statics, StepInput,
     broad_phase::BodyPair,
     contact::{self, Reach},
     first_impact::{ImpactResult, first_impact},
     mid_phase::Candidates,
-    motion::{self, PairMotion},
+    motion::PairMotion,
     parallel, relative_pose,
     stop::Stops,
 };
@@ -48,13 +48,9 @@ pub(super) fn contacts(
         let pose12 = relative_pose(places);
         match second.second() {
             Second::Shape(shape2) => {
-                let candidates = &candidates[i][0];
-                let nearing = motion::moved(input, pair, places.map(|(pose, _)| pose)) + input.prediction;
-                let known = match candidates.covers {
-                    Some(covers) => nearing <= covers,
-                    None => !pair.bodies().any(|body| stops.is_stopped(body)),
-                };
-                let candidates = known.then(|| candidates.within(nearing).map(|candidate| candidate.primitives));
+                // What was found holds as long as both keep to their way.
+                let known = input.culling == Culling::None || !pair.bodies().any(|body| stops.is_stopped(body));
+                let candidates = known.then(|| candidates[i][0].iter().copied());
                 contact::of_shapes(shape1, shape2, &pose12, reach, candidates, &mut contacts);
             }
             second => contact::find(shape1, second, &pose12, reach, &mut contacts),

@@ -82,28 +82,14 @@ impl Directions {
         Self { known: ArrayVec::from_iter([likely]) }
     }
 
-    /// The first known direction along which the gap of two primitives is larger than `reach` metres. If there is none, that of the largest gap,
-    /// if it is larger than `least`. With the gap.
-    pub fn parting<const N: usize, B: Convex>(
-        &mut self,
-        first: &[Sphere; N],
-        second: &B,
-        [least, reach]: [f32; 2],
-    ) -> Option<(f32, Vec3)> {
-        let mut best = (least, None);
-        for (i, &direction) in self.known.iter().enumerate() {
-            let gap = second.low(direction) + first.low(-direction);
-            if gap > best.0 {
-                best = (gap, Some(i));
-                if gap > reach {
-                    break;
-                }
-            }
+    /// True if there is a known direction along which the gap of two primitives is larger than `reach` metres.
+    pub fn are_apart<const N: usize, B: Convex>(&mut self, first: &[Sphere; N], second: &B, reach: f32) -> bool {
+        let apart = |&direction: &Vec3| second.low(direction) + first.low(-direction) > reach;
+        let found = self.known.iter().position(apart);
+        if let Some(i) = found {
+            self.known[..=i].rotate_right(1);
         }
-        let (gap, i) = (best.0, best.1?);
-        let direction = self.known[i];
-        self.known[..=i].rotate_right(1);
-        Some((gap, direction))
+        found.is_some()
     }
 
     /// Remembers a unit vector from a first side to a second.

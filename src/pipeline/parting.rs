@@ -88,12 +88,8 @@ impl<'a> Parting<'a> {
         Direction { vector: direction.extend(1.0), low }
     }
 
-    /// True if two primitives stay apart along a direction that is known, all the way. `nearest`: that of their nearest points at the start,
-    /// better than any other; zero if it is not known.
-    pub fn is_apart(&mut self, pair: [u32; 2], nearest: Vec3) -> bool {
-        if nearest != Vec3::ZERO {
-            return self.is_apart_along(pair, &self.direction(nearest));
-        }
+    /// True if two primitives stay apart along a direction that is known, all the way.
+    pub fn is_apart(&mut self, pair: [u32; 2]) -> bool {
         let found = (0..self.directions.len()).find(|&i| self.is_apart_along(pair, &self.directions[i]));
         if let Some(i) = found {
             self.directions[..=i].rotate_right(1);
@@ -202,7 +198,7 @@ mod tests {
                     for pair in (0..torus.len() as u32).flat_map(|i| (0..count).map(move |j| [i, j])) {
                         parting.learn(random.vector().normalize());
                         let least = least_distance(&motion, pair);
-                        if parting.is_apart(pair, Vec3::ZERO) {
+                        if parting.is_apart(pair) {
                             apart += 1;
                             assert!(least > 0.0, "{pair:?} of case {case} come within {least} m");
                         } else {

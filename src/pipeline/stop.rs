@@ -29,8 +29,7 @@ use super::{
     broad_phase::BodyPair,
     first_impact::{ImpactResult, first_impact},
     islands::Islands,
-    mid_phase::Candidates,
-    motion::{Facing, PairMotion},
+    motion::PairMotion,
     moving_boxes::BodyBoxes,
     narrow_phase::are_in_touch,
     parallel,
@@ -84,6 +83,11 @@ impl Stops {
 
     fn pushes(&self, body: u32) -> u32 {
         self.0[body as usize].map_or(0, |course| course.pushes)
+    }
+
+    /// How far a body has slid from its own way, in metres.
+    fn slid(&self, body: u32) -> f32 {
+        self.0[body as usize].map_or(0.0, |course| course.slid)
     }
 
     /// The course of a body that leaves its way from a fraction on.
@@ -164,7 +168,6 @@ pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    candidates: &[Vec<Candidates>],
     boxes: &BodyBoxes,
     results: &mut [ImpactResult],
     pool: &TaskPool,
@@ -203,9 +206,8 @@ pub(super) fn run(
         if is_over {
             return run.stops;
         }
-        let found = parallel::map(pool, &searches, 2, |_, &(_, Event { fraction, pair })| {
-            let of_pair = (&pairs[pair], &candidates[pair][..], boxes);
-            impact_from(input, statics, of_pair, &run.stops, fraction, &run.results[pair])
+        let found = parallel::map(pool, &searches, 8, |_, &(_, Event { fraction, pair })| {
+            impact_from(input, statics, (&pairs[pair], boxes), &run.stops, fraction, &run.results[pair])
         });
         for ((island, Event { pair, .. }), found) in searches.into_iter().zip(found) {
             queues[island].extend(run.take(pair, found));
@@ -345,7 +347,8 @@ impl Run<'_> {
                     _ => Sweep::at_rest(now.start),
                 };
                 let pushes = pushes + u32::from(state == State::Carried);
-                courses.push((body, Course { from: fraction, sweep, state, slides: 0, slid: 0.0, pushes }));
+                let slid = stops.slid(body);
+                courses.push((body, Course { from: fraction, sweep, state, slides: 0, slid, pushes }));
             }
         }
         courses
@@ -391,11 +394,11 @@ fn slides(
     if slow && may { slides } else { Vec::new() }
 }
 
-/// The first impact of a pair from a fraction on. `candidates` and `before`: of the whole step, were no body to stop.
+/// The first impact of a pair from a fraction on. `before`: of the whole step, were no body to stop.
 fn impact_from(
     input: &StepInput,
     statics: &Statics,
-    (pair, candidates, boxes): (&BodyPair, &[Candidates], &BodyBoxes),
+    (pair, boxes): (&BodyPair, &BodyBoxes),
     stops: &Stops,
     fraction: f32,
     before: &ImpactResult,
@@ -403,19 +406,11 @@ fn impact_from(
     let mut motions = PairMotion::all(input, statics, pair, |body| stops.sweep_from(input, body, fraction));
     // Overlaps have grown since the start of the step already.
     motions.iter_mut().for_each(|motion| motion.slop *= RENEWED_SLOP);
-    // On a shorter way none grows by that.
+    // On a shorter way none grows by that, whatever the others do.
     motions.retain(|motion| motion.way() > motion.slop);
-    // What slides may stray from its way by less than was added to find them.
-    let slack = 2.0 * input.slide_way();
-    let slide = slack <= input.prediction && pair.bodies().all(|body| stops.state(body) <= State::Sliding);
-    let known = match &motions[..] {
-        [motion @ PairMotion { facing: Facing::Shape(_), .. }] => {
-            candidates[0].covers.map_or(slide, |covers| motion.nearing() <= covers)
-        }
-        _ => false,
-    };
     let boxes = [pair.first, pair.second].map(|side| boxes.between(side, stops.times(side, fraction)?));
-    let mut found = first_impact(input.culling, motions, known.then_some(candidates), boxes, slack, before.normal);
+    let slack = pair.bodies().map(|body| stops.slid(body)).sum();
+    let mut found = first_impact(input.culling, motions, None, boxes, slack, before.normal);
     if let Some(impact) = &mut found.impact {
         impact.fraction = fraction + (1.0 - fraction) * impact.fraction;
     }
