@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::{
     rigid::Rigid,
-    separation::{Convex, edge_directions},
+    separation::{Convex, edge_directions, separation},
 };
 use crate::geometry::{Aabb, Placement, Sphere};
 
@@ -30,7 +30,7 @@ pub trait SupportShape {
 pub struct Support<'a>(pub &'a dyn SupportShape);
 
 impl Support<'_> {
-    /// Unit normal of the face that is farthest along `direction`, if it is a face.
+    /// Unit normal of the face that is farthest along `direction`, or of a straight line on it the one that leans least.
     fn face_normal(&self, direction: Vec3, near: Vec3) -> Option<Vec3> {
         let (mut corners, mut count) = ([Vec3::ZERO; 3], 0);
         self.0.face(direction, near, &mut |corner| {
@@ -40,7 +40,11 @@ impl Support<'_> {
             }
         });
         let [a, b, c] = corners;
-        let normal = (b - a).cross(c - a).try_normalize().filter(|_| count == 3)?;
+        let normal = match count {
+            3 => (b - a).cross(c - a).try_normalize()?,
+            2 => direction.reject_from((b - a).try_normalize()?).try_normalize()?,
+            _ => return None,
+        };
         Some(if normal.dot(direction) < 0.0 { -normal } else { normal })
     }
 }
@@ -70,7 +74,9 @@ impl Convex for Support<'_> {
     fn normals<const N: usize>(&self, first: &[Sphere; N], apart: Vec3, visit: &mut impl FnMut(Vec3)) {
         if let Some((_, near, normal)) = self.0.nearest(first) {
             visit(normal);
-            // Above a flat face an iteration ends with a normal that leans, and the wider the face the more that takes from the distance.
+            // On a round edge the point that an iteration ends with tells the direction better than its normal does.
+            visit(separation(first, &[Sphere::new(near, 0.0)], 0).normal);
+            // Above what is flat or straight that normal leans, and the wider that is the more it takes from the distance.
             if let Some(outward) = self.face_normal(-normal, near) {
                 visit(-outward);
             }

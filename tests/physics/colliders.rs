@@ -1,11 +1,12 @@
 //! Medial bodies against every standard collider of rapier: distance, time of impact, rest, speed, sensors.
 
 use bevy::{
+    math::{DVec2, DVec3},
     prelude::*,
     tasks::{ComputeTaskPool, TaskPool},
 };
 use bevy_medial::{
-    geometry::{Pose3, Sweep},
+    geometry::{Pose3, Primitive, Sphere, Sweep},
     medial_axis::MedialAxis,
     pipeline::{Body, Shape, Solid, StaticBody, Statics, StepInput, step},
     rapier::{ContactTable, MedialDispatcher, MedialShape},
@@ -14,7 +15,7 @@ use bevy_medial::{
 use bevy_rapier3d::{
     parry::{
         query::{self, ClosestPoints, QueryDispatcher, details::closest_points_segment_segment},
-        shape::{Segment, Shape as ParryShape, SharedShape, TypedShape},
+        shape::{Cone, Cylinder, Segment, Shape as ParryShape, SharedShape, Triangle, TypedShape},
     },
     prelude::*,
 };
@@ -23,6 +24,7 @@ use std::sync::Arc;
 use crate::common::*;
 
 /// A collider, and the pose that turns a side of it up and puts the top of that at height 0.
+#[derive(Clone)]
 struct Case {
     name: &'static str,
     collider: Collider,
@@ -36,7 +38,7 @@ struct Case {
 }
 
 impl Case {
-    /// How exact parry's iteration is, which is ours for curved shapes and the reference's for most, in metres.
+    /// How exact parry's iteration is, which is ours for curved shapes, in metres.
     fn tolerance(&self) -> f32 {
         if self.name.contains("cylinder") || self.name.contains("cone") { 5e-3 } else { 2e-3 }
     }
@@ -121,28 +123,101 @@ fn reference(shape: &SharedShape) -> SharedShape {
     }
 }
 
-/// Distance of the capsule and a collider by parry's means: that of the capsule's axis, where its own methods are exact. None if the
-/// two cross.
-fn true_distance(pose12: &Pose3, shape: &dyn ParryShape) -> Option<f32> {
-    let axis = Segment::new(Vec3::X * -0.3, Vec3::X * 0.3);
-    let to = |shape: &dyn ParryShape| query::distance(&Pose3::IDENTITY, &axis, pose12, shape).unwrap();
+/// The capsule, a slab and a ring of cones: all spheres have one radius.
+fn probes() -> [MedialAxis; 3] {
+    let corners = [Vec3::new(0.3, 0.0, 0.0), Vec3::new(-0.2, 0.1, 0.2), Vec3::new(-0.1, -0.1, -0.3)];
+    let slab = MedialAxis::from_lists(corners.map(|corner| Sphere::new(corner, RADIUS)).into(), &[], &[[0, 1, 2]]);
+    [capsule(), slab.unwrap().0, MedialAxis::torus(0.3, RADIUS, 12).unwrap()]
+}
+
+/// Distance of a medial body whose spheres have one radius and a collider by parry's means: the least of those of its segments and triangles.
+/// None if one of these crosses it.
+fn true_distance(axis: &MedialAxis, pose12: &Pose3, shape: &dyn ParryShape) -> Option<f32> {
+    let corner = |&sphere: &u32| axis.spheres()[sphere as usize].center;
+    let of_primitive = |primitive: &Primitive| match *primitive.indices().iter().map(corner).collect::<Vec<_>>() {
+        [a, b] => core_distance(&Segment::new(a, b), pose12, shape),
+        [a, b, c] => core_distance(&Triangle::new(a, b, c), pose12, shape),
+        _ => unreachable!("a single sphere"),
+    };
+    let distance = axis.primitives().iter().map(of_primitive).fold(f32::INFINITY, f32::min);
+    (distance > 0.0).then_some(distance - RADIUS)
+}
+
+/// Distance of a segment or a triangle and a collider: in closed form, or by those of parry's methods that are exact.
+fn core_distance(core: &dyn ParryShape, pose12: &Pose3, shape: &dyn ParryShape) -> f32 {
+    let to = |shape: &dyn ParryShape| query::distance(&Pose3::IDENTITY, core, pose12, shape).unwrap();
     let to_segment = |segment: &Segment| {
-        let ends = closest_points_segment_segment(pose12, &axis, segment, f32::MAX);
+        let TypedShape::Segment(axis) = core.as_typed_shape() else { return to(segment) };
+        let ends = closest_points_segment_segment(pose12, axis, segment, f32::MAX);
         let ClosestPoints::WithinMargin(point1, point2) = ends else { return 0.0 };
         point1.distance(pose12.transform_point(point2))
     };
-    let distance = match shape.as_typed_shape() {
+    let to_revolved = |distance: &dyn Fn(DVec2) -> f64| least_distance(core, &pose12.inverse(), distance);
+    match shape.as_typed_shape() {
         TypedShape::Capsule(capsule) => to_segment(&capsule.segment) - capsule.radius,
         TypedShape::Segment(segment) => to_segment(segment),
         TypedShape::Polyline(line) => line.segments().map(|s| to_segment(&s)).fold(f32::INFINITY, f32::min),
+        TypedShape::Cylinder(cylinder) => to_revolved(&|point| from_cylinder(cylinder, point)),
+        TypedShape::Cone(cone) => to_revolved(&|point| from_cone(cone, point)),
         TypedShape::RoundTriangle(round) => to(&round.inner_shape) - round.border_radius,
         TypedShape::RoundCuboid(round) => to(&round.inner_shape) - round.border_radius,
-        TypedShape::RoundCylinder(round) => to(&round.inner_shape) - round.border_radius,
-        TypedShape::RoundCone(round) => to(&round.inner_shape) - round.border_radius,
+        TypedShape::RoundCylinder(round) => {
+            to_revolved(&|point| from_cylinder(&round.inner_shape, point)) - round.border_radius
+        }
+        TypedShape::RoundCone(round) => {
+            to_revolved(&|point| from_cone(&round.inner_shape, point)) - round.border_radius
+        }
         TypedShape::RoundConvexPolyhedron(round) => to(&round.inner_shape) - round.border_radius,
         _ => to(shape),
+    }
+}
+
+/// Distance from a cylinder to a point that is given by its distance from the axis and its height.
+fn from_cylinder(cylinder: &Cylinder, point: DVec2) -> f64 {
+    let corner = DVec2::new(cylinder.radius.into(), cylinder.half_height.into());
+    (DVec2::new(point.x, point.y.abs()) - corner).max(DVec2::ZERO).length()
+}
+
+/// The same of a cone.
+fn from_cone(cone: &Cone, point: DVec2) -> f64 {
+    let (radius, half) = (f64::from(cone.radius), f64::from(cone.half_height));
+    let [axis, rim, tip] = [DVec2::new(0.0, -half), DVec2::new(radius, -half), DVec2::new(0.0, half)];
+    if point.y >= -half && (tip - rim).perp_dot(point - rim) >= 0.0 {
+        return 0.0;
+    }
+    let from_edge = |a: DVec2, b: DVec2| {
+        let along = (point - a).dot(b - a) / (b - a).length_squared();
+        point.distance(a.lerp(b, along.clamp(0.0, 1.0)))
     };
-    (distance > 0.0).then_some(distance - RADIUS)
+    from_edge(axis, rim).min(from_edge(rim, tip))
+}
+
+/// Least distance of a segment or a triangle from a convex solid around the y axis, which tells the distance of points.
+fn least_distance(core: &dyn ParryShape, pose: &Pose3, from_solid: &dyn Fn(DVec2) -> f64) -> f32 {
+    let placed = |point: Vec3| pose.transform_point(point).as_dvec3();
+    let at = |point: DVec3| from_solid(DVec2::new(point.x.hypot(point.z), point.y));
+    let least = match core.as_typed_shape() {
+        TypedShape::Segment(segment) => {
+            let [a, b] = [segment.a, segment.b].map(placed);
+            least(1.0, &|t| at(a.lerp(b, t)))
+        }
+        TypedShape::Triangle(triangle) => {
+            let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(placed);
+            least(1.0, &|t| least(t, &|u| at(a + (b - a) * t + (c - b) * u)))
+        }
+        _ => unreachable!("no core"),
+    };
+    least as f32
+}
+
+/// The least value from 0 to `end` of a convex function.
+fn least(end: f64, value: &dyn Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.0, end);
+    for _ in 0..50 {
+        let [a, b] = [(2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0];
+        if value(a) < value(b) { high = b } else { low = a }
+    }
+    value(0.5 * (low + high))
 }
 
 fn spawn_fixed(app: &mut App, case: &Case, at: Transform) -> Entity {
@@ -152,15 +227,15 @@ fn spawn_fixed(app: &mut App, case: &Case, at: Transform) -> Entity {
 #[test]
 fn distances_are_exact() {
     let dispatcher = MedialDispatcher { table: ContactTable::default() };
-    let medial = MedialShape::new(Shape::new(capsule()), 1);
     let mut random = Random(1);
-    for case in cases() {
+    for (case, axis) in cases().into_iter().flat_map(|case| probes().map(|axis| (case.clone(), axis))) {
+        let medial = MedialShape::new(Shape::new(axis.clone()), 1);
         let truth_shape = reference(&case.collider.raw);
         let (mut apart, mut together, mut off) = (0, 0, 0.0f32);
         for _ in 0..1000 {
             let pose12 = Pose3::from_parts(random.vector() * 2.0, random.rotation());
             let other = &*case.collider.raw;
-            let Some(truth) = true_distance(&pose12, &*truth_shape) else { continue };
+            let Some(truth) = true_distance(&axis, &pose12, &*truth_shape) else { continue };
             *if truth > 0.0 { &mut apart } else { &mut together } += 1;
             for found in [
                 dispatcher.distance(&pose12, &medial, other).unwrap(),
@@ -173,30 +248,27 @@ fn distances_are_exact() {
                 (pose12, dispatcher.contact(&pose12, &medial, other, 0.05).unwrap()),
                 (pose12.inverse(), dispatcher.contact(&pose12.inverse(), other, &medial, 0.05).unwrap()),
             ] {
-                assert!(
-                    found.is_some() || truth > 0.05 - case.tolerance(),
-                    "{}: no contact, {truth} m apart",
-                    case.name
-                );
+                assert!(found.is_some() || truth > 0.05 - case.tolerance(), "{}: no contact, {truth} m apart", case.name);
                 let Some(found) = found else { continue };
                 let way = pose12.transform_point(found.point2) - found.point1;
                 off = off.max((found.dist - truth).abs()).max(way.distance(found.normal1 * found.dist));
                 assert!((found.normal1 + pose12.rotation * found.normal2).length() < 1e-3, "{}", case.name);
             }
         }
-        println!("{}: {apart} apart, {together} together, off by {off} m at most", case.name);
+        let of = axis.primitives().len();
+        println!("{}, {of} primitives: {apart} apart, {together} together, off by {off} m at most", case.name);
         assert!(apart > 50 && together > 5, "{}: {apart} {together}", case.name);
         assert!(off < case.tolerance(), "{}", case.name);
     }
 }
 
 /// First fraction at which they come within `close`, by steps that cannot pass it.
-fn first_touch(sweeps: [&Sweep; 2], shape: &dyn ParryShape, close: f32) -> Option<f32> {
+fn first_touch(axis: &MedialAxis, sweeps: [&Sweep; 2], shape: &dyn ParryShape, close: f32) -> Option<f32> {
     let speed = (sweeps[0].translation - sweeps[1].translation).length();
     let mut fraction = 0.0;
     while fraction <= 1.0 {
         let [pose1, pose2] = sweeps.map(|sweep| sweep.pose_at(fraction));
-        let distance = true_distance(&pose1.inv_mul(&pose2), shape).unwrap_or(0.0);
+        let distance = true_distance(axis, &pose1.inv_mul(&pose2), shape).unwrap_or(0.0);
         if distance <= close {
             return Some(fraction);
         }
@@ -209,7 +281,8 @@ fn first_touch(sweeps: [&Sweep; 2], shape: &dyn ParryShape, close: f32) -> Optio
 fn impacts_are_exact() {
     let pool = ComputeTaskPool::get_or_init(TaskPool::default);
     let mut random = Random(2);
-    let capsule = Shape::new(capsule());
+    let axis = capsule();
+    let capsule = Shape::new(axis.clone());
     for case in cases() {
         let shape = case.collider.raw.clone();
         let truth_shape = reference(&shape);
@@ -217,7 +290,7 @@ fn impacts_are_exact() {
         for _ in 0..300 {
             let places = [random.vector().normalize() * 3.0, Vec3::ZERO];
             let [start1, start2] = places.map(|place| Pose3::from_parts(place, random.rotation()));
-            if true_distance(&start1.inv_mul(&start2), &*truth_shape).is_none_or(|distance| distance < 0.05) {
+            if true_distance(&axis, &start1.inv_mul(&start2), &*truth_shape).is_none_or(|distance| distance < 0.05) {
                 continue;
             }
             let moved = |start: Pose3, by: Vec3| {
@@ -236,14 +309,15 @@ fn impacts_are_exact() {
                 let output = step(&StepInput { bodies, ..default() }, &statics, pool);
                 let impact = output.pairs.first().and_then(|pair| pair.impact).map(|impact| impact.fraction);
                 // A graze that is less deep than the slop is none.
-                let [outer, inner] = [1e-4, -1e-3].map(|close| first_touch([&sweep1, &sweep2], &*truth_shape, close));
+                let [outer, inner] =
+                    [1e-4, -1e-3].map(|close| first_touch(&axis, [&sweep1, &sweep2], &*truth_shape, close));
                 let way = (sweep1.translation - sweep2.translation).length();
                 match (impact, outer) {
                     (Some(impact), touch) => {
                         hits += 1;
                         off = touch.map_or(off, |touch| off.max((impact - touch) * way));
                         let [pose1, pose2] = [&sweep1, &sweep2].map(|sweep| sweep.pose_at(impact));
-                        let distance = true_distance(&pose1.inv_mul(&pose2), &*truth_shape).unwrap_or(0.0);
+                        let distance = true_distance(&axis, &pose1.inv_mul(&pose2), &*truth_shape).unwrap_or(0.0);
                         let sunk = inner.is_some_and(|inner| (impact - inner) * way > 2.0 * case.tolerance());
                         assert!(
                             distance.abs() < 2.0 * case.tolerance() && !sunk,
