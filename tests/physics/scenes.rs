@@ -11,48 +11,53 @@ use bevy_medial::{
 
 use crate::common::*;
 
-/// Runs a scene to its point with seed 1.
-fn run_scene(name: &str, models: &[Model]) -> Summary {
+/// Runs a scene to its point.
+fn run_scene(name: &str, models: &[Model], seed: u64) -> Summary {
     let scene = Scene::by_name(name).unwrap();
     let mut app = app();
-    scene.spawn(app.world_mut(), models, 1);
+    scene.spawn(app.world_mut(), models, seed);
     run(&mut app, scene.steps);
-    app.world_mut().resource_scope(|world, monitor: bevy::prelude::Mut<Monitor>| monitor.summary(name, 1, world))
+    app.world_mut().resource_scope(|world, monitor: bevy::prelude::Mut<Monitor>| monitor.summary(name, seed, world))
 }
 
-/// `size`: greatest extent of a body, in metres.
-fn accept(name: &str, models: &[Model], bodies: usize, size: f32) {
-    let summary = run_scene(name, models);
-    println!("{summary:?}");
-    assert_eq!((summary.steps, summary.bodies), (600, bodies));
-    assert!(summary.counts.contacts_max > bodies, "nothing touches");
-    assert!(summary.lowest_y >= -0.01 * size, "sunk to {}", summary.lowest_y);
-    assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
-    assert!(summary.deepest_overlap_percent < 1.0, "{} %", summary.deepest_overlap_percent);
-    // What is round rolls on: rapier has no rolling friction.
-    let energy = summary.kinetic_energy_per_kg;
-    assert!(summary.asleep == bodies || energy < 5e-3, "{} of {bodies} asleep, {energy} J/kg", summary.asleep);
-    assert!(2 * summary.asleep > bodies, "{} of {bodies} asleep", summary.asleep);
+/// `size`: greatest extent of a body, in metres. From one seed to the next a pile may have a body that goes on creeping by millimetres, which keeps those
+/// awake that touch it: of most seeds most bodies sleep.
+fn accept(name: &str, models: &[Model], bodies: usize, size: f32, seeds: u64) {
+    let mut asleep = 0;
+    for seed in 1..=seeds {
+        let summary = run_scene(name, models, seed);
+        println!("{summary:?}");
+        assert_eq!((summary.steps, summary.bodies), (600, bodies));
+        assert!(summary.counts.contacts_max > bodies, "nothing touches");
+        assert!(summary.lowest_y >= -0.01 * size, "sunk to {}", summary.lowest_y);
+        assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
+        assert!(summary.deepest_overlap_percent < 1.0, "{} %", summary.deepest_overlap_percent);
+        // What is round rolls on: rapier has no rolling friction.
+        let energy = summary.kinetic_energy_per_kg;
+        assert!(summary.asleep == bodies || energy < 5e-3, "{} of {bodies} asleep, {energy} J/kg", summary.asleep);
+        asleep += u64::from(2 * summary.asleep > bodies);
+    }
+    assert!(2 * asleep > seeds, "asleep in {asleep} of {seeds}");
 }
 
 #[test]
 fn rods() {
-    accept("rods", models(), 9, 1.15);
+    accept("rods", models(), 9, 1.15, 1);
 }
 
 #[test]
 fn tori() {
-    accept("tori", models(), 51, 0.6);
+    accept("tori", models(), 51, 0.6, 3);
 }
 
 #[test]
 fn stairs() {
-    accept("stairs", models(), 12, 1.1);
+    accept("stairs", models(), 12, 1.1, 1);
 }
 
 #[test]
 fn bullets() {
-    let summary = run_scene("bullets", models());
+    let summary = run_scene("bullets", models(), 1);
     println!("{summary:?}");
     assert_eq!((summary.steps, summary.bodies), (240, 15));
     assert!(summary.counts.contacts_max > 0, "nothing touches");
@@ -87,7 +92,7 @@ fn rods_with_shared_models() {
     if !folder.is_dir() {
         return println!("skipped: no shared models");
     }
-    accept("rods", &load_models(&folder).unwrap(), 9, 1.15);
+    accept("rods", &load_models(&folder).unwrap(), 9, 1.15, 1);
 }
 
 #[test]
