@@ -245,12 +245,29 @@ fn scenes_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
     std::iter::once(head.map(String::from).into()).chain(rows.iter().map(row)).collect()
 }
 
+/// The default budget beside the finest level.
+fn budget_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
+    let head = ["scene", "step at 1 %, ms", "at the finest level, ms", "part", "deepest overlap at 1 %, %"];
+    let with = |percent: f32| rows.iter().filter(move |row| row.budget_percent == Some(percent));
+    let row = |(row, finest): (&SceneRow, &SceneRow)| {
+        vec![
+            row.scene.into(),
+            format!("{:.3}", row.step_ms),
+            format!("{:.3}", finest.step_ms),
+            format!("{:.2}", row.step_ms / finest.step_ms),
+            format!("{:.2}", row.overlap_max_percent),
+        ]
+    };
+    std::iter::once(head.map(String::from).into()).chain(with(1.0).zip(with(0.0)).map(row)).collect()
+}
+
 /// All of them, with their titles.
-fn tables(rows: &[Row], scenes: &[SceneRow]) -> [(&'static str, Vec<Vec<String>>); 3] {
+fn tables(rows: &[Row], scenes: &[SceneRow]) -> [(&'static str, Vec<Vec<String>>); 4] {
     [
         ("The medial mesh beside the others", verdicts_table(rows)),
         ("Queries", queries_table(rows)),
         ("Scenes", scenes_table(scenes)),
+        ("What a budget saves", budget_table(scenes)),
     ]
 }
 
