@@ -248,7 +248,11 @@ fn distances_are_exact() {
                 (pose12, dispatcher.contact(&pose12, &medial, other, 0.05).unwrap()),
                 (pose12.inverse(), dispatcher.contact(&pose12.inverse(), other, &medial, 0.05).unwrap()),
             ] {
-                assert!(found.is_some() || truth > 0.05 - case.tolerance(), "{}: no contact, {truth} m apart", case.name);
+                assert!(
+                    found.is_some() || truth > 0.05 - case.tolerance(),
+                    "{}: no contact, {truth} m apart",
+                    case.name
+                );
                 let Some(found) = found else { continue };
                 let way = pose12.transform_point(found.point2) - found.point1;
                 off = off.max((found.dist - truth).abs()).max(way.distance(found.normal1 * found.dist));
