@@ -1,7 +1,7 @@
 //! The asset: an immutable medial mesh that all instances of a shape share.
 //!
 //! ```text
-//! .ma text --ma::parse--> lists --MedialAxis::new--> validate -> clean up -> derive (boxes, balls, mass) -> MedialAxis
+//! .ma text --ma::parse--> lists --MedialAxis::new--> validate -> clean up -> derive (boxes, balls) -> MedialAxis
 //! ```
 //!
 //! Everything is in the shape's own frame, in metres, at unit scale and unit density.
@@ -17,7 +17,7 @@ mod surface;
 #[cfg(test)]
 pub(crate) mod oracle;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use bevy::{asset::Asset, reflect::Reflect};
 use glam::{DVec3, Vec3};
@@ -59,7 +59,7 @@ struct Data {
     aabb: Aabb,
     bounding_sphere: Sphere,
     center_reach: f32,
-    mass: MassProperties,
+    mass: OnceLock<MassProperties>,
     min_radius: f32,
     coarser: Vec<(MedialAxis, f32)>,
 }
@@ -153,7 +153,7 @@ impl MedialAxis {
             aabb: Aabb::from_spheres(spheres.iter().copied()),
             bounding_sphere: bound,
             center_reach: spheres.iter().map(|s| s.center.distance(bound.center)).fold(0.0, f32::max),
-            mass: MassProperties::of_union(&spheres, &primitives),
+            mass: OnceLock::new(),
             min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
             coarser: Vec::new(),
             spheres: spheres.into(),
@@ -163,11 +163,12 @@ impl MedialAxis {
 
     /// The same shape with coarser levels of detail, the finer first, each with its error in metres.
     ///
-    /// They take over this one's mass properties: a body moves alike, whichever of them it collides by.
+    /// They take over this one's mass properties, which are computed here: a body moves alike, whichever of them it collides by.
     #[must_use]
     pub fn with_coarser(mut self, mut coarser: Vec<(MedialAxis, f32)>) -> Self {
+        let mass = *self.mass();
         for (level, _) in &mut coarser {
-            Arc::make_mut(&mut level.0).mass = self.0.mass;
+            Arc::make_mut(&mut level.0).mass = mass.into();
         }
         Arc::make_mut(&mut self.0).coarser = coarser;
         self
@@ -238,9 +239,9 @@ impl MedialAxis {
         self.0.center_reach
     }
 
-    /// Volume, centre of mass and inertia of the shape at unit density.
+    /// Volume, centre of mass and inertia of the shape at unit density. Computed when first asked for, in some milliseconds; loaded assets have them.
     pub fn mass(&self) -> &MassProperties {
-        &self.0.mass
+        self.0.mass.get_or_init(|| MassProperties::of_union(&self.0.spheres, &self.0.primitives))
     }
 
     /// Least radius of all spheres, in metres: no part of the shape is thinner than twice this.

@@ -44,6 +44,8 @@ impl AssetLoader for MaLoader {
         if !report.is_empty() {
             bevy::log::debug!("{}: {report}", context.path());
         }
+        // Here, where nobody waits for it.
+        axis.mass();
         Ok(axis)
     }
 

@@ -34,7 +34,7 @@ pub struct MedialGizmos {
     pub cones: MedialGizmoLayer,
     /// The faces of the slabs of each shape. Default: on.
     pub slabs: MedialGizmoLayer,
-    /// Shapes are drawn in the colour of their level of detail: the finest blue, coarser ones green, yellow and red. Default: false.
+    /// Shapes are drawn in the colour of their level of detail: the finest blue, coarser ones green and yellow, the coarsest red. Default: false.
     pub color_by_level: bool,
     /// The oriented boxes of statics. Default: on.
     pub boxes: MedialGizmoLayer,

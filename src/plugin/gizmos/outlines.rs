@@ -82,9 +82,10 @@ pub(super) fn outline(
     for (entity, mesh, level, gizmo, outlined) in &meshes {
         let asset = mesh.0.id();
         let level = level.map_or(0, |level| level.0);
-        let colors = colors(group.enabled, layers, level, gizmo);
-        let axis = if colors == [None; 3] { None } else { axes.get(asset) };
-        let wanted = axis.map(|axis| (axis, Drawing::new(asset, level, colors)));
+        let axis = axes.get(asset);
+        let coarseness = axis.map_or(0.0, |axis| level as f32 / axis.coarser().len().max(1) as f32);
+        let colors = colors(group.enabled, layers, coarseness, gizmo);
+        let wanted = axis.filter(|_| colors != [None; 3]).map(|axis| (axis, Drawing::new(asset, level, colors)));
         let is_drawn = |outlined: &&Outlined| outlines.contains(outlined.outline) && !changed.contains(&asset);
         if outlined.filter(is_drawn).map(|outlined| outlined.drawing) == wanted.map(|(_, drawing)| drawing) {
             continue;
@@ -110,20 +111,18 @@ fn remove(commands: &mut Commands, entity: Entity, outlined: &Outlined) {
     commands.entity(entity).try_remove::<Outlined>();
 }
 
-/// The colours of an entity's spheres, cones and slabs.
-fn colors(enabled: bool, layers: &MedialGizmos, level: usize, gizmo: Option<&MedialGizmo>) -> [Option<Color>; 3] {
+/// The colours of an entity's spheres, cones and slabs. `coarseness` of its level of detail: from 0 for the finest to 1 for the coarsest.
+fn colors(enabled: bool, layers: &MedialGizmos, coarseness: f32, gizmo: Option<&MedialGizmo>) -> [Option<Color>; 3] {
     [layers.spheres, layers.cones, layers.slabs].map(|layer| {
         let is_drawn = gizmo.map_or(enabled && layer.enabled, |gizmo| gizmo.enabled);
-        let own = if layers.color_by_level { color_of_level(level) } else { layer.color };
+        let own = if layers.color_by_level { color_of_level(coarseness) } else { layer.color };
         is_drawn.then(|| gizmo.and_then(|gizmo| gizmo.color).unwrap_or(own))
     })
 }
 
-/// From blue for the finest by green and yellow to red.
-fn color_of_level(level: usize) -> Color {
-    /// Level that is red, as all coarser ones are.
-    const COARSE: f32 = 8.0;
-    Color::hsl(220.0 * (1.0 - level as f32 / COARSE).max(0.0), 0.85, 0.55)
+/// From blue for the finest by green and yellow to red for the coarsest.
+fn color_of_level(coarseness: f32) -> Color {
+    Color::hsl(220.0 * (1.0 - coarseness).max(0.0), 0.85, 0.55)
 }
 
 fn bits(color: Color) -> [u32; 4] {
