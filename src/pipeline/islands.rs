@@ -96,10 +96,9 @@ fn ways_meet(input: &StepInput, pair: &BodyPair, boxes: &BodyBoxes, parts: &[boo
     let size = shape1.bounding_sphere().radius.max(shape2.bounding_sphere().radius);
     let reach = 2.0 * input.slide_way() + (2.0 * CHORD_TOLERANCE + CONTACT_ROUNDING) * size;
     let found = Cell::new(false);
-    let test = |box1: &MovingBox, box2: &MovingBox, offset, reach| {
-        !found.get() && box1.span().is_near(&box2.span(), offset, reach)
-    };
-    moving_boxes::visit_pairs([shape1, shape2], [boxes1, boxes2], reach, test, |_, _| found.set(true));
+    let test =
+        |box1: &MovingBox, box2: &MovingBox, offset| !found.get() && box1.span().is_near(&box2.span(), offset, reach);
+    moving_boxes::visit_pairs([shape1, shape2], [boxes1, boxes2], test, |_, _| found.set(true));
     found.get()
 }
 

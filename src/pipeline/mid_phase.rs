@@ -87,7 +87,7 @@ pub(super) fn candidates(
             let [start, end] = [motion.sweep2.start, motion.sweep2.end];
             let target = MovingBox::new([start, end].map(|pose| part.aabb().transformed(&pose, 1.0)));
             let mut pairs = Vec::new();
-            let margin = reach + boxes.sagitta() + motion.sagitta_of_second();
+            let margin = reach + motion.sagitta_of_second();
             let meets = |node: usize| boxes.node(node).meets(&target, offset, margin);
             motion.shape1.bvh().visit_tested(meets, |i| pairs.push([i, 0]));
             pairs.sort_unstable();
@@ -101,8 +101,8 @@ fn of_shapes(motion: &PairMotion, shape2: &Shape, boxes: [Option<TimedBoxes>; 2]
     let mut pairs = Vec::new();
     let shapes = [motion.shape1, shape2];
     let reach = reach + CONTACT_ROUNDING * motion.size;
-    let mut visit =
-        |boxes| moving_boxes::visit_pairs(shapes, boxes, reach, MovingBox::meets, |i, j| pairs.push([i, j]));
+    let meets = |box1: &MovingBox, box2: &MovingBox, offset| box1.meets(box2, offset, reach);
+    let mut visit = |boxes| moving_boxes::visit_pairs(shapes, boxes, meets, |i, j| pairs.push([i, j]));
     match boxes {
         [Some(boxes1), Some(boxes2)] => visit([boxes1, boxes2]),
         _ => {

@@ -5,7 +5,8 @@ use glam::{Quat, Vec3};
 use super::{Part, Second, Side, Solid, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
 use crate::{
     constants::{
-        CHORD_TOLERANCE, DEEP, MAX_STEP_PARTS, PART_ANGLE, STOP_ALLOWED, STOP_ROUNDINGS, STOP_SLOP, TOUCH_DISTANCE,
+        CHORD_TOLERANCE, DEEP, MAX_STEP_PARTS, PART_ANGLE, PART_PRIMITIVES, PART_WAY, STOP_ALLOWED, STOP_ROUNDINGS,
+        STOP_SLOP, TOUCH_DISTANCE,
     },
     geometry::{Aabb, Pose3, Sphere, Sweep},
     query::Chords,
@@ -189,10 +190,15 @@ impl<'a> PairMotion<'a> {
         if overlap > DEEP * self.size { overlap } else { overlap.min(self.allowed) }
     }
 
-    /// In how many parts the step is to be searched.
+    /// In how many parts the step is to be searched, one after the other: few primitives are near each other in each, and what comes after an impact is
+    /// not looked at.
     pub fn parts(&self) -> usize {
+        let count2 = if let Facing::Shape(shape2) = &self.facing { shape2.len() } else { 1 };
+        let is_long = self.shape1.len() * count2 > PART_PRIMITIVES;
         let angle = self.sweep1.rotation.length() + self.sweep2.rotation.length();
-        if angle > 2.0 * PART_ANGLE { ((angle / PART_ANGLE).ceil() as usize).min(MAX_STEP_PARTS) } else { 1 }
+        let of_way = if is_long { self.way() / (PART_WAY * self.size) } else { 0.0 };
+        let parts = of_way.max(angle / PART_ANGLE);
+        if parts > 2.0 { (parts.ceil() as usize).min(MAX_STEP_PARTS) } else { 1 }
     }
 
     /// The longest way of any point of one body relative to the other, or more, in metres.

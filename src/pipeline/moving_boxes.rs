@@ -41,13 +41,11 @@ impl BodyBoxes {
 }
 
 /// Boxes around a shape's primitives, and around those: for each node of its hierarchy where it is at the start of a motion and at its
-/// end.
+/// end, with room for what its primitives stray from their chords in between.
 pub(super) struct MovingBoxes {
     nodes: Vec<MovingBox>,
     /// What they are relative to, in the frame of the sweep.
     origin: Vec3,
-    /// How far a sphere may stray from its boxes on its way, in metres.
-    sagitta: f32,
 }
 
 /// A box whose faces move steadily.
@@ -71,9 +69,14 @@ impl MovingBoxes {
     pub fn new(shape: &Shape, sweep: &Sweep, origin: Vec3) -> Self {
         let frame = Pose3::from_translation(origin);
         let placements = [sweep.start, sweep.end].map(|pose| Placement::from(frame.inv_mul(&pose)));
-        let around = |hull: Hull| MovingBox::new(placements.map(|placement| hull.placed(&placement).aabb()));
+        // How far a sphere strays from its chord, for each metre from the centre of mass.
+        let stray = sweep.sagitta(1.0, 1);
+        let around = |hull: Hull| {
+            let margin = stray * hull.arm(sweep.local_center);
+            MovingBox::new(placements.map(|placement| hull.placed(&placement).aabb().inflated(margin)))
+        };
         let nodes = shape.bvh().values(|primitive| around(shape.hull(primitive)), MovingBox::merge);
-        Self { nodes, origin, sagitta: sweep.sagitta(shape.arm(sweep.local_center), 1) }
+        Self { nodes, origin }
     }
 
     /// The whole motion.
@@ -82,18 +85,15 @@ impl MovingBoxes {
     }
 }
 
-/// Visits the primitives of two shapes whose boxes pass a test, which is asked with two boxes, by what the second is to be shifted, and the `reach`
-/// within which they count, larger by how far spheres may stray from them.
+/// Visits the primitives of two shapes whose boxes pass a test, which is asked with two boxes, and by what the second is to be shifted.
 pub(super) fn visit_pairs(
     [shape1, shape2]: [&Shape; 2],
     [boxes1, boxes2]: [TimedBoxes; 2],
-    reach: f32,
-    test: impl Fn(&MovingBox, &MovingBox, Vec3A, f32) -> bool,
+    test: impl Fn(&MovingBox, &MovingBox, Vec3A) -> bool,
     visit: impl FnMut(u32, u32),
 ) {
     let offset = boxes1.offset(&boxes2);
-    let reach = reach + boxes1.sagitta() + boxes2.sagitta();
-    let test = |i, j| test(&boxes1.node(i), &boxes2.node(j), offset, reach);
+    let test = |i, j| test(&boxes1.node(i), &boxes2.node(j), offset);
     shape1.bvh().visit_pairs(shape2.bvh(), test, visit);
 }
 
@@ -112,11 +112,6 @@ impl TimedBoxes<'_> {
     /// By how much the other's boxes are to be shifted to be in the same coordinates.
     pub fn offset(&self, other: &Self) -> Vec3A {
         other.origin() - self.origin()
-    }
-
-    /// How far spheres may stray from their boxes, in metres.
-    pub fn sagitta(&self) -> f32 {
-        self.boxes.sagitta
     }
 }
 
