@@ -33,7 +33,7 @@ pub(super) struct ImpactResult {
 /// solver knows about; for primitives that are apart before that, where they touch. None where what is left of the motion is less than a
 /// slop itself: a pile that settles must come to rest.
 ///
-/// What slides over a seam takes the overlap that it has along to the next part. Where bodies spin, the step is searched in parts.
+/// What slides over a seam takes the overlap that it has along to the next part. Where bodies spin or go far, the step is searched in parts.
 ///
 /// `candidates` of each motion over the whole step, if they are known; else the `boxes` of either side over the motion's time, as far as they are, and how
 /// far the bodies may be from there, in metres. `normal`: a direction in the world, from the first body to the second, along which many of
@@ -92,7 +92,8 @@ impl Parts {
     fn cut(&self, motions: &mut [PairMotion], part: usize) {
         let times = [part, part + 1].map(|i| i as f32 / self.count as f32);
         for (motion, whole) in motions.iter_mut().zip(&self.whole) {
-            [motion.sweep1, motion.sweep2] = whole.map(|sweep| sweep.part(times));
+            [motion.sweep1, motion.sweep2] = *whole;
+            motion.cut(times);
         }
     }
 }

@@ -22,7 +22,7 @@ pub(super) type PrimitivePair = [u32; 2];
 /// Primitives of a pair that may meet, in ascending order.
 pub(super) type Candidates = Vec<PrimitivePair>;
 
-/// Candidate primitive pairs for each motion of each pair.
+/// Candidate primitive pairs for each motion of each pair. Of what is searched for impacts in parts, those of the last part: where contacts are.
 pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
@@ -31,8 +31,13 @@ pub(super) fn run(
     pool: &TaskPool,
 ) -> Vec<Vec<Candidates>> {
     parallel::map(pool, pairs, 8, |_, pair| {
-        let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
-        let boxes = [pair.first, pair.second].map(|side| boxes.between(side, [0.0, 1.0]));
+        let mut motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
+        let parts = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
+        let times = [1.0 - 1.0 / parts as f32, 1.0];
+        if parts > 1 {
+            motions.iter_mut().for_each(|motion| motion.cut(times));
+        }
+        let boxes = [pair.first, pair.second].map(|side| boxes.between(side, times));
         motions.iter().map(|motion| candidates(motion, input.culling, input.prediction, boxes)).collect()
     })
 }
@@ -75,19 +80,23 @@ pub(super) fn candidates(
     match &motion.facing {
         Facing::Shape(shape2) => of_shapes(motion, shape2, boxes, reach),
         Facing::Part(part) => {
+            let [start, end] = [motion.sweep2.start, motion.sweep2.end];
+            let target = MovingBox::new([start, end].map(|pose| part.aabb().transformed(&pose, 1.0)));
+            let margin = reach + motion.sagitta_of_second();
             // Boxes with the world's axes do if those are the part's as well.
             let own;
             let (boxes, offset) = match (boxes[0], motion.world_offset()) {
                 (Some(boxes), Some(frame)) => (boxes, Vec3A::from(frame) - boxes.origin()),
                 _ => {
+                    let around = MovingBox::around(motion.shape1, &motion.sweep1);
+                    if !around.meets(&target, Vec3A::ZERO, margin) {
+                        return Vec::new();
+                    }
                     own = MovingBoxes::new(motion.shape1, &motion.sweep1, Vec3::ZERO);
                     (own.whole(), Vec3A::ZERO)
                 }
             };
-            let [start, end] = [motion.sweep2.start, motion.sweep2.end];
-            let target = MovingBox::new([start, end].map(|pose| part.aabb().transformed(&pose, 1.0)));
             let mut pairs = Vec::new();
-            let margin = reach + motion.sagitta_of_second();
             let meets = |node: usize| boxes.node(node).meets(&target, offset, margin);
             motion.shape1.bvh().visit_tested(meets, |i| pairs.push([i, 0]));
             pairs.sort_unstable();
@@ -106,9 +115,12 @@ fn of_shapes(motion: &PairMotion, shape2: &Shape, boxes: [Option<TimedBoxes>; 2]
     match boxes {
         [Some(boxes1), Some(boxes2)] => visit([boxes1, boxes2]),
         _ => {
-            let boxes = [(motion.shape1, &motion.sweep1), (shape2, &motion.sweep2)];
-            let boxes = boxes.map(|(shape, sweep)| MovingBoxes::new(shape, sweep, Vec3::ZERO));
-            visit(boxes.each_ref().map(MovingBoxes::whole));
+            let sides = [(motion.shape1, &motion.sweep1), (shape2, &motion.sweep2)];
+            let [around1, around2] = sides.map(|(shape, sweep)| MovingBox::around(shape, sweep));
+            if around1.meets(&around2, Vec3A::ZERO, reach) {
+                let boxes = sides.map(|(shape, sweep)| MovingBoxes::new(shape, sweep, Vec3::ZERO));
+                visit(boxes.each_ref().map(MovingBoxes::whole));
+            }
         }
     }
     pairs.sort_unstable();

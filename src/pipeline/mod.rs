@@ -81,7 +81,7 @@ pub fn step_filtered(
 /// Runs what follows culling, where that was done elsewhere. The filter is asked once about each pair that may collide, in their order.
 ///
 /// Of the candidates, pairs of bodies that may not collide are left out. Whatever is found by searching again within the step, where
-/// bodies spin fast or have stopped, is culled as in any other step.
+/// bodies spin fast, go far or have stopped, is culled as in any other step.
 ///
 /// # Panics
 /// If an index is out of range.

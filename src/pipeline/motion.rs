@@ -201,6 +201,12 @@ impl<'a> PairMotion<'a> {
         if parts > 2.0 { (parts.ceil() as usize).min(MAX_STEP_PARTS) } else { 1 }
     }
 
+    /// Leaves what of it is between two times, fractions of it.
+    pub fn cut(&mut self, times: [f32; 2]) {
+        self.sweep1 = self.sweep1.part(times);
+        self.sweep2 = self.sweep2.part(times);
+    }
+
     /// The longest way of any point of one body relative to the other, or more, in metres.
     pub fn way(&self) -> f32 {
         let turn = self.sweep1.rotation.length() * self.arms[0] + self.sweep2.rotation.length() * self.arms[1];

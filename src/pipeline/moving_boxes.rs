@@ -116,6 +116,12 @@ impl TimedBoxes<'_> {
 }
 
 impl MovingBox {
+    /// Around all of a shape, in the frame of its sweep.
+    pub fn around(shape: &Shape, sweep: &Sweep) -> Self {
+        let margin = sweep.sagitta(shape.arm(sweep.local_center), 1);
+        Self::new([sweep.start, sweep.end].map(|pose| shape.aabb().transformed(&pose, 1.0).inflated(margin)))
+    }
+
     /// From where it is at the start and at the end.
     pub fn new(boxes: [Aabb; 2]) -> Self {
         Self { min: boxes.map(|aabb| aabb.min.into()), max: boxes.map(|aabb| aabb.max.into()) }

@@ -63,9 +63,11 @@ pub fn models() -> &'static [Model] {
     MODELS.get_or_init(|| load_models(&assets().join("models")).unwrap())
 }
 
-/// The finest level of the model of that name.
+/// The model of that name, without levels of detail: about a hundred spheres.
 pub fn model(name: &str) -> MedialAxis {
-    models().iter().find(|model| model.name == name).unwrap().axis.clone().with_coarser(Vec::new())
+    let axis = &models().iter().find(|model| model.name == name).unwrap().axis;
+    let error = 0.006 * 2.0 * axis.aabb().half_extents().length();
+    axis.level(axis.level_within(error)).clone()
 }
 
 pub fn run(app: &mut App, steps: u32) {
