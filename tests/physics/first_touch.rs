@@ -1,7 +1,7 @@
 //! The first touch of two bodies, asked by itself: beside distances of all primitives at many instants.
 
 use bevy_medial::{
-    constants::CHORD_TOLERANCE,
+    constants::{CHORD_TOLERANCE, PART_PRIMITIVES, PART_WAY},
     geometry::{Placement, Pose3, Sweep},
     medial_axis::MedialAxis,
     pipeline::{Body, Culling, Hull, Shape, first_touch},
@@ -27,14 +27,26 @@ fn distance(shapes: [&Shape; 2], poses: [Pose3; 2]) -> f32 {
 
 #[test]
 fn a_first_touch_is_where_the_distance_first_is_zero() {
+    assert_eq!(check([14, 9]), 0);
+}
+
+/// The way is searched in parts.
+#[test]
+fn so_is_that_of_fine_shapes_on_long_ways() {
+    let long = check([28, 18]);
+    assert!(long > 150, "{long}");
+}
+
+/// First touches of two rings of so many primitives. How many of the ways are long for them.
+fn check(counts: [u32; 2]) -> usize {
     const LOOKS: u32 = 200;
-    let ring = Shape::new(MedialAxis::torus(0.6, 0.1, 14).unwrap());
-    let small = Shape::new(MedialAxis::torus(0.3, 0.05, 9).unwrap());
+    let ring = Shape::new(MedialAxis::torus(0.6, 0.1, counts[0]).unwrap());
+    let small = Shape::new(MedialAxis::torus(0.3, 0.05, counts[1]).unwrap());
     let shapes = [&ring, &small];
     // Chords stray by so much from either body's way.
     let early = 2.0 * CHORD_TOLERANCE * 0.7;
     let mut random = Random(5);
-    let (mut hits, mut misses) = (0, 0);
+    let (mut hits, mut misses, mut long) = (0, 0, 0);
     for round in 0..300 {
         let spin = if round % 5 == 0 { 6.0 } else { 1.0 };
         let offset = random.vector().normalize_or(Vec3::X) * 1.2;
@@ -47,10 +59,13 @@ fn a_first_touch_is_where_the_distance_first_is_zero() {
             let end = Pose3::from_parts(center + way, rotation.normalize());
             Sweep::between(start, end, shape.center_of_mass(), turn)
         });
+        let way = (sweeps[0].translation - sweeps[1].translation).length();
+        let is_fine = (counts[0] * counts[1]) as usize > PART_PRIMITIVES;
+        long += usize::from(is_fine && way > 2.0 * PART_WAY * small.bounding_sphere().radius);
         let bodies = || [0, 1].map(|side: usize| Body::new(shapes[side].clone(), sweeps[side]));
         let found = first_touch(bodies(), Culling::Hybrid, None);
         assert_eq!(found, first_touch(bodies(), Culling::None, None), "round {round}: culling has changed it");
-        let all: Vec<[u32; 2]> = (0..14).flat_map(|i| (0..9).map(move |j| [i, j])).collect();
+        let all: Vec<[u32; 2]> = (0..counts[0]).flat_map(|i| (0..counts[1]).map(move |j| [i, j])).collect();
         if spin < 2.0 {
             assert_eq!(found, first_touch(bodies(), Culling::Hybrid, Some(&all)), "round {round}");
         }
@@ -70,4 +85,5 @@ fn a_first_touch_is_where_the_distance_first_is_zero() {
         }
     }
     assert!(hits >= 100 && misses >= 50, "{hits} hits, {misses} misses");
+    long
 }
