@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use bevy::tasks::TaskPool;
 use glam::{Vec3, Vec3A};
 
-use super::{Hull, Shape, Side, Solid, Statics, StepInput, broad_phase::BodyPair, parallel};
-use crate::geometry::{Aabb, Placement, Pose3, Sweep};
+use super::{Shape, Side, Solid, Statics, StepInput, broad_phase::BodyPair, parallel};
+use crate::geometry::{Aabb, Placement, Pose3, Sphere, Sweep};
 
 /// The boxes of each medial body in a pair, relative to where it is at the start, with the world's axes.
 #[derive(Default)]
@@ -71,11 +71,19 @@ impl MovingBoxes {
         let placements = [sweep.start, sweep.end].map(|pose| Placement::from(frame.inv_mul(&pose)));
         // How far a sphere strays from its chord, for each metre from the centre of mass.
         let stray = sweep.sagitta(1.0, 1);
-        let around = |hull: Hull| {
-            let margin = stray * hull.arm(sweep.local_center);
-            MovingBox::new(placements.map(|placement| hull.placed(&placement).aabb().inflated(margin)))
+        // Primitives share spheres: each is placed once.
+        let place = |sphere: &Sphere| {
+            let Sphere { center, radius } = sphere.scaled(shape.scale);
+            let reach = Vec3A::splat(radius + stray * center.distance(sweep.local_center));
+            let centers = placements.each_ref().map(|placement| Vec3A::from(placement.point(center)));
+            MovingBox { min: centers.map(|center| center - reach), max: centers.map(|center| center + reach) }
         };
-        let nodes = shape.bvh().values(|primitive| around(shape.hull(primitive)), MovingBox::merge);
+        let spheres: Vec<MovingBox> = shape.axis.spheres().iter().map(place).collect();
+        let around = |primitive: u32| {
+            let indices = shape.axis.primitives()[primitive as usize].indices();
+            indices.iter().fold(MovingBox::EMPTY, |around, &i| around.merge(&spheres[i as usize]))
+        };
+        let nodes = shape.bvh().values(around, MovingBox::merge);
         Self { nodes, origin }
     }
 
@@ -116,6 +124,9 @@ impl TimedBoxes<'_> {
 }
 
 impl MovingBox {
+    /// Holds nothing.
+    const EMPTY: Self = Self { min: [Vec3A::INFINITY; 2], max: [Vec3A::NEG_INFINITY; 2] };
+
     /// Around all of a shape, in the frame of its sweep.
     pub fn around(shape: &Shape, sweep: &Sweep) -> Self {
         let margin = sweep.sagitta(shape.arm(sweep.local_center), 1);

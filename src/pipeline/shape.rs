@@ -142,12 +142,6 @@ impl Hull {
         }
     }
 
-    /// Distance from `point` to the farthest centre of a sphere.
-    pub(super) fn arm(&self, point: Vec3) -> f32 {
-        let distance = |s: &Sphere| s.center.distance_squared(point);
-        with_spheres!(self, |spheres| spheres.iter().map(distance).fold(0.0, f32::max)).sqrt()
-    }
-
     /// Box around it.
     pub fn aabb(&self) -> Aabb {
         with_spheres!(*self, |spheres| Aabb::from_spheres(spheres))
