@@ -95,7 +95,7 @@ const PAIRS: [[&str; 2]; 6] = [
 const RESEARCH_PAIRS: [[&str; 2]; 2] = [["bear", "dolphin"], ["bug", "cow"]];
 
 /// Sizes of medial meshes, up to about 500 primitives.
-const MEDIAL: [usize; 9] = [1, 2, 4, 8, 15, 30, 60, 120, 240];
+const MEDIAL: [usize; 10] = [1, 2, 4, 8, 15, 30, 60, 120, 240, 360];
 
 /// Sizes of sets of spheres.
 const SPHERES: [usize; 6] = [4, 16, 64, 256, 1024, 4096];

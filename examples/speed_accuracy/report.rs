@@ -163,7 +163,8 @@ is within 12 degrees of the surface), one a near miss (by less than 2 % of the s
 - *bytes*: corners, spheres and lists of indices, without hierarchies; *preparation*: time to make the shape of a mesh.
 
 Convex decomposition, convex hulls and triangle meshes are asked by parry's nonlinear shape cast, the one that rapier's CCD uses. \"Spheres only\" are as many inscribed spheres, asked as medial
-meshes are. \"Alternating TOI\" is the published scheme on the same medial meshes, on pairs that a BVH of spheres leaves.
+meshes are. \"Alternating TOI\" is the published scheme on the same medial meshes, on pairs that a BVH of spheres leaves. \"BVH of\" stands for other
+culling, with all else the same: it too is asked about a long way part by part.
 
 Medial meshes are off by about as much everywhere, and so are spheres. Pieces of a convex decomposition have corners of the mesh itself at all that sticks out, where most first touches are, and span what
 is hollow: half of their answers are nearly exact, and one in twenty is off by percents. So the median speaks for a fine decomposition, if there is a millisecond for a query, and the
