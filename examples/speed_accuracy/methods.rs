@@ -4,10 +4,9 @@ use std::time::{Duration, Instant};
 
 use bevy_medial::{
     builder::{Deviation, measure},
-    constants::{PART_ANGLE, PART_PRIMITIVES, PART_WAY},
     geometry::{Placement, Sphere, Sweep},
     medial_axis::{MedialAxis, packed::PackedMedialMesh},
-    pipeline::{Body, Culling, Hull, Shape, first_touch},
+    pipeline::{Body, Culling, Hull, Shape, first_touch, search_parts},
     query::{Moving, TimeOfImpactStatus, alternating},
 };
 use bevy_rapier3d::parry::{
@@ -220,7 +219,7 @@ impl Asked {
         if self.method == Method::Alternating {
             return first_of_alternating([first, second], sweeps, &pairs.between(sweeps));
         }
-        let parts = parts([first, second], sweeps);
+        let parts = search_parts(bodies(sweeps));
         (0..parts).find_map(|part| {
             let times = [part, part + 1].map(|i| i as f32 / parts as f32);
             let sweeps = if parts > 1 { sweeps.map(|sweep| sweep.part(times)) } else { *sweeps };
@@ -228,20 +227,6 @@ impl Asked {
             Some(Answer { fraction: (part as f32 + impact.fraction) / parts as f32, normal: impact.normal })
         })
     }
-}
-
-/// In how many parts a way is searched, as the library does with its own culling.
-fn parts(shapes: [&Shape; 2], sweeps: &[Sweep; 2]) -> usize {
-    let turns = [0, 1].map(|side: usize| {
-        let angle = sweeps[side].rotation.length();
-        (angle, angle * shapes[side].bounding_sphere().farthest(sweeps[side].local_center))
-    });
-    let way = (sweeps[0].translation - sweeps[1].translation).length() + turns[0].1 + turns[1].1;
-    let radius = shapes[0].bounding_sphere().radius.min(shapes[1].bounding_sphere().radius);
-    let is_long = shapes[0].len() * shapes[1].len() > PART_PRIMITIVES;
-    let of_way = if is_long { way / (PART_WAY * radius) } else { 0.0 };
-    let parts = of_way.max((turns[0].0 + turns[1].0) / PART_ANGLE);
-    if parts > 2.0 { parts.ceil() as usize } else { 1 }
 }
 
 /// Parry's nonlinear shape cast, over a second that is the step.

@@ -35,9 +35,9 @@ pub(super) struct ImpactResult {
 ///
 /// What slides over a seam takes the overlap that it has along to the next part. Where bodies spin or go far, the step is searched in parts.
 ///
-/// `candidates` of each motion over the whole step, if they are known; else the `boxes` of either side over the motion's time, as far as they are, and how
-/// far the bodies may be from there, in metres. `normal`: a direction in the world, from the first body to the second, along which many of
-/// them may be apart; zero if none is known.
+/// `candidates` of each motion over the whole step, if they are known, for a step that is searched at once; else the `boxes` of either side over the
+/// motion's time, as far as they are, and how far the bodies may be from there, in metres. `normal`: a direction in the world, from the first body to the
+/// second, along which many of them may be apart; zero if none is known.
 pub(super) fn first_impact(
     culling: Culling,
     mut motions: Vec<PairMotion>,

@@ -15,17 +15,29 @@ use super::{
 /// Found as in a step, but for the slop: no farther than the chords stray from the true motion before it, and never after it but for rounding.
 /// Whether the bodies may collide at all is not asked.
 ///
-/// `primitives` of the first and the second, in any order, that may meet, if culling is done elsewhere. The second has to be medial as well then.
+/// `primitives` of the first and the second, in any order, that may meet, if culling is done elsewhere. The second has to be medial as well then. They count
+/// for a way that is searched at once: a longer one has to be cut into its [parts](search_parts) first.
 pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u32; 2]]>) -> Option<Impact> {
     if primitives.is_none() && !meet(&bodies) {
         return None;
     }
     let input = StepInput { bodies: bodies.into(), culling, ..Default::default() };
     let statics = Statics::default();
-    let pair = BodyPair { first: Side::Body(0), second: Side::Body(1), stops: true };
-    let mut motions = PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep);
+    let mut motions = motions(&input, &statics);
     motions.iter_mut().for_each(|motion| motion.slop = 0.0);
     let candidates = primitives.map(|pairs| [pairs.to_vec()]);
     let candidates = candidates.as_ref().map(|candidates| &candidates[..]);
     first_impact(culling, motions, candidates, [None; 2], 0.0, Vec3::ZERO).impact
+}
+
+/// In how many parts of equal length [`first_touch`] searches the way of two bodies, one after the other.
+pub fn search_parts(bodies: [Body; 2]) -> usize {
+    let input = StepInput { bodies: bodies.into(), ..Default::default() };
+    motions(&input, &Statics::default()).iter().map(PairMotion::parts).max().unwrap_or(1)
+}
+
+/// Those of the two bodies of the input.
+fn motions<'a>(input: &'a StepInput, statics: &'a Statics) -> Vec<PairMotion<'a>> {
+    let pair = BodyPair { first: Side::Body(0), second: Side::Body(1), stops: true };
+    PairMotion::all(input, statics, &pair, |body| input.bodies[body as usize].sweep)
 }

@@ -1,8 +1,8 @@
 //! Mid phase: which primitives of a pair may touch within the step, or come within the prediction distance.
 //!
 //! The boxes of each body's hierarchy are placed once, at the start of the step and at its end, and the two hierarchies of a pair are traversed against
-//! each other: what is left are primitives whose boxes meet on their way. The sagitta of the whole step and the prediction distance widen them, so no
-//! pair is lost as long as the bodies keep to their way.
+//! each other: what is left are primitives whose boxes meet on their way. They have room for the arcs of what is in them, and the prediction distance
+//! widens them, so no pair is lost as long as the bodies keep to their way. Of a way that is searched for impacts in parts it is the last part that counts.
 
 use bevy::tasks::TaskPool;
 use glam::{Vec3, Vec3A};

@@ -46,7 +46,7 @@ pub(crate) use broad_phase::{Widening, near_sides};
 use moving_boxes::BodyBoxes;
 
 pub use contact::{Contact, Manifold, Second};
-pub use first_touch::first_touch;
+pub use first_touch::{first_touch, search_parts};
 pub use input::{Body, Culling, Groups, Meeting, Side, Solid, StaticBody, Statics, StepInput, relative_pose};
 pub use output::{Candidates, Counts, Impact, Pair, StepOutput, Stop, Times};
 pub use parts::{ConvexParts, Core, Part};

@@ -67,7 +67,8 @@ pub struct StepOutput {
     pub pairs: Vec<Pair>,
     /// Their manifolds.
     pub manifolds: Vec<Manifold>,
-    /// What the mid phase has left, if it was to be reported. Of a second side that is not medial, the number of the part is not told: it is 0.
+    /// What the mid phase has left, if it was to be reported; of a way that is searched in parts, in the last of them. Of a second side that is not medial,
+    /// the number of the part is not told: it is 0.
     pub candidates: Vec<Candidates>,
     /// What was counted.
     pub counts: Counts,

@@ -144,14 +144,18 @@ fn buffers_grow_meanwhile() {
     let [mut cpu, mut ahead] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app_ahead("tori", backend));
     ahead.insert_resource(GpuCapacity { pairs: 1, chords: 1, candidates: 1, survivors: 1 });
     let mut latencies = Latencies::default();
-    for step in 0..60 {
+    let mut steps = 0;
+    // How soon answers come is a matter of the machine.
+    while latencies.answered() < 20 {
+        assert!(steps < 600, "{latencies:?}");
         cpu.update();
         ahead.update();
-        assert_same(&cpu, &ahead, &format!("step {step}"));
+        assert_same(&cpu, &ahead, &format!("step {steps}"));
         latencies.note(&ahead);
+        steps += 1;
     }
-    // The answers before there was room are lost, and the CPU takes over. How soon they come then is a matter of the machine.
-    assert!((1..58).contains(&latencies.answered()), "{latencies:?}");
+    // The answers before there was room are lost, and the CPU takes over.
+    assert!(steps > 20 + 2, "{latencies:?}");
 }
 
 /// What `MedialBackend::Auto` does, and that the log says why.
