@@ -216,8 +216,9 @@ fn hierarchies(criterion: &mut Criterion) {
         let aside = Vec3::X * bvh.aabb().half_extents().x * 4.0 / 3.0;
         let pose = Pose3::from_parts(aside, glam::Quat::from_rotation_y(2.0));
         let merge = |a: &Aabb, b: &Aabb| a.merge(*b);
-        let here = bvh.values(|i| boxes[i as usize], merge);
-        let there = bvh.values(|i| boxes[i as usize].transformed(&pose, 1.0), merge);
+        let [mut here, mut there] = [Vec::new(), Vec::new()];
+        bvh.values(|i| boxes[i as usize], merge, &mut here);
+        bvh.values(|i| boxes[i as usize].transformed(&pose, 1.0), merge, &mut there);
         let pairs = || {
             let mut pairs = 0u32;
             bvh.visit_pairs(&bvh, |i, j| here[i].overlaps(&there[j]), |_, _| pairs += 1);

@@ -11,7 +11,7 @@
 //! - **stops**: what it adds to a step of the scene `dinosaur` that bodies stop at impacts, on one thread: the same steps with and without, in turns;
 //! - **view**: what an update takes beside physics, which stands still, with 1,000 bodies of the rain in touch: with the debug view off, with the shapes, with all
 //!   layers but the candidates, with all. On the CPU, without a renderer;
-//! - **memory**: bytes of a step's input for each body, and allocations of a step, as a counting allocator tells them.
+//! - **memory**: bytes of a step's input for each body, what is kept from step to step, and allocations of a step then, as a counting allocator tells them.
 
 #[path = "common/activity.rs"]
 #[expect(dead_code, reason = "the median alone is asked for")]
@@ -37,7 +37,7 @@ use bevy::{
 use bevy_medial::{
     builder::{BuildOptions, build, load::load},
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Shape, Statics, StepInput, step},
+    pipeline::{Body, Meeting, Shape, Statics, StepInput, StepOutput, Workspace},
     plugin::{MedialGizmos, MedialStep},
     prelude::*,
     scenes::{Scene, headless_app, load_models},
@@ -105,21 +105,22 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
 
     let count = counts[counts.len() - 1];
     let (input, statics) = (fall(&deer, count), Statics::default());
-    let times = (0..21).map(|_| step(&input, &statics, &one).times.total().as_secs_f64() * 1e3);
+    let mut falling = Stepper::default();
+    let times = (0..21).map(|_| falling.step(&input, &statics, &one).times.total().as_secs_f64() * 1e3);
     tell("fall: collision", count, median(times), "ms");
 
     let bodies = recorded.first().map_or(0, |(input, _): &(StepInput, Statics)| input.bodies.len());
     let mut totals = [Duration::ZERO; 2];
+    let mut steppers = [Stepper::default(), Stepper::default()];
     for (input, statics) in &recorded {
         let mut least = [Duration::MAX; 2];
         for _ in 0..if args.quick { 1 } else { 7 } {
-            let outputs = [&one, &two].map(|pool| {
+            for ((stepper, pool), least) in steppers.iter_mut().zip([&one, &two]).zip(&mut least) {
                 let clock = Instant::now();
-                let output = step(input, statics, pool);
-                (output, clock.elapsed())
-            });
-            least = [0, 1].map(|i: usize| least[i].min(outputs[i].1));
-            let [(first, _), (second, _)] = &outputs;
+                stepper.step(input, statics, pool);
+                *least = clock.elapsed().min(*least);
+            }
+            let [Stepper { output: first, .. }, Stepper { output: second, .. }] = &steppers;
             if first.pairs != second.pairs || first.manifolds != second.manifolds || first.stops != second.stops {
                 return Err("two threads find something else than one".into());
             }
@@ -142,12 +143,21 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     if let Some((input, statics)) = recorded.last() {
         let copied = measure(|| drop(std::hint::black_box(input.clone())));
         tell("memory: input of a body", bodies, copied.bytes_total as f64 / bodies as f64, "bytes");
-        let taken = measure(|| drop(std::hint::black_box(step(input, statics, &one))));
-        tell("memory: most at a time, of a body", bodies, taken.bytes_max as f64 / bodies as f64, "bytes");
-        tell("memory: allocations of a step", bodies, taken.count_total as f64, "");
+        let mut stepper = Stepper::default();
+        let first = measure(|| _ = stepper.step(input, statics, &one));
+        let output = size_of_val(&stepper.output.manifolds[..]) + size_of_val(&stepper.output.pairs[..]);
+        let kept = first.bytes_current as f64 - output as f64;
+        tell("memory: kept, contacts aside, of a body", bodies, kept / bodies as f64, "bytes");
+        let warm = measure(|| _ = stepper.step(input, statics, &one));
+        tell("memory: allocations of a warm step", bodies, warm.count_total as f64, "");
+        let mut stepper = Stepper::default();
+        (0..2).for_each(|_| _ = stepper.step(input, statics, &two));
+        let warm = measure(|| _ = stepper.step(input, statics, &two));
+        tell("memory: the same on two threads", bodies, warm.count_total as f64, "");
     }
-    let falling = measure(|| drop(std::hint::black_box(step(&input, &statics, &one))));
-    tell("memory: allocations of a fall", count, falling.count_total as f64, "");
+    let mut stepper = Stepper::default();
+    let first = measure(|| _ = stepper.step(&input, &statics, &one));
+    tell("memory: kept of a fall, of a body", count, first.bytes_current as f64 / count as f64, "bytes");
 
     println!("{}", tables::machine());
     if let Some(folder) = &args.out {
@@ -164,6 +174,20 @@ fn deer() -> Result<Shape, Box<dyn std::error::Error>> {
     let axis = build(&mesh, &options, &|_| ControlFlow::Continue(()))?.axis;
     let scale = 0.5 / axis.bounding_sphere().radius;
     Ok(Shape { axis, scale })
+}
+
+/// Steps in the same memory.
+#[derive(Default)]
+struct Stepper {
+    workspace: Workspace,
+    output: StepOutput,
+}
+
+impl Stepper {
+    fn step(&mut self, input: &StepInput, statics: &Statics, pool: &TaskPool) -> &StepOutput {
+        self.workspace.step(input, statics, |_, _| Meeting::Stopping, pool, &mut self.output);
+        &self.output
+    }
 }
 
 /// So many threads besides the one that waits.
@@ -278,14 +302,14 @@ fn stops(steps: u32, pool: &TaskPool) -> Result<Vec<f64>, Box<dyn std::error::Er
     let scene = Scene::by_name("dinosaur").ok_or("there is no scene `dinosaur`")?;
     let mut app = headless_app(1.0 / 60.0);
     scene.spawn(app.world_mut(), &models, 1);
-    let mut extra = Vec::new();
+    let (mut extra, mut stepper) = (Vec::new(), Stepper::default());
     for _ in 0..steps {
         app.update();
         let medial = app.world().resource::<MedialStep>();
         let inputs = [false, true].map(|stop_at_impact| StepInput { stop_at_impact, ..medial.input.clone() });
         let mut least = [f64::INFINITY; 2];
         for _ in 0..5 {
-            let took = inputs.each_ref().map(|input| step(input, &medial.statics, pool).times.total());
+            let took = inputs.each_ref().map(|input| stepper.step(input, &medial.statics, pool).times.total());
             least = [0, 1].map(|i: usize| least[i].min(took[i].as_secs_f64() * 1e3));
         }
         extra.push(least[1] - least[0]);

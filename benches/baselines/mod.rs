@@ -6,7 +6,7 @@
 //! 2. **broad**: world boxes around the roots, by a sweep over a hierarchy of them, as in the library; where they overlap, the roots
 //!    themselves;
 //! 3. **mid**: tree against tree, or against the box that a static is; the pairs of leaves that remain are the candidates;
-//! 4. the library's narrow phase, stops and reduction, with [`step_from_candidates`].
+//! 4. the library's narrow phase, stops and reduction, with [`Workspace::step_from_candidates`].
 //!
 //! Trees split at the median along the longest axis, once for each shape. What bounds a node is one of
 //!
@@ -30,11 +30,9 @@ use std::{ptr, time::Instant};
 
 use bevy::tasks::{ParallelSlice, ParallelSliceMut, TaskPool};
 use bevy_medial::{
-    constants::SLIDE_WAY,
+    constants::{CHORD_TOLERANCE, CONTACT_ROUNDING, SLIDE_WAY, TOUCH_DISTANCE},
     geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
-    pipeline::{
-        Body, Candidates, Meeting, Shape, Side, StaticBody, Statics, StepInput, StepOutput, step_from_candidates,
-    },
+    pipeline::{Body, Candidates, Meeting, Shape, Side, Solid, StaticBody, Statics, StepInput, StepOutput, Workspace},
 };
 
 use tree::{Motion, Tree, Volume};
@@ -76,11 +74,12 @@ struct Trees<V: Volume> {
     statics: Vec<Target<V>>,
     /// Over the world boxes of the statics.
     bvh: Bvh,
+    workspace: Workspace,
 }
 
 impl<V: Volume> Default for Trees<V> {
     fn default() -> Self {
-        Self { bodies: Vec::new(), statics: Vec::new(), bvh: Bvh::default() }
+        Self { bodies: Vec::new(), statics: Vec::new(), bvh: Bvh::default(), workspace: Workspace::default() }
     }
 }
 
@@ -121,7 +120,8 @@ impl<V: Volume> Baseline for Trees<V> {
         let broad = begin.elapsed();
 
         let begin = Instant::now();
-        let of_pair = |sides: &[Side; 2]| Candidates { sides: *sides, primitives: Some(self.primitives(sides, input)) };
+        let of_pair =
+            |sides: &[Side; 2]| Candidates { sides: *sides, primitives: Some(self.primitives(sides, input, statics)) };
         let candidates = if pairs.len() <= LEAST_PER_TASK {
             pairs.iter().map(of_pair).collect()
         } else {
@@ -131,7 +131,8 @@ impl<V: Volume> Baseline for Trees<V> {
         };
         let mid = begin.elapsed();
 
-        let mut output = step_from_candidates(input, statics, candidates, |_, _| Meeting::Stopping, pool);
+        let (mut output, filter) = (StepOutput::default(), |_, _| Meeting::Stopping);
+        self.workspace.step_from_candidates(input, statics, candidates, filter, pool, &mut output);
         (output.times.broad, output.times.mid) = (broad, mid);
         Ok(output)
     }
@@ -198,18 +199,30 @@ impl<V: Volume> Trees<V> {
         pairs
     }
 
-    /// The primitives of a pair that may come within the prediction distance.
-    fn primitives(&self, sides: &[Side; 2], input: &StepInput) -> Vec<[u32; 2]> {
+    /// The primitives of a pair that may touch.
+    fn primitives(&self, sides: &[Side; 2], input: &StepInput, statics: &Statics) -> Vec<[u32; 2]> {
         let [Side::Body(i), second] = *sides else { return Vec::new() };
         let first = &self.bodies[i as usize].tree;
+        let solid = match second {
+            Side::Body(j) => &input.bodies[j as usize].solid,
+            Side::Static(item) => &statics.bodies()[item as usize].solid,
+        };
+        let reach = reach([&input.bodies[i as usize].solid, solid], input.length_unit);
         match second {
-            Side::Body(j) => first.against(&self.bodies[j as usize].tree, input.prediction),
+            Side::Body(j) => first.against(&self.bodies[j as usize].tree, reach),
             Side::Static(item) => match &self.statics[item as usize].kind {
-                TargetKind::Medial(_, tree) => first.against(tree, input.prediction),
-                TargetKind::Box(_, fixed) => first.against_fixed(fixed, input.prediction),
+                TargetKind::Medial(_, tree) => first.against(tree, reach),
+                TargetKind::Box(_, fixed) => first.against_fixed(fixed, reach),
             },
         }
     }
+}
+
+/// How near each other primitives come that matter to the narrow phase, in metres.
+fn reach(solids: [&Solid; 2], length_unit: f32) -> f32 {
+    let [radius1, radius2] = solids.map(|solid| solid.bounding_sphere().radius);
+    let size = radius1.min(radius2);
+    (2.0 * CHORD_TOLERANCE * size).max(TOUCH_DISTANCE * length_unit) + CONTACT_ROUNDING * size
 }
 
 impl<V: Volume> Target<V> {

@@ -4,7 +4,7 @@ use std::fmt;
 
 use bevy::{prelude::*, tasks::ComputeTaskPool};
 use bevy_medial::{
-    pipeline::{self, Culling, StepInput, StepOutput},
+    pipeline::{Culling, Meeting, StepInput, StepOutput, Workspace},
     plugin::MedialStep,
     scenes::{Monitor, Row},
 };
@@ -33,6 +33,8 @@ pub enum Cull {
 pub struct Comparison {
     name: String,
     baseline: Option<Box<dyn Baseline>>,
+    /// Of either side.
+    workspaces: [Workspace; 2],
     steps: Vec<Step>,
 }
 
@@ -133,7 +135,7 @@ impl Comparison {
             Cull::BvhAabb => Some(Kind::Aabb.baseline()),
         };
         let name = clap::ValueEnum::to_possible_value(&cull).map_or_else(String::new, |value| value.get_name().into());
-        Some(Self { name, baseline, steps: Vec::new() })
+        Some(Self { name, baseline, workspaces: Default::default(), steps: Vec::new() })
     }
 
     /// Runs the input of the last step again, both ways, the one and the other first in turns.
@@ -144,10 +146,16 @@ impl Comparison {
         let step = world.resource::<MedialStep>();
         let pool = ComputeTaskPool::get_or_init(Default::default);
         let brute_force = StepInput { culling: Culling::None, ..step.input.clone() };
-        let hybrid = || Ok(pipeline::step(&step.input, &step.statics, pool));
+        let [workspace, another] = &mut self.workspaces;
+        let run = |workspace: &mut Workspace, input| {
+            let mut output = StepOutput::default();
+            workspace.step(input, &step.statics, |_, _| Meeting::Stopping, pool, &mut output);
+            Ok(output)
+        };
+        let mut hybrid = || run(workspace, &step.input);
         let mut other = || match &mut self.baseline {
             Some(baseline) => baseline.step(&step.input, &step.statics, pool),
-            None => Ok(pipeline::step(&brute_force, &step.statics, pool)),
+            None => run(another, &brute_force),
         };
         let outputs: [Result<StepOutput, String>; 2] = if self.steps.len().is_multiple_of(2) {
             [hybrid(), other()]

@@ -45,13 +45,19 @@ impl Node {
 impl Bvh {
     /// A hierarchy over `boxes`, whose positions in the slice are the items.
     pub fn new(boxes: &[Aabb]) -> Self {
-        let mut items: Vec<Item> =
-            (0..).zip(boxes).map(|(index, aabb)| Item { center: aabb.center(), index }).collect();
-        let mut bvh = Self { nodes: Vec::with_capacity(2 * items.len()) };
-        if !items.is_empty() {
-            bvh.build(boxes, &mut items);
-        }
+        let mut bvh = Self { nodes: Vec::with_capacity(2 * boxes.len()) };
+        bvh.rebuild(boxes, &mut Vec::with_capacity(boxes.len()));
         bvh
+    }
+
+    /// Becomes a hierarchy over `boxes`. `items`: room to work in.
+    pub(crate) fn rebuild(&mut self, boxes: &[Aabb], items: &mut Vec<Item>) {
+        items.clear();
+        items.extend((0..).zip(boxes).map(|(index, aabb)| Item { center: aabb.center(), index }));
+        self.nodes.clear();
+        if !items.is_empty() {
+            self.build(boxes, items);
+        }
     }
 
     fn build(&mut self, boxes: &[Aabb], items: &mut [Item]) -> Aabb {
@@ -109,8 +115,8 @@ impl Bvh {
     }
 
     /// The leaves, one beside the next in space. Those are neither items nor in their order.
-    pub fn leaves(&self) -> Vec<Leaf> {
-        (0..self.nodes.len()).filter(|&index| self.nodes[index].item().is_some()).map(Leaf).collect()
+    pub fn leaves(&self) -> impl Iterator<Item = Leaf> {
+        (0..self.nodes.len()).filter(|&index| self.nodes[index].item().is_some()).map(Leaf)
     }
 
     /// The item of a leaf of this hierarchy.
@@ -155,10 +161,10 @@ impl Bvh {
     }
 
     /// A value for each node: those of the leaves from their items, the others merged from those of their children.
-    pub fn values<T>(&self, leaf: impl Fn(u32) -> T, merge: impl Fn(&T, &T) -> T) -> Vec<T> {
+    pub fn values<T>(&self, leaf: impl Fn(u32) -> T, merge: impl Fn(&T, &T) -> T, values: &mut Vec<T>) {
         // Children come later than their parents: from the last node to the first.
         let count = self.nodes.len();
-        let mut values: Vec<T> = Vec::with_capacity(count);
+        values.clear();
         for index in (0..count).rev() {
             let value = match self.nodes[index].item() {
                 Some(item) => leaf(item),
@@ -170,7 +176,6 @@ impl Bvh {
             values.push(value);
         }
         values.reverse();
-        values
     }
 
     fn children(&self, index: usize) -> [usize; 2] {
@@ -225,7 +230,8 @@ impl Bvh {
 pub struct Leaf(usize);
 
 /// What a leaf is to hold.
-struct Item {
+#[derive(Debug)]
+pub(crate) struct Item {
     center: Vec3,
     index: u32,
 }
@@ -342,8 +348,9 @@ mod tests {
             let mut visited = Vec::new();
             let trees = [&items1, &items2].map(|items| Bvh::new(items));
             let merge = |a: &Aabb, b: &Aabb| a.merge(*b);
-            let values =
-                [trees[0].values(|i| items1[i as usize], merge), trees[1].values(|i| items2[i as usize], merge)];
+            let mut values = [Vec::new(), Vec::new()];
+            trees[0].values(|i| items1[i as usize], merge, &mut values[0]);
+            trees[1].values(|i| items2[i as usize], merge, &mut values[1]);
             let test = |i: usize, j: usize| values[0][i].overlaps(&values[1][j]);
             trees[0].visit_pairs(&trees[1], test, |i, j| visited.push((i, j)));
             visited.sort_unstable();

@@ -8,10 +8,12 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Body, Candidates, Culling, Meeting, Shape, Side, Solid, Statics, StepInput, mid_phase::PrimitivePair, parallel,
+    Body, Candidates, Culling, Meeting, Shape, Side, Solid, Statics, StepInput,
+    mid_phase::PrimitivePair,
+    parallel::{self, Scratches},
 };
 use crate::{
-    geometry::{Aabb, Bvh, Sphere},
+    geometry::{Aabb, Bvh, Item, Leaf, Sphere},
     query::{Cuboid, separation},
 };
 
@@ -36,7 +38,7 @@ impl BodyPair {
 }
 
 /// The sphere around a body at the start of the step, and where it goes.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct SweptSphere {
     sphere: Sphere,
     motion: Vec3,
@@ -82,18 +84,32 @@ pub(super) fn meet(bodies: &[Body; 2]) -> bool {
     first.meets(&second)
 }
 
-pub(super) fn run(
+/// What is kept from step to step, so that nothing has to be allocated anew.
+#[derive(Debug, Default)]
+pub(super) struct Buffers {
+    widening: Widening,
+    spheres: Vec<SweptSphere>,
+    boxes: Vec<Aabb>,
+    bvh: Bvh,
+    items: Vec<Item>,
+    leaves: Vec<Leaf>,
+}
+
+/// Finds the pairs of a step.
+pub(super) fn run<S: Default + Send>(
     input: &StepInput,
     statics: &Statics,
     filter: impl Fn(Side, Side) -> Meeting,
+    (buffers, tasks): (&mut Buffers, &Scratches<S>),
+    pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
-) -> Vec<BodyPair> {
-    let mut pairs = match input.culling {
-        Culling::Hybrid => near_pairs(input, statics, pool),
-        Culling::None => all_pairs(input, statics),
-    };
+) {
+    pairs.clear();
+    match input.culling {
+        Culling::Hybrid => near_pairs(input, statics, (buffers, tasks), pairs, pool),
+        Culling::None => all_pairs(input, statics, pairs),
+    }
     pairs.retain_mut(|pair| consents(input, statics, pair, filter(pair.first, pair.second)));
-    pairs
 }
 
 /// The pairs among given candidates that may collide, in order, with the primitive pairs of each.
@@ -140,25 +156,34 @@ fn consents(input: &StepInput, statics: &Statics, pair: &mut BodyPair, meeting: 
 }
 
 /// The pairs that may come within the prediction distance of each other.
-fn near_pairs(input: &StepInput, statics: &Statics, pool: &TaskPool) -> Vec<BodyPair> {
-    let mut widening = Widening::new(input);
+fn near_pairs<S: Default + Send>(
+    input: &StepInput,
+    statics: &Statics,
+    (buffers, tasks): (&mut Buffers, &Scratches<S>),
+    pairs: &mut Vec<BodyPair>,
+    pool: &TaskPool,
+) {
+    let mut widening = std::mem::take(&mut buffers.widening);
+    widening.reset(input);
     loop {
-        let spheres = widening.spheres(input, pool);
-        let pairs = near(input, statics, &spheres, pool);
+        near(input, statics, &widening, (buffers, tasks), pairs, pool);
         if !widening.widen(input, pairs.iter().map(|pair| [pair.first, pair.second])) {
-            return pairs;
+            break;
         }
     }
+    buffers.widening = widening;
 }
 
 /// The sides of pairs that may come within the prediction distance of each other, of bodies that may leave their way by as much as is known.
 #[cfg(feature = "gpu")]
 pub(crate) fn near_sides(input: &StepInput, statics: &Statics, widening: &Widening, pool: &TaskPool) -> Vec<[Side; 2]> {
-    let spheres = widening.spheres(input, pool);
-    near(input, statics, &spheres, pool).into_iter().map(|pair| [pair.first, pair.second]).collect()
+    let mut pairs = Vec::new();
+    near(input, statics, widening, (&mut Buffers::default(), &Scratches::<()>::default()), &mut pairs, pool);
+    pairs.into_iter().map(|pair| [pair.first, pair.second]).collect()
 }
 
 /// How far bodies may leave their own way: what a body carries along does, and so does what that carries in turn.
+#[derive(Debug, Default)]
 pub(crate) struct Widening {
     /// How far each body can carry along what it hits, or is carried itself, in metres.
     carries: Vec<f32>,
@@ -167,22 +192,29 @@ pub(crate) struct Widening {
 }
 
 impl Widening {
+    #[cfg(feature = "gpu")]
     pub fn new(input: &StepInput) -> Self {
+        let mut new = Self::default();
+        new.reset(input);
+        new
+    }
+
+    /// Knows of no pair.
+    fn reset(&mut self, input: &StepInput) {
         let carries = |body: &Body| {
             let radius = body.solid.bounding_sphere().farthest(body.sweep.local_center);
             if body.stops || body.passes { 0.0 } else { body.sweep.reach(radius) }
         };
-        Self { carries: input.bodies.iter().map(carries).collect(), carried: vec![0.0; input.bodies.len()] }
+        self.carries.clear();
+        self.carries.extend(input.bodies.iter().map(carries));
+        self.carried.clear();
+        self.carried.resize(input.bodies.len(), 0.0);
     }
 
     /// How far outside of what its bounding sphere sweeps a body may meet something, in metres; of two bodies, half of the prediction distance each.
     pub fn margin(&self, input: &StepInput, body: usize) -> f32 {
         let slide = if input.bodies[body].stops { input.slide_way() } else { 0.0 };
         0.5 * input.prediction + slide + self.carried[body]
-    }
-
-    fn spheres(&self, input: &StepInput, pool: &TaskPool) -> Vec<SweptSphere> {
-        parallel::map(pool, &input.bodies, 256, |index, body| SweptSphere::new(body, self.margin(input, index)))
     }
 
     /// True if a body may be carried off its way.
@@ -210,11 +242,25 @@ impl Widening {
 }
 
 /// The pairs whose swept spheres, or sphere and box, come within the prediction distance.
-fn near(input: &StepInput, statics: &Statics, spheres: &[SweptSphere], pool: &TaskPool) -> Vec<BodyPair> {
-    let boxes: Vec<Aabb> = spheres.iter().map(SweptSphere::aabb).collect();
-    let bvh = Bvh::new(&boxes);
-    let found = parallel::map(pool, &bvh.leaves(), 64, |_, &leaf| {
-        let mut pairs = Vec::new();
+fn near<S: Default + Send>(
+    input: &StepInput,
+    statics: &Statics,
+    widening: &Widening,
+    (Buffers { spheres, boxes, bvh, items, leaves, .. }, tasks): (&mut Buffers, &Scratches<S>),
+    pairs: &mut Vec<BodyPair>,
+    pool: &TaskPool,
+) {
+    parallel::map(pool, tasks, &input.bodies, 256, spheres, |_, index, body| {
+        SweptSphere::new(body, widening.margin(input, index))
+    });
+    boxes.clear();
+    boxes.extend(spheres.iter().map(SweptSphere::aabb));
+    bvh.rebuild(boxes, items);
+    leaves.clear();
+    leaves.extend(bvh.leaves());
+    let (spheres, boxes, bvh) = (&*spheres, &*boxes, &*bvh);
+    pairs.clear();
+    parallel::gather(pool, tasks, leaves, 64, pairs, |_, _, &leaf, pairs| {
         let index = bvh.item(leaf);
         let i = index as usize;
         let (body, sphere) = (&input.bodies[i], &spheres[i]);
@@ -233,11 +279,8 @@ fn near(input: &StepInput, statics: &Statics, spheres: &[SweptSphere], pool: &Ta
                 pairs.push(pair);
             }
         });
-        pairs
     });
-    let mut pairs: Vec<BodyPair> = found.into_iter().flatten().collect();
     pairs.sort_unstable();
-    pairs
 }
 
 /// True if two owners are the same, or a joint keeps them from colliding.
@@ -282,14 +325,12 @@ fn with_static(input: &StepInput, statics: &Statics, body: &Body, index: u32, it
 }
 
 /// Every pair that may collide.
-fn all_pairs(input: &StepInput, statics: &Statics) -> Vec<BodyPair> {
-    let mut pairs = Vec::new();
+fn all_pairs(input: &StepInput, statics: &Statics, pairs: &mut Vec<BodyPair>) {
     for (i, body) in (0..).zip(&input.bodies) {
         pairs.extend((i + 1..input.bodies.len() as u32).filter_map(|j| between(input, i, j)));
         pairs.extend((0..statics.bodies.len() as u32).filter_map(|item| with_static(input, statics, body, i, item)));
     }
     pairs.sort_unstable();
-    pairs
 }
 
 /// Number of primitives and parts, and how many of them are medial.

@@ -9,11 +9,11 @@ use bevy::platform::collections::HashSet;
 use glam::Vec3;
 
 use super::{
-    ConvexParts, Core, Hull, Part, Shape,
-    near::{Directions, near_part, near_shape},
+    ConvexParts, Core, Hull, Part, Parts, Shape,
+    near::{self, Directions, near_part, near_shape},
     reduce::reduce,
     seams,
-    thin::thin,
+    thin::{self, thin},
     with_spheres,
 };
 use crate::{
@@ -52,7 +52,11 @@ impl Contact {
     /// The deepest first, in an order that depends on the contacts alone.
     pub(super) fn order(&self, other: &Self) -> Ordering {
         let parts = |contact: &Self| (contact.primitive1, contact.primitive2);
-        self.distance.total_cmp(&other.distance).then(parts(self).cmp(&parts(other)))
+        let place = |a: Vec3, b: Vec3| (0..3).map(|i| a[i].total_cmp(&b[i])).fold(Ordering::Equal, Ordering::then);
+        self.distance
+            .total_cmp(&other.distance)
+            .then(parts(self).cmp(&parts(other)))
+            .then_with(|| place(self.point1, other.point1).then(place(self.point2, other.point2)))
     }
 }
 
@@ -108,33 +112,63 @@ impl From<f32> for Reach {
     }
 }
 
+/// What is kept from pair to pair, so that nothing has to be allocated anew.
+#[derive(Debug, Default)]
+pub(super) struct Buffers {
+    near: near::Room,
+    /// Spheres of either side that have been settled with a primitive of the other.
+    settled: [HashSet<[u32; 2]>; 2],
+    taken: thin::Taken,
+    seams: seams::Room,
+}
+
 /// All manifolds of a pair. `pose12`: pose of body 2 in the frame of body 1.
 pub fn manifolds(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Into<Reach>) -> Vec<Manifold> {
     let (reach, mut contacts, mut manifolds) = (reach.into(), Vec::new(), Vec::new());
     find(shape1, second, pose12, reach, &mut contacts);
-    reduce(&mut contacts, reach.length_unit, &mut manifolds);
+    reduce(&mut contacts, reach.length_unit, &mut Default::default(), |manifold| manifolds.push(manifold));
     manifolds
 }
 
-/// All contacts of a pair.
+/// Adds all contacts of a pair.
 pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Into<Reach>, contacts: &mut Vec<Contact>) {
-    let reach = reach.into();
+    find_with(shape1, second, pose12, reach.into(), contacts, &mut Buffers::default());
+}
+
+/// The same with buffers that there are.
+pub(super) fn find_with(
+    shape1: &Shape,
+    second: Second,
+    pose12: &Pose3,
+    reach: Reach,
+    contacts: &mut Vec<Contact>,
+    buffers: &mut Buffers,
+) {
     let Reach { prediction, length_unit: unit } = reach;
     match second {
-        Second::Shape(shape2) => of_shapes(shape1, shape2, pose12, reach, None::<[_; 0]>, contacts),
+        Second::Shape(shape2) => of_shapes(shape1, shape2, pose12, reach, None::<[_; 0]>, contacts, buffers),
         Second::Parts(parts) => {
             let parts = parts.within(&surroundings(shape1, pose12, prediction));
             for part in &parts {
-                collect_part(shape1, part, pose12, prediction, contacts);
+                collect_part(shape1, part, pose12, prediction, contacts, &mut buffers.near);
             }
-            contacts.sort_by(Contact::order);
-            seams::remove(contacts, pose12.rotation, [shape1, &parts], SEAM_REACH * unit, unit);
+            contacts.sort_unstable_by(Contact::order);
+            let sides: [&dyn seams::Side; 2] = [shape1, &parts];
+            seams::remove(contacts, pose12.rotation, sides, SEAM_REACH * unit, unit, &mut buffers.seams);
         }
     }
 }
 
 /// True if a pair comes within a distance. `likely`: primitives that may, and are looked at first.
-pub(super) fn is_within(shape1: &Shape, second: Second, pose12: &Pose3, distance: f32, likely: [u32; 2]) -> bool {
+pub(super) fn is_within(
+    shape1: &Shape,
+    second: Second,
+    pose12: &Pose3,
+    distance: f32,
+    likely: [u32; 2],
+    contacts: &mut Vec<Contact>,
+    Buffers { near, .. }: &mut Buffers,
+) -> bool {
     match second {
         Second::Shape(shape2) => {
             let to_second = Placement::from(pose12.inverse());
@@ -145,16 +179,16 @@ pub(super) fn is_within(shape1: &Shape, second: Second, pose12: &Pose3, distance
             };
             let mut found = is_near(shape1.hull(likely[0]).placed(&to_second), likely[1]);
             if !found {
-                near_shape(shape1, shape2, pose12, distance, |[_, primitive2], hull| {
+                near_shape(shape1, shape2, pose12, distance, near, |[_, primitive2], hull| {
                     found |= is_near(hull, primitive2)
                 });
             }
             found
         }
         Second::Parts(parts) => {
-            let mut contacts = Vec::new();
+            contacts.clear();
             parts.within(&surroundings(shape1, pose12, distance)).iter().any(|part| {
-                collect_part(shape1, part, pose12, distance, &mut contacts);
+                collect_part(shape1, part, pose12, distance, contacts, near);
                 !contacts.is_empty()
             })
         }
@@ -174,11 +208,12 @@ pub(super) fn of_shapes(
     Reach { prediction, length_unit }: Reach,
     candidates: Option<impl IntoIterator<Item = [u32; 2]>>,
     contacts: &mut Vec<Contact>,
+    Buffers { near, settled, taken, seams }: &mut Buffers,
 ) {
     let to_second = Placement::from(pose12.inverse());
     let to_first = Placement::from(*pose12);
     let mut directions = Directions::new(Vec3::Y);
-    let mut made = [HashSet::default(), HashSet::default()];
+    settled.iter_mut().for_each(HashSet::clear);
     let mut collect = |[primitive1, primitive2]: [u32; 2], hull: Hull| {
         let mut push = |s: &Separation| {
             contacts.push(Contact {
@@ -192,19 +227,19 @@ pub(super) fn of_shapes(
         };
         with_spheres!(hull, |first| with_spheres!(shape2.hull(primitive2), |second| {
             if !directions.are_apart(&first, &second, prediction) {
-                let [made1, made2] = &mut made;
-                let spheres1 = SharedSpheres::new(shape1, primitive1, primitive2, made1);
-                let spheres2 = SharedSpheres::new(shape2, primitive2, primitive1, made2);
+                let [settled1, settled2] = &mut *settled;
+                let spheres1 = SharedSpheres::new(shape1, primitive1, primitive2, settled1);
+                let spheres2 = SharedSpheres::new(shape2, primitive2, primitive1, settled2);
                 directions.learn(two_sided((&first, spheres1), (&second, spheres2), prediction, &mut push));
             }
         }));
     };
     match candidates {
         Some(known) => known.into_iter().for_each(|pair| collect(pair, shape1.hull(pair[0]).placed(&to_second))),
-        None => near_shape(shape1, shape2, pose12, prediction, collect),
+        None => near_shape(shape1, shape2, pose12, prediction, near, collect),
     }
-    thin(contacts);
-    seams::remove(contacts, pose12.rotation, [shape1, shape2], 0.0, length_unit);
+    thin(contacts, taken);
+    seams::remove(contacts, pose12.rotation, [shape1, shape2], 0.0, length_unit, seams);
 }
 
 impl seams::Side for Shape {
@@ -219,7 +254,7 @@ impl seams::Side for Shape {
     }
 }
 
-impl seams::Side for Vec<Part<'_>> {
+impl seams::Side for Parts<'_> {
     fn aabb(&self, id: u32) -> Aabb {
         let part = self.iter().find(|part| part.id == id);
         part.map_or(Aabb::EMPTY, |part| part.aabb().transformed(&part.pose, 1.0))
@@ -231,11 +266,18 @@ impl seams::Side for Vec<Part<'_>> {
 }
 
 /// Contacts within `prediction` of a convex part of another collider.
-fn collect_part(shape1: &Shape, part: &Part, pose12: &Pose3, prediction: f32, contacts: &mut Vec<Contact>) {
+fn collect_part(
+    shape1: &Shape,
+    part: &Part,
+    pose12: &Pose3,
+    prediction: f32,
+    contacts: &mut Vec<Contact>,
+    near: &mut near::Room,
+) {
     let pose12 = *pose12 * part.pose;
     let to_first = Placement::from(pose12);
     let within = prediction + part.rounding;
-    near_part(shape1, part, &pose12, prediction, |primitive1, hull| {
+    near_part(shape1, part, &pose12, prediction, near, |primitive1, hull| {
         let mut push = |s: &Separation| {
             contacts.push(Contact {
                 point1: to_first.point(s.point1),

@@ -1,22 +1,27 @@
 //! The first impact of a pair within the step.
 
+use std::slice;
+
 use glam::Vec3;
+use smallvec::SmallVec;
 
 use super::{
-    Culling, Impact,
-    mid_phase::{self, Candidates, PrimitivePair},
-    motion::{Facing, PairMotion, with_sides},
-    moving_boxes::TimedBoxes,
-    parting::Parting,
+    Impact, Scratch, Side, Statics, StepInput,
+    broad_phase::BodyPair,
+    laps,
+    mid_phase::{self, Candidates, OwnBoxes, PrimitivePair},
+    motion::{Facing, Motions, PairMotion, with_sides},
+    moving_boxes::{BoxCache, TimedBoxes},
+    parting::{Parting, Room},
 };
 use crate::{
     constants::FEW_PRIMITIVES,
     geometry::Sweep,
-    query::{TimeOfImpactStatus, rigid_impact, rigid_start},
+    query::{Chords, RigidStart, TimeOfImpactStatus, rigid_impact, rigid_start},
 };
 
 /// The first impact of a pair, and what it took to find.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct ImpactResult {
     pub impact: Option<Impact>,
     /// Overlap that the pair may gain, in metres.
@@ -25,8 +30,48 @@ pub(super) struct ImpactResult {
     pub in_touch: bool,
     /// Unit normal between the primitives that were nearest to each other at the start, in the world; zero if none was looked at.
     pub normal: Vec3,
+    /// How many primitive pairs were left by culling.
+    pub candidates: usize,
+    /// Which, as far as they are to be reported.
+    pub reported: Vec<PrimitivePair>,
     pub toi_tests: usize,
     pub unresolved: usize,
+}
+
+/// What is asked about a pair.
+#[derive(Clone, Copy)]
+pub(super) struct Question<'a> {
+    pub input: &'a StepInput,
+    pub statics: &'a Statics,
+    pub pair: &'a BodyPair,
+    /// What culling has left of the pair, if that is known, for a step that is searched at once.
+    pub known: Option<&'a [PrimitivePair]>,
+    /// Between which times of its motion in the step either side is, if it is anywhere near it.
+    pub times: [Option<[f32; 2]>; 2],
+    /// How far both may be from there, together, in metres.
+    pub slack: f32,
+    /// A direction in the world, from the first body to the second, along which many of their primitives may be apart; zero if none is known.
+    pub normal: Vec3,
+}
+
+/// What is kept from search to search, so that nothing has to be allocated anew.
+#[derive(Debug, Default)]
+pub(super) struct Buffers {
+    own: OwnBoxes,
+    /// Of each motion.
+    candidates: Vec<Candidates>,
+    search: SearchBuffers,
+}
+
+#[derive(Debug, Default)]
+struct SearchBuffers {
+    /// Of each motion.
+    chords: Vec<Chords>,
+    room: Room,
+    /// The motion of primitives that come nearer to each other, and how they begin the part.
+    approaching: Vec<(usize, PrimitivePair, RigidStart)>,
+    /// The overlaps of single primitives of a motion at the start of the step.
+    overlaps: Vec<((usize, PrimitivePair), f32)>,
 }
 
 /// The earliest impact of a pair's motions: where an overlap grows by more than a slop, which contacts never do that the
@@ -34,52 +79,71 @@ pub(super) struct ImpactResult {
 /// slop itself: a pile that settles must come to rest.
 ///
 /// What slides over a seam takes the overlap that it has along to the next part. Where bodies spin or go far, the step is searched in parts.
-///
-/// `candidates` of each motion over the whole step, if they are known, for a step that is searched at once; else the `boxes` of either side over the
-/// motion's time, as far as they are, and how far the bodies may be from there, in metres. `normal`: a direction in the world, from the first body to the
-/// second, along which many of them may be apart; zero if none is known.
-pub(super) fn first_impact(
-    culling: Culling,
-    mut motions: Vec<PairMotion>,
-    candidates: Option<&[Candidates]>,
-    boxes: [Option<TimedBoxes>; 2],
-    slack: f32,
-    normal: Vec3,
-) -> ImpactResult {
+pub(super) fn first_impact(question: &Question, mut motions: Motions, scratch: &mut Scratch) -> ImpactResult {
+    let Question { input, known, slack, normal, .. } = *question;
     let slop = motions.iter().map(|motion| motion.slop).fold(0.0, f32::max);
-    let mut search = Search { result: ImpactResult { slop, normal, ..Default::default() }, ..Default::default() };
+    let result = ImpactResult { slop, normal, ..Default::default() };
     // On a shorter way no overlap grows by that.
     if motions.iter().all(|motion| motion.way() <= motion.slop) {
-        return search.result;
+        return result;
     }
+    let Scratch {
+        boxes: caches,
+        first_impact: Buffers { own, candidates, search: buffers },
+        laps: [culling, searching],
+        ..
+    } = scratch;
+    let mut lap = laps();
+    buffers.overlaps.clear();
+    let mut search = Search { result, carried: 0.0, met: None, buffers };
     let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
-    // They are those of one part.
-    let boxes = if count == 1 { boxes } else { [None; 2] };
+    // Those of the bodies are for all of the way.
+    let boxes = if count == 1 && known.is_none() { question.boxes(caches) } else { [None; 2] };
     let parts = Parts::new(&motions, count);
+    candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
     for part in 0..count {
         parts.cut(&mut motions, part);
-        let found: Vec<_>;
-        let candidates = match candidates {
-            Some(known) if count == 1 => known,
-            _ => {
-                let of = |motion: &PairMotion| mid_phase::candidates(motion, culling, slack + motion.stray(), boxes);
-                found = motions.iter().map(of).collect();
-                &found
+        for (motion, found) in motions.iter().zip(candidates.iter_mut()) {
+            found.clear();
+            match known {
+                Some(known) if count == 1 => mid_phase::of_motion(motion, known, found),
+                _ => mid_phase::candidates(motion, input.culling, slack + motion.reach(), boxes, own, found),
             }
-        };
-        search.run(&motions, candidates, [part, count]);
-        if search.result.impact.is_some() {
+            search.result.candidates += found.len();
+            if input.report_candidates {
+                search.result.reported.extend_from_slice(found);
+            }
+        }
+        *culling += lap();
+        search.run(&motions, |motion| &candidates[motion], [part, count]);
+        let is_met = search.result.impact.is_some();
+        if is_met {
             search.go_back(&mut motions, &parts, part);
+        }
+        *searching += lap();
+        if is_met {
             break;
         }
     }
     search.result
 }
 
+impl Question<'_> {
+    /// The boxes of either side on its way, as far as it is near it.
+    fn boxes<'c>(&self, caches: &'c mut [BoxCache; 2]) -> [Option<TimedBoxes<'c>>; 2] {
+        let [cache1, cache2] = caches;
+        let of = |cache: &'c mut BoxCache, side: Side, times: Option<[f32; 2]>| {
+            let (solid, sweep) = self.input.side(self.statics, side);
+            Some(cache.between(side, solid.medial()?, &sweep, times?))
+        };
+        [of(cache1, self.pair.first, self.times[0]), of(cache2, self.pair.second, self.times[1])]
+    }
+}
+
 /// The parts of a step of equal length.
 struct Parts {
     /// The motions of either side over the whole step.
-    whole: Vec<[Sweep; 2]>,
+    whole: SmallVec<[[Sweep; 2]; 1]>,
     count: usize,
 }
 
@@ -99,18 +163,16 @@ impl Parts {
 }
 
 /// A search for the first impact of a pair, part by part of the step.
-#[derive(Default)]
-struct Search {
+struct Search<'b> {
     result: ImpactResult,
     /// How deep primitives may be that were less deep at the start of the step, in metres.
     carried: f32,
-    /// The overlaps of single primitives of a motion there.
-    overlaps: Vec<((usize, PrimitivePair), f32)>,
     /// The motion and the primitives that meet first so far, and whether they have touched at the start of the part.
     met: Option<(usize, PrimitivePair, bool)>,
+    buffers: &'b mut SearchBuffers,
 }
 
-impl Search {
+impl Search<'_> {
     /// Takes the impact back to where its primitives touched, if that was in an earlier part and not from the start on.
     fn go_back(&mut self, motions: &mut [PairMotion], parts: &Parts, found_in: usize) {
         let found = self.result.impact;
@@ -122,38 +184,44 @@ impl Search {
             };
             parts.cut(motions, part);
             motions[index].slop = 0.0;
-            let mut candidates = vec![Candidates::new(); motions.len()];
-            candidates[index].push(pair);
             let later = self.result.impact.take();
-            self.run(motions, &candidates, [part, parts.count]);
+            let alone = |motion| if motion == index { slice::from_ref(&pair) } else { &[] };
+            self.run(motions, alone, [part, parts.count]);
             self.result.impact = self.result.impact.or(later);
         }
     }
 
-    /// Searches a part of the step, of so many.
-    fn run(&mut self, motions: &[PairMotion], candidates: &[Candidates], [part, parts]: [usize; 2]) {
+    /// Searches a part of the step, of so many. `candidates` of each motion.
+    fn run<'c>(
+        &mut self,
+        motions: &[PairMotion],
+        candidates: impl Fn(usize) -> &'c [PrimitivePair],
+        [part, parts]: [usize; 2],
+    ) {
         let result = &mut self.result;
-        let (mut sides, mut approaching) = (Vec::new(), Vec::new());
+        let SearchBuffers { chords: all_chords, room, approaching, overlaps } = &mut *self.buffers;
+        all_chords.resize_with(motions.len().max(all_chords.len()), Chords::default);
+        approaching.clear();
         let mut nearest = f32::INFINITY;
-        for (index, (motion, candidates)) in motions.iter().zip(candidates).enumerate() {
+        for (index, (motion, chords)) in motions.iter().zip(all_chords.iter_mut()).enumerate() {
+            let candidates = candidates(index);
             if candidates.is_empty() {
                 continue;
             }
-            let chords = motion.chords();
+            motion.set_chords(chords);
             result.toi_tests += candidates.len();
             let direction = match result.normal {
                 normal if normal == Vec3::ZERO => motion.center_line(),
                 normal => motion.to_chords(normal),
             };
             let many = candidates.len() > FEW_PRIMITIVES;
-            let mut parting = many.then(|| Parting::new(motion, &chords, direction)).flatten();
-            let side = sides.len();
+            let mut parting = if many { Parting::new(motion, chords, direction, room) } else { None };
             for &pair in candidates {
                 if parting.as_mut().is_some_and(|parting| parting.is_apart(pair)) {
                     continue;
                 }
                 let start = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
-                    rigid_start(&first, second, &chords)
+                    rigid_start(&first, second, chords)
                 });
                 if let Some(parting) = &mut parting {
                     parting.learn(start.normal());
@@ -164,21 +232,23 @@ impl Search {
                 }
                 if part == 0 && start.overlap() > 0.0 {
                     self.carried = self.carried.max(motion.carried(start.overlap()));
-                    self.overlaps.push(((index, pair), start.overlap()));
+                    overlaps.push(((index, pair), start.overlap()));
                 }
                 if !start.stay_apart() {
                     result.in_touch |= part == 0 && start.distance() <= motion.touch;
-                    approaching.push((side, pair, start));
+                    approaching.push((index, pair, start));
                 }
             }
-            sides.push((index, motion, chords));
         }
         // The nearest are likely to meet first, and what is farther off than they leave time for is not looked at.
-        approaching.sort_by(|a, b| a.2.distance().total_cmp(&b.2.distance()));
-        for (side, pair, start) in &approaching {
-            let (index, motion, chords) = &sides[*side];
+        approaching.sort_unstable_by(|a, b| {
+            let order = a.2.distance().total_cmp(&b.2.distance());
+            order.then_with(|| (a.0, a.1).cmp(&(b.0, b.1)))
+        });
+        for (index, pair, start) in approaching.iter() {
+            let (motion, chords) = (&motions[*index], &all_chords[*index]);
             let limit = result.impact.map_or(1.0, |impact| impact.fraction);
-            let own = self.overlaps.iter().find(|(key, _)| *key == (*index, *pair));
+            let own = overlaps.iter().find(|(key, _)| *key == (*index, *pair));
             let overlap = own.map_or(self.carried, |(_, own)| own.max(self.carried));
             let toi = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
                 rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop])

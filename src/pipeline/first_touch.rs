@@ -3,10 +3,10 @@
 use glam::Vec3;
 
 use super::{
-    Body, Culling, Impact, Side, Statics, StepInput,
+    Body, Culling, Impact, Scratch, Side, Statics, StepInput,
     broad_phase::{BodyPair, meet},
-    first_impact::first_impact,
-    motion::PairMotion,
+    first_impact::{Question, first_impact},
+    motion::{Motions, PairMotion},
 };
 
 /// The first impact of two bodies on their ways, with no overlap allowed: where they touch, or where an overlap that they have from the
@@ -25,9 +25,16 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
     let statics = Statics::default();
     let mut motions = motions(&input, &statics);
     motions.iter_mut().for_each(|motion| motion.slop = 0.0);
-    let candidates = primitives.map(|pairs| [pairs.to_vec()]);
-    let candidates = candidates.as_ref().map(|candidates| &candidates[..]);
-    first_impact(culling, motions, candidates, [None; 2], 0.0, Vec3::ZERO).impact
+    let question = Question {
+        input: &input,
+        statics: &statics,
+        pair: &PAIR,
+        known: primitives,
+        times: [Some([0.0, 1.0]); 2],
+        slack: 0.0,
+        normal: Vec3::ZERO,
+    };
+    first_impact(&question, motions, &mut Scratch::default()).impact
 }
 
 /// In how many parts of equal length [`first_touch`] searches the way of two bodies, one after the other.
@@ -36,8 +43,10 @@ pub fn search_parts(bodies: [Body; 2]) -> usize {
     motions(&input, &Statics::default()).iter().map(PairMotion::parts).max().unwrap_or(1)
 }
 
-/// Those of the two bodies of the input.
-fn motions<'a>(input: &'a StepInput, statics: &'a Statics) -> Vec<PairMotion<'a>> {
-    let pair = BodyPair { first: Side::Body(0), second: Side::Body(1), stops: true };
-    PairMotion::all(input, statics, &pair, |body| input.bodies[body as usize].sweep)
+/// The bodies of an input that has two.
+const PAIR: BodyPair = BodyPair { first: Side::Body(0), second: Side::Body(1), stops: true };
+
+/// Their motions.
+fn motions<'a>(input: &'a StepInput, statics: &'a Statics) -> Motions<'a> {
+    PairMotion::all(input, statics, &PAIR, |body| input.bodies[body as usize].sweep)
 }

@@ -308,6 +308,20 @@ impl StepInput {
         self.stop_at_impact && self.bodies[body as usize].stops
     }
 
+    /// What a side of a pair is made of, and its motion over the step.
+    pub(super) fn side<'a>(&'a self, statics: &'a Statics, side: Side) -> (&'a Solid, Sweep) {
+        match side {
+            Side::Body(body) => {
+                let body = &self.bodies[body as usize];
+                (&body.solid, body.sweep)
+            }
+            Side::Static(body) => {
+                let body = &statics.bodies[body as usize];
+                (&body.solid, Sweep::at_rest(body.pose))
+            }
+        }
+    }
+
     /// How far a body may leave its way to slide on, in metres.
     pub(super) fn slide_way(&self) -> f32 {
         self.fall.max(SLIDE_WAY * self.prediction)

@@ -3,42 +3,58 @@
 //! A body that stops or slides stays near its own way, so that bodies whose ways are apart do not meet. One that is pushed may go anywhere: among those
 //! that it could reach, all that are near are taken to meet.
 
-use std::{cell::Cell, collections::HashMap};
+use std::cell::Cell;
 
 use bevy::tasks::TaskPool;
 
 use super::{
-    Culling, Side, StepInput,
+    Culling, Scratch, Shape, Side, Statics, StepInput,
     broad_phase::BodyPair,
     first_impact::ImpactResult,
-    moving_boxes::{self, BodyBoxes, MovingBox},
-    parallel,
+    moving_boxes::{self, BoxCache, MovingBox},
+    parallel::{self, Scratches},
+    stop::Assemblies,
 };
-use crate::constants::{CHORD_TOLERANCE, CONTACT_ROUNDING};
+use crate::{
+    constants::{CHORD_TOLERANCE, CONTACT_ROUNDING},
+    geometry::Sweep,
+};
 
 /// Which pairs may meet, and the sets of bodies that these join.
+#[derive(Debug, Default)]
 pub(super) struct Islands {
-    sets: Vec<u32>,
+    sets: DisjointSets,
     may_meet: Vec<bool>,
+    /// Which bodies are joined with others, and slide with them.
+    joined: Vec<bool>,
+    /// Islands in which a body pushes, and those in which there is an impact.
+    pushed: Vec<bool>,
+    eventful: Vec<bool>,
 }
 
 impl Islands {
-    /// `results`: of each pair, were no body to stop. `assemblies`: bodies that stop together.
-    pub fn new(
+    /// Finds the islands of a step. `results`: of each pair, were no body to stop.
+    pub fn set(
+        &mut self,
         input: &StepInput,
+        statics: &Statics,
         pairs: &[BodyPair],
-        boxes: &BodyBoxes,
         results: &[ImpactResult],
-        assemblies: &HashMap<u64, Vec<u32>>,
+        assemblies: &Assemblies,
+        tasks: &Scratches<Scratch>,
         pool: &TaskPool,
-    ) -> Self {
-        let mut parts = vec![false; input.bodies.len()];
-        let several = assemblies.values().filter(|bodies| bodies.len() > 1);
-        several.flatten().for_each(|&body| parts[body as usize] = true);
+    ) {
+        let Self { sets, may_meet, joined, pushed, eventful } = self;
+        for flags in [&mut *joined, pushed, eventful] {
+            flags.clear();
+            flags.resize(input.bodies.len(), false);
+        }
+        let several = assemblies.iter().filter(|members| members.len() > 1);
+        several.flatten().for_each(|&(_, body)| joined[body as usize] = true);
         // A kinematic body stops with what it is joined to.
-        let stops = |body: u32| input.is_stopping(body) || parts[body as usize];
-        let joined = |may_meet: &dyn Fn(usize) -> bool| {
-            let mut sets = DisjointSets::new(input.bodies.len());
+        let stops = |body: u32| input.is_stopping(body) || joined[body as usize];
+        let join = |sets: &mut DisjointSets, may_meet: &dyn Fn(usize) -> bool| {
+            sets.reset(input.bodies.len());
             for (_, pair) in pairs.iter().enumerate().filter(|(i, _)| may_meet(*i)) {
                 if let [Some(a), Some(b)] =
                     [pair.first, pair.second].map(|side| side.body().filter(|&body| stops(body)))
@@ -46,34 +62,35 @@ impl Islands {
                     sets.join(a, b);
                 }
             }
-            for bodies in assemblies.values() {
-                bodies.windows(2).for_each(|pair| sets.join(pair[0], pair[1]));
+            for members in assemblies.iter() {
+                members.windows(2).for_each(|pair| sets.join(pair[0].1, pair[1].1));
             }
-            sets.representatives()
+            sets.flatten();
         };
-        let near = joined(&|i| pairs[i].stops);
-        let [mut pushed, mut eventful] = [(); 2].map(|()| vec![false; input.bodies.len()]);
+        join(sets, &|i| pairs[i].stops);
+        let near = |body: u32| sets.of(body) as usize;
         for (pair, result) in pairs.iter().zip(results).filter(|(pair, _)| pair.stops) {
             let pushes =
                 pair.bodies().any(|body| !input.is_stopping(body) && !input.bodies[body as usize].sweep.is_at_rest());
             for body in pair.bodies().filter(|&body| stops(body)) {
-                let island = near[body as usize] as usize;
-                pushed[island] |= pushes;
-                eventful[island] |= result.impact.is_some();
+                pushed[near(body)] |= pushes;
+                eventful[near(body)] |= result.impact.is_some();
             }
         }
-        let may_meet = parallel::map(pool, pairs, 16, |i, pair| {
-            let among = |islands: &[bool]| pair.bodies().any(|body| islands[near[body as usize] as usize]);
+        parallel::map(pool, tasks, pairs, 16, may_meet, |scratch, i, pair| {
+            let among = |islands: &[bool]| pair.bodies().any(|body| islands[near(body)]);
             pair.stops
-                && among(&eventful)
-                && (results[i].impact.is_some() || among(&pushed) || ways_meet(input, pair, boxes, &parts))
+                && among(eventful)
+                && (results[i].impact.is_some()
+                    || among(pushed)
+                    || ways_meet(input, statics, pair, joined, &mut scratch.boxes))
         });
-        Self { sets: joined(&|i| may_meet[i]), may_meet }
+        join(sets, &|i| may_meet[i]);
     }
 
     /// The body that stands for the island.
     pub fn of(&self, body: u32) -> u32 {
-        self.sets[body as usize]
+        self.sets.of(body)
     }
 
     /// False if the bodies of a pair do not meet, wherever they stop.
@@ -82,17 +99,26 @@ impl Islands {
     }
 }
 
-/// True if two bodies come near each other, each wherever on its way, or if that is not known. `parts`: which bodies are joined with others,
+/// True if two bodies come near each other, each wherever on its way, or if that is not known. `joined`: which bodies are joined with others,
 /// and slide with them.
-fn ways_meet(input: &StepInput, pair: &BodyPair, boxes: &BodyBoxes, parts: &[bool]) -> bool {
+fn ways_meet(
+    input: &StepInput,
+    statics: &Statics,
+    pair: &BodyPair,
+    joined: &[bool],
+    [cache1, cache2]: &mut [BoxCache; 2],
+) -> bool {
     if input.culling == Culling::None {
         return true;
     }
-    let of = |side: Side| {
-        let body = side.body().filter(|&body| !parts[body as usize])?;
-        Some((input.bodies[body as usize].solid.medial()?, boxes.between(side, [0.0, 1.0])?))
+    let of = |side: Side| -> Option<(&Shape, Sweep)> {
+        side.body().filter(|&body| !joined[body as usize])?;
+        let (solid, sweep) = input.side(statics, side);
+        Some((solid.medial()?, sweep))
     };
-    let (Some((shape1, boxes1)), Some((shape2, boxes2))) = (of(pair.first), of(pair.second)) else { return true };
+    let (Some((shape1, sweep1)), Some((shape2, sweep2))) = (of(pair.first), of(pair.second)) else { return true };
+    let boxes1 = cache1.between(pair.first, shape1, &sweep1, [0.0, 1.0]);
+    let boxes2 = cache2.between(pair.second, shape2, &sweep2, [0.0, 1.0]);
     let size = shape1.bounding_sphere().radius.max(shape2.bounding_sphere().radius);
     let reach = 2.0 * input.slide_way() + (2.0 * CHORD_TOLERANCE + CONTACT_ROUNDING) * size;
     let found = Cell::new(false);
@@ -103,15 +129,17 @@ fn ways_meet(input: &StepInput, pair: &BodyPair, boxes: &BodyBoxes, parts: &[boo
 }
 
 /// Sets of bodies, each a tree.
+#[derive(Debug, Default)]
 struct DisjointSets(Vec<u32>);
 
 impl DisjointSets {
     /// Each body by itself.
-    fn new(bodies: usize) -> Self {
-        Self((0..bodies as u32).collect())
+    fn reset(&mut self, bodies: usize) {
+        self.0.clear();
+        self.0.extend(0..bodies as u32);
     }
 
-    fn of(&mut self, mut body: u32) -> u32 {
+    fn root(&mut self, mut body: u32) -> u32 {
         while self.0[body as usize] != body {
             self.0[body as usize] = self.0[self.0[body as usize] as usize];
             body = self.0[body as usize];
@@ -120,13 +148,20 @@ impl DisjointSets {
     }
 
     fn join(&mut self, a: u32, b: u32) {
-        let [a, b] = [a, b].map(|body| self.of(body));
+        let [a, b] = [a, b].map(|body| self.root(body));
         self.0[a.max(b) as usize] = a.min(b);
     }
 
-    /// For each body the first of its set.
-    fn representatives(mut self) -> Vec<u32> {
-        (0..self.0.len() as u32).map(|body| self.of(body)).collect()
+    /// Every body knows the first of its set from now on.
+    fn flatten(&mut self) {
+        for body in 0..self.0.len() as u32 {
+            self.0[body as usize] = self.root(body);
+        }
+    }
+
+    /// The first of a body's set, once they are flat.
+    fn of(&self, body: u32) -> u32 {
+        self.0[body as usize]
     }
 }
 
@@ -139,7 +174,7 @@ mod tests {
     use crate::{
         geometry::{Pose3, Sweep},
         medial_axis::MedialAxis,
-        pipeline::{Body, Impact, Shape, Statics},
+        pipeline::{Body, Impact, Shape},
     };
 
     /// Four rings in a row that go down, all near each other; the ways of the first two meet, and those of the last two, and these two have an impact.
@@ -164,13 +199,10 @@ mod tests {
 
     fn islands((input, pairs, results): (StepInput, Vec<BodyPair>, Vec<ImpactResult>)) -> (Vec<u32>, Vec<bool>) {
         let pool = TaskPoolBuilder::new().num_threads(0).build();
-        let mut assemblies: HashMap<u64, Vec<u32>> = HashMap::new();
-        for (i, body) in (0..).zip(&input.bodies) {
-            assemblies.entry(body.assembly.unwrap()).or_default().push(i);
-        }
-        let boxes = BodyBoxes::new(&input, &Statics::default(), &pairs, &pool);
-        let Islands { sets, may_meet } = Islands::new(&input, &pairs, &boxes, &results, &assemblies, &pool);
-        (sets, may_meet)
+        let (mut islands, mut assemblies) = (Islands::default(), Assemblies::default());
+        assemblies.set(&input);
+        islands.set(&input, &Statics::default(), &pairs, &results, &assemblies, &Scratches::default(), &pool);
+        (islands.sets.0, islands.may_meet)
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The motion of a pair in the frame in which its primitives are placed.
 
 use glam::{Quat, Vec3};
+use smallvec::{SmallVec, smallvec};
 
 use super::{Part, Second, Side, Solid, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
 use crate::{
@@ -80,6 +81,9 @@ pub(super) struct PairMotion<'a> {
     pub touch: f32,
 }
 
+/// The motions of a pair: most have one.
+pub(super) type Motions<'a> = SmallVec<[PairMotion<'a>; 1]>;
+
 impl<'a> PairMotion<'a> {
     /// The motion of a pair: one, or one for each part of the second side that is in reach.
     ///
@@ -89,7 +93,7 @@ impl<'a> PairMotion<'a> {
         statics: &'a Statics,
         pair: &BodyPair,
         sweep_of: impl Fn(u32) -> Sweep,
-    ) -> Vec<Self> {
+    ) -> Motions<'a> {
         let side = |side| -> (&'a Solid, Sweep) {
             match side {
                 Side::Body(body) => (&input.bodies[body as usize].solid, sweep_of(body)),
@@ -100,7 +104,7 @@ impl<'a> PairMotion<'a> {
             }
         };
         let ((first, sweep1), (second, sweep2)) = (side(pair.first), side(pair.second));
-        let Some(shape1) = first.medial() else { return Vec::new() };
+        let Some(shape1) = first.medial() else { return Motions::new() };
         let radius1 = shape1.bounding_sphere().radius;
         let (allowed, touch) = (input.allowed_overlap, TOUCH_DISTANCE * input.length_unit);
         let slop =
@@ -109,7 +113,7 @@ impl<'a> PairMotion<'a> {
             Second::Shape(shape2) => {
                 let frame = Pose3::from_translation(sweep1.start.translation);
                 let size = radius1.min(shape2.bounding_sphere().radius);
-                vec![Self {
+                smallvec![Self {
                     shape1,
                     facing: Facing::Shape(shape2),
                     sweep1: sweep1.seen_from(&frame),
@@ -151,13 +155,15 @@ impl<'a> PairMotion<'a> {
         }
     }
 
-    /// The motion as chords. Facing a part that moves, they are seen from it: a box can turn no other way.
-    pub fn chords(&self) -> Chords {
+    /// Makes the motion chords. Facing a part that moves, they are seen from it: a box can turn no other way.
+    pub fn set_chords(&self, chords: &mut Chords) {
         let sweeps = [&self.sweep1, &self.sweep2];
         let tolerance = CHORD_TOLERANCE * self.size;
         match self.facing {
-            Facing::Part(_) if !self.sweep2.is_at_rest() => Chords::in_frame_of_second(sweeps, self.arms[0], tolerance),
-            _ => Chords::new(sweeps, self.arms, tolerance),
+            Facing::Part(_) if !self.sweep2.is_at_rest() => {
+                chords.set_in_frame_of_second(sweeps, self.arms[0], tolerance)
+            }
+            _ => chords.set(sweeps, self.arms, tolerance),
         }
     }
 
@@ -214,8 +220,13 @@ impl<'a> PairMotion<'a> {
     }
 
     /// How far both bodies together may stray from their ways as chords of it do, in metres.
-    pub fn stray(&self) -> f32 {
+    fn stray(&self) -> f32 {
         2.0 * CHORD_TOLERANCE * self.size
+    }
+
+    /// How near each other primitives come that matter, along chords, in metres.
+    pub fn reach(&self) -> f32 {
+        self.stray().max(self.touch)
     }
 
     /// How far any point of the second body strays from its chord over the motion, in metres.

@@ -1,47 +1,43 @@
 //! The hierarchies of bodies on their way through a step.
 
-use std::collections::HashMap;
-
-use bevy::tasks::TaskPool;
 use glam::{Vec3, Vec3A};
 
-use super::{Shape, Side, Solid, Statics, StepInput, broad_phase::BodyPair, parallel};
+use super::{Shape, Side};
 use crate::geometry::{Aabb, Placement, Pose3, Sphere, Sweep};
 
-/// The boxes of each medial body in a pair, relative to where it is at the start, with the world's axes.
-#[derive(Default)]
-pub(super) struct BodyBoxes(HashMap<Side, MovingBoxes>);
+/// Of so many bodies the boxes are kept while a step runs. Fewer, and those of a body in many pairs are placed again; more, and they take more memory
+/// than a processor has near.
+const KEPT: usize = 64;
 
-impl BodyBoxes {
-    /// Of all bodies in pairs.
-    pub fn new(input: &StepInput, statics: &Statics, pairs: &[BodyPair], pool: &TaskPool) -> Self {
-        let body = |side| -> (&Solid, Sweep) {
-            match side {
-                Side::Body(body) => (&input.bodies[body as usize].solid, input.bodies[body as usize].sweep),
-                Side::Static(body) => {
-                    (&statics.bodies[body as usize].solid, Sweep::at_rest(statics.bodies[body as usize].pose))
-                }
-            }
-        };
-        let mut sides: Vec<Side> = pairs.iter().flat_map(|pair| [pair.first, pair.second]).collect();
-        sides.retain(|&side| body(side).0.medial().is_some());
-        sides.sort_unstable();
-        sides.dedup();
-        let boxes = parallel::map(pool, &sides, 16, |_, &side| {
-            let (solid, sweep) = body(side);
-            solid.medial().map(|shape| MovingBoxes::new(shape, &sweep, sweep.start.translation))
-        });
-        Self(sides.into_iter().zip(boxes).filter_map(|(side, boxes)| Some((side, boxes?))).collect())
+/// The boxes of the bodies that were asked for last, relative to where each is at the start, with the world's axes.
+#[derive(Debug, Default)]
+pub(super) struct BoxCache {
+    slots: Vec<(Option<Side>, MovingBoxes)>,
+    spheres: Vec<MovingBox>,
+}
+
+impl BoxCache {
+    /// Knows no body any more: they have moved.
+    pub fn clear(&mut self) {
+        self.slots.iter_mut().for_each(|(side, _)| *side = None);
     }
 
-    /// The boxes of a body between two times.
-    pub fn between(&self, side: Side, times: [f32; 2]) -> Option<TimedBoxes<'_>> {
-        self.0.get(&side).map(|boxes| TimedBoxes { boxes, times, is_whole: times == [0.0, 1.0] })
+    /// The boxes of a body between two times of its motion.
+    pub fn between(&mut self, side: Side, shape: &Shape, sweep: &Sweep, times: [f32; 2]) -> TimedBoxes<'_> {
+        let (Side::Body(index) | Side::Static(index)) = side;
+        self.slots.resize_with(KEPT, Default::default);
+        let (known, boxes) = &mut self.slots[index as usize % KEPT];
+        if *known != Some(side) {
+            boxes.place(shape, sweep, sweep.start.translation, &mut self.spheres);
+            *known = Some(side);
+        }
+        boxes.between(times)
     }
 }
 
 /// Boxes around a shape's primitives, and around those: for each node of its hierarchy where it is at the start of a motion and at its
 /// end, with room for what its primitives stray from their chords in between.
+#[derive(Debug, Default)]
 pub(super) struct MovingBoxes {
     nodes: Vec<MovingBox>,
     /// What they are relative to, in the frame of the sweep.
@@ -49,7 +45,7 @@ pub(super) struct MovingBoxes {
 }
 
 /// A box whose faces move steadily.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct MovingBox {
     /// At the start and at the end.
     min: [Vec3A; 2],
@@ -65,8 +61,8 @@ pub(super) struct TimedBoxes<'a> {
 }
 
 impl MovingBoxes {
-    /// In the frame of the sweep, relative to `origin`.
-    pub fn new(shape: &Shape, sweep: &Sweep, origin: Vec3) -> Self {
+    /// Become those of a shape, in the frame of the sweep, relative to `origin`. `spheres`: room to work in.
+    pub fn place(&mut self, shape: &Shape, sweep: &Sweep, origin: Vec3, spheres: &mut Vec<MovingBox>) {
         let frame = Pose3::from_translation(origin);
         let placements = [sweep.start, sweep.end].map(|pose| Placement::from(frame.inv_mul(&pose)));
         // How far a sphere strays from its chord, for each metre from the centre of mass.
@@ -78,18 +74,24 @@ impl MovingBoxes {
             let centers = placements.each_ref().map(|placement| Vec3A::from(placement.point(center)));
             MovingBox { min: centers.map(|center| center - reach), max: centers.map(|center| center + reach) }
         };
-        let spheres: Vec<MovingBox> = shape.axis.spheres().iter().map(place).collect();
+        spheres.clear();
+        spheres.extend(shape.axis.spheres().iter().map(place));
         let around = |primitive: u32| {
             let indices = shape.axis.primitives()[primitive as usize].indices();
             indices.iter().fold(MovingBox::EMPTY, |around, &i| around.merge(&spheres[i as usize]))
         };
-        let nodes = shape.bvh().values(around, MovingBox::merge);
-        Self { nodes, origin }
+        shape.bvh().values(around, MovingBox::merge, &mut self.nodes);
+        self.origin = origin;
+    }
+
+    /// Between two times of the motion.
+    fn between(&self, times: [f32; 2]) -> TimedBoxes<'_> {
+        TimedBoxes { boxes: self, times, is_whole: times == [0.0, 1.0] }
     }
 
     /// The whole motion.
     pub fn whole(&self) -> TimedBoxes<'_> {
-        TimedBoxes { boxes: self, times: [0.0, 1.0], is_whole: true }
+        self.between([0.0, 1.0])
     }
 }
 

@@ -4,59 +4,89 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Contact, Culling, Impact, Second, Side, Solid, Statics, StepInput,
+    Culling, Impact, Manifold, Pair, Scratch, Second, Side, Statics, StepInput, StepOutput,
     broad_phase::BodyPair,
     contact::{self, Reach},
-    first_impact::{ImpactResult, first_impact},
-    mid_phase::Candidates,
+    first_impact::{ImpactResult, Question, first_impact},
+    laps,
+    mid_phase::{self, PrimitivePair},
     motion::PairMotion,
-    parallel, relative_pose,
+    parallel::{self, Scratches},
+    reduce, relative_pose,
     stop::Stops,
 };
 use crate::geometry::Pose3;
 
-/// The first impact of each pair, were no body to stop.
+/// The first impact of each pair, were no body to stop. `known`: of each pair the primitives that may meet, where that is known.
 pub(super) fn impacts(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    candidates: &[Vec<Candidates>],
+    known: &[Option<Vec<PrimitivePair>>],
+    tasks: &Scratches<Scratch>,
+    impacts: &mut Vec<ImpactResult>,
     pool: &TaskPool,
-) -> Vec<ImpactResult> {
-    parallel::map(pool, pairs, 4, |i, pair| {
+) {
+    parallel::map(pool, tasks, pairs, 4, impacts, |scratch, i, pair| {
+        let known = known.get(i).and_then(Option::as_deref);
         let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
-        first_impact(input.culling, motions, Some(&candidates[i]), [None; 2], 0.0, Vec3::ZERO)
-    })
+        let times = [Some([0.0, 1.0]); 2];
+        first_impact(&Question { input, statics, pair, known, times, slack: 0.0, normal: Vec3::ZERO }, motions, scratch)
+    });
 }
 
-/// The contacts of each pair where its bodies end the step.
-pub(super) fn contacts(
+/// The manifolds of each pair where its bodies end the step, with the number of the pair.
+pub(super) fn manifolds(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    candidates: &[Vec<Candidates>],
     stops: &Stops,
+    tasks: &Scratches<Scratch>,
+    manifolds: &mut Vec<(usize, Manifold)>,
     pool: &TaskPool,
-) -> Vec<Vec<Contact>> {
-    parallel::map(pool, pairs, 4, |i, pair| {
+) {
+    let reach = Reach { prediction: input.prediction, length_unit: input.length_unit };
+    manifolds.clear();
+    parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
+        let Scratch { contact: buffers, contacts, reduce, laps: [finding, reducing], .. } = scratch;
+        let mut lap = laps();
         let sides = [pair.first, pair.second];
-        let [first, second] = sides.map(|side| solid(input, statics, side));
-        let places = sides.map(|side| place(input, statics, side, |body| stops.final_pose(input, body)));
-        let mut contacts = Vec::new();
-        let reach = Reach { prediction: input.prediction, length_unit: input.length_unit };
-        let Some(shape1) = first.medial() else { return contacts };
-        let pose12 = relative_pose(places);
+        let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
+        let pose12 = relative_pose(sides.map(|side| place(input, statics, side, |body| stops.final_pose(input, body))));
+        let Some(shape1) = first.medial() else { return };
+        contacts.clear();
         match second.second() {
-            Second::Shape(shape2) => {
-                // What was found holds as long as both keep to their way.
-                let known = input.culling == Culling::None || !pair.bodies().any(|body| stops.is_stopped(body));
-                let candidates = known.then(|| candidates[i][0].iter().copied());
-                contact::of_shapes(shape1, shape2, &pose12, reach, candidates, &mut contacts);
+            Second::Shape(shape2) if input.culling == Culling::None => {
+                let all = mid_phase::all(shape1.len(), shape2.len());
+                contact::of_shapes(shape1, shape2, &pose12, reach, Some(all), contacts, buffers);
             }
-            second => contact::find(shape1, second, &pose12, reach, &mut contacts),
+            second => contact::find_with(shape1, second, &pose12, reach, contacts, buffers),
         }
-        contacts
-    })
+        *finding += lap();
+        reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push((i, manifold)));
+        *reducing += lap();
+    });
+}
+
+/// Adds the pairs with something to tell to the output.
+pub(super) fn tell(
+    pairs: &[BodyPair],
+    impacts: &[ImpactResult],
+    manifolds: &[(usize, Manifold)],
+    output: &mut StepOutput,
+) {
+    let mut rest = manifolds;
+    for (i, (pair, ImpactResult { impact, .. })) in pairs.iter().zip(impacts).enumerate() {
+        let (own, later) = rest.split_at(rest.iter().take_while(|(pair, _)| *pair == i).count());
+        rest = later;
+        let first = output.manifolds.len();
+        output.manifolds.extend(own.iter().map(|(_, manifold)| *manifold));
+        if !own.is_empty() || impact.is_some() {
+            output.counts.contacts += own.iter().map(|(_, manifold)| manifold.contacts().len()).sum::<usize>();
+            let manifolds = first..output.manifolds.len();
+            output.pairs.push(Pair { first: pair.first, second: pair.second, manifolds, impact: *impact });
+        }
+    }
 }
 
 /// True if a pair that has met is in touch where its bodies are, or in a long step near enough.
@@ -66,21 +96,15 @@ pub(super) fn are_in_touch(
     pair: &BodyPair,
     met: &Impact,
     pose_of: impl Fn(u32) -> Pose3,
+    Scratch { contact, contacts, .. }: &mut Scratch,
 ) -> bool {
     let sides = [pair.first, pair.second];
-    let [first, second] = sides.map(|side| solid(input, statics, side));
+    let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
     let pose12 = relative_pose(sides.map(|side| place(input, statics, side, &pose_of)));
     let met = [met.primitive1, met.primitive2];
-    let is_within = |shape1| contact::is_within(shape1, second.second(), &pose12, input.parting_way(), met);
+    let is_within =
+        |shape1| contact::is_within(shape1, second.second(), &pose12, input.parting_way(), met, contacts, contact);
     first.medial().is_some_and(is_within)
-}
-
-/// What a side of a pair is made of.
-fn solid<'a>(input: &'a StepInput, statics: &'a Statics, side: Side) -> &'a Solid {
-    match side {
-        Side::Body(body) => &input.bodies[body as usize].solid,
-        Side::Static(body) => &statics.bodies[body as usize].solid,
-    }
 }
 
 /// Where a side of a pair is, and its place in the order of all.

@@ -10,6 +10,14 @@ use crate::{
     query::Convex,
 };
 
+/// Room for the primitives that are near.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    in_reach: Vec<u32>,
+    first: Vec<(u32, Hull, Box3A)>,
+    second: Vec<(u32, Box3A)>,
+}
+
 /// Calls `visit` with the primitives of two shapes whose boxes come within `reach` metres of each other, and with the first one in the
 /// frame of the second shape, in ascending order. `pose12`: pose of the second shape in the frame of the first.
 ///
@@ -19,41 +27,50 @@ pub(super) fn near_shape(
     shape2: &Shape,
     pose12: &Pose3,
     reach: f32,
+    Room { in_reach, first, second }: &mut Room,
     mut visit: impl FnMut([u32; 2], Hull),
 ) {
     let to_second = Placement::from(pose12.inverse());
-    let mut near1 = Vec::new();
+    first.clear();
     let mut around1 = Aabb::EMPTY;
     let target = shape2.aabb().inflated(reach);
-    for primitive in in_reach(shape1, &target.transformed(pose12, 1.0)) {
+    find_in_reach(shape1, &target.transformed(pose12, 1.0), in_reach);
+    for &primitive in in_reach.iter() {
         let hull = shape1.hull(primitive).placed(&to_second);
         let aabb = hull.aabb();
         if aabb.overlaps(&target) {
-            near1.push((primitive, hull, Box3A::from(aabb.inflated(reach))));
+            first.push((primitive, hull, Box3A::from(aabb.inflated(reach))));
             around1 = around1.merge(aabb);
         }
     }
-    if near1.is_empty() {
+    if first.is_empty() {
         return;
     }
-    let near2: Vec<(u32, Box3A)> = in_reach(shape2, &around1.inflated(reach))
-        .into_iter()
-        .map(|primitive| (primitive, Box3A::from(shape2.hull(primitive).aabb())))
-        .collect();
-    for (primitive1, hull, box1) in near1 {
-        for (primitive2, box2) in &near2 {
+    find_in_reach(shape2, &around1.inflated(reach), in_reach);
+    second.clear();
+    second.extend(in_reach.iter().map(|&primitive| (primitive, Box3A::from(shape2.hull(primitive).aabb()))));
+    for (primitive1, hull, box1) in first.iter() {
+        for (primitive2, box2) in second.iter() {
             if box1.overlaps(box2) {
-                visit([primitive1, *primitive2], hull);
+                visit([*primitive1, *primitive2], *hull);
             }
         }
     }
 }
 
 /// The same for the primitives of a shape that are near a part, in the part's frame. `pose12`: pose of the part in the frame of the shape.
-pub(super) fn near_part(shape1: &Shape, part: &Part, pose12: &Pose3, reach: f32, mut visit: impl FnMut(u32, Hull)) {
+pub(super) fn near_part(
+    shape1: &Shape,
+    part: &Part,
+    pose12: &Pose3,
+    reach: f32,
+    Room { in_reach, .. }: &mut Room,
+    mut visit: impl FnMut(u32, Hull),
+) {
     let to_part = Placement::from(pose12.inverse());
     let target = part.aabb().inflated(reach);
-    for primitive1 in in_reach(shape1, &target.transformed(pose12, 1.0)) {
+    find_in_reach(shape1, &target.transformed(pose12, 1.0), in_reach);
+    for &primitive1 in in_reach.iter() {
         let hull = shape1.hull(primitive1).placed(&to_part);
         if hull.aabb().overlaps(&target) {
             visit(primitive1, hull);
@@ -62,12 +79,11 @@ pub(super) fn near_part(shape1: &Shape, part: &Part, pose12: &Pose3, reach: f32,
 }
 
 /// The primitives whose boxes overlap with a box in the shape's frame, in ascending order.
-fn in_reach(shape: &Shape, reach: &Aabb) -> Vec<u32> {
+fn find_in_reach(shape: &Shape, reach: &Aabb, found: &mut Vec<u32>) {
     let unscaled = Aabb { min: reach.min / shape.scale, max: reach.max / shape.scale };
-    let mut primitives = Vec::new();
-    shape.bvh().overlapping(&unscaled, |primitive| primitives.push(primitive));
-    primitives.sort_unstable();
-    primitives
+    found.clear();
+    shape.bvh().overlapping(&unscaled, |primitive| found.push(primitive));
+    found.sort_unstable();
 }
 
 /// Directions along which some primitives of a pair are far from each other: most others are as well.

@@ -47,8 +47,8 @@ pub struct Stop {
     pub pose: Pose3,
 }
 
-/// Two bodies that may meet within the step, wherever each stops, and those of their primitives that may come within the
-/// prediction distance of each other if none does.
+/// Two bodies that may come within the prediction distance of each other in the step, wherever each stops, and those of their primitives that may touch
+/// if none does.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Candidates {
     /// The bodies, in any order. One of them at least is medial.
@@ -67,7 +67,7 @@ pub struct StepOutput {
     pub pairs: Vec<Pair>,
     /// Their manifolds.
     pub manifolds: Vec<Manifold>,
-    /// What the mid phase has left, if it was to be reported; of a way that is searched in parts, in the last of them. Of a second side that is not medial,
+    /// What the mid phase has left, if it was to be reported; of a way that is searched in parts, up to the first impact. Of a second side that is not medial,
     /// the number of the part is not told: it is 0.
     pub candidates: Vec<Candidates>,
     /// What was counted.
@@ -77,6 +77,16 @@ pub struct StepOutput {
 }
 
 impl StepOutput {
+    /// Forgets all, but for the room that it has taken.
+    pub(super) fn clear(&mut self) {
+        let Self { stops, pairs, manifolds, candidates, counts, times } = self;
+        stops.clear();
+        pairs.clear();
+        manifolds.clear();
+        candidates.clear();
+        (*counts, *times) = Default::default();
+    }
+
     /// The stop of a body, if it has one.
     pub fn stop_of(&self, body: u32) -> Option<&Stop> {
         self.stops.binary_search_by_key(&body, |stop| stop.body).ok().map(|i| &self.stops[i])

@@ -1,26 +1,81 @@
+//! Work on many items, in their order, whatever the number of threads.
+
+use std::sync::{Mutex, PoisonError};
+
 use bevy::tasks::TaskPool;
 
-/// Applies `function` to every item on the pool's threads; results are in the items' order, whatever the number of threads.
-pub(crate) fn map<T: Sync, R: Send + 'static>(
+/// What tasks work with, one for each that runs at a time, kept for those that come later.
+#[derive(Debug)]
+pub(crate) struct Scratches<S>(Mutex<Vec<S>>);
+
+impl<S> Default for Scratches<S> {
+    fn default() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+}
+
+impl<S: Default> Scratches<S> {
+    /// Those that there are.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut S> {
+        self.0.get_mut().unwrap_or_else(PoisonError::into_inner).iter_mut()
+    }
+
+    fn lend<R>(&self, work: impl FnOnce(&mut S) -> R) -> R {
+        let all = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = all().pop();
+        let mut scratch = free.unwrap_or_default();
+        let result = work(&mut scratch);
+        all().push(scratch);
+        result
+    }
+}
+
+/// Applies `function` to every item on the pool's threads. What it adds to the results comes in the items' order, whatever the number of threads.
+pub(crate) fn gather<S: Default + Send, T: Sync, R: Send + 'static>(
     pool: &TaskPool,
+    scratches: &Scratches<S>,
     items: &[T],
     least_per_task: usize,
-    function: impl Fn(usize, &T) -> R + Sync,
-) -> Vec<R> {
+    results: &mut Vec<R>,
+    function: impl Fn(&mut S, usize, &T, &mut Vec<R>) + Sync,
+) {
+    let run = |first: usize, items: &[T], results: &mut Vec<R>| {
+        scratches.lend(|scratch| {
+            for (i, item) in (first..).zip(items) {
+                function(scratch, i, item, results);
+            }
+        });
+    };
     // Whoever waits works as well. Items take more or less time, so there are several chunks for each.
     let workers = pool.thread_num() + 1;
     let chunk = items.len().div_ceil(workers * 8).max(least_per_task);
-    if items.len() <= chunk {
-        return items.iter().enumerate().map(|(i, item)| function(i, item)).collect();
+    if workers == 1 || items.len() <= chunk {
+        return run(0, items, results);
     }
-    let function = &function;
+    let run = &run;
     let chunks = pool.scope(|scope| {
         for (number, items) in items.chunks(chunk).enumerate() {
             scope.spawn(async move {
-                let apply = |(i, item)| function(number * chunk + i, item);
-                items.iter().enumerate().map(apply).collect::<Vec<R>>()
+                let mut results = Vec::new();
+                run(number * chunk, items, &mut results);
+                results
             });
         }
     });
-    chunks.into_iter().flatten().collect()
+    results.extend(chunks.into_iter().flatten());
+}
+
+/// One result for each item.
+pub(crate) fn map<S: Default + Send, T: Sync, R: Send + 'static>(
+    pool: &TaskPool,
+    scratches: &Scratches<S>,
+    items: &[T],
+    least_per_task: usize,
+    results: &mut Vec<R>,
+    function: impl Fn(&mut S, usize, &T) -> R + Sync,
+) {
+    results.clear();
+    gather(pool, scratches, items, least_per_task, results, |scratch, i, item, results| {
+        results.push(function(scratch, i, item));
+    });
 }

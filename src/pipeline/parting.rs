@@ -1,5 +1,6 @@
 //! A cheap look at many primitives: along a direction in which some of two bodies are apart, most others are as well.
 
+use arrayvec::ArrayVec;
 use glam::{Vec3, Vec4};
 
 use super::{
@@ -19,14 +20,18 @@ pub(super) struct Parting<'a> {
     second: Second<'a>,
     rounding: f32,
     /// The latest that was of use comes first.
-    directions: Vec<Direction>,
+    directions: ArrayVec<Direction, PARTING_DIRECTIONS>,
 }
+
+/// Room for the spheres of either side.
+#[derive(Debug, Default)]
+pub(super) struct Room([Vec<Vec4>; 2]);
 
 /// The spheres of a shape wherever a chord begins or ends.
 struct Placed<'a> {
     primitives: &'a [Primitive],
     /// Centre and radius, sphere by sphere, each instant by instant.
-    spheres: Vec<Vec4>,
+    spheres: &'a [Vec4],
     instants: usize,
 }
 
@@ -47,16 +52,17 @@ struct Direction {
 
 impl<'a> Parting<'a> {
     /// `direction`: a unit vector of the frame of the chords, from the first side to the second. None if there are too many chords.
-    pub fn new(motion: &'a PairMotion, chords: &'a Chords, direction: Vec3) -> Option<Self> {
+    pub fn new(motion: &'a PairMotion, chords: &Chords, direction: Vec3, room: &'a mut Room) -> Option<Self> {
         let placements = chords.placements();
         if placements.len() > MAX_PARTING_CHORDS + 1 {
             return None;
         }
         let growth = chords.deviation() + motion.facing.rounding();
-        let first = Placed::new(motion.shape1, placements.iter().map(|p| &p[0]), |radius| radius + growth);
+        let Room([room1, room2]) = room;
+        let first = Placed::new(motion.shape1, placements.iter().map(|p| &p[0]), |radius| radius + growth, room1);
         let second = match &motion.facing {
             Facing::Shape(shape) => {
-                Second::Shape(Placed::new(shape, placements.iter().map(|p| &p[1]), |radius| -radius))
+                Second::Shape(Placed::new(shape, placements.iter().map(|p| &p[1]), |radius| -radius, room2))
             }
             Facing::Part(part) => Second::Part(part),
         };
@@ -65,15 +71,18 @@ impl<'a> Parting<'a> {
             Second::Part(part) => part.aabb().extent_squared().sqrt(),
         };
         let rounding = CONTACT_ROUNDING * first.extent().max(extent);
-        let mut parting = Self { first, second, rounding, directions: Vec::new() };
+        let mut parting = Self { first, second, rounding, directions: ArrayVec::new() };
         parting.learn(direction);
         Some(parting)
     }
 
     /// Remembers a direction: where a pair was apart, others may be.
     pub fn learn(&mut self, direction: Vec3) {
-        self.directions.insert(0, self.direction(direction));
-        self.directions.truncate(PARTING_DIRECTIONS);
+        let direction = self.direction(direction);
+        if self.directions.is_full() {
+            self.directions.pop();
+        }
+        self.directions.insert(0, direction);
     }
 
     fn direction(&self, direction: Vec3) -> Direction {
@@ -113,13 +122,14 @@ impl<'a> Parting<'a> {
 }
 
 impl<'a> Placed<'a> {
-    fn new(
+    fn new<'p>(
         shape: &'a Shape,
-        placements: impl ExactSizeIterator<Item = &'a Placement> + Clone,
+        placements: impl ExactSizeIterator<Item = &'p Placement> + Clone,
         radius: impl Fn(f32) -> f32,
+        spheres: &'a mut Vec<Vec4>,
     ) -> Self {
         let instants = placements.len();
-        let mut spheres = Vec::with_capacity(shape.axis.spheres().len() * instants);
+        spheres.clear();
         for sphere in shape.axis.spheres() {
             let Sphere { center, radius: unsigned } = sphere.scaled(shape.scale);
             spheres.extend(placements.clone().map(|placement| placement.point(center).extend(radius(unsigned))));
@@ -191,9 +201,10 @@ mod tests {
             for second in [Side::Body(1), Side::Static(0)] {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
                 for motion in PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep) {
-                    let chords = motion.chords();
+                    let (mut chords, mut room) = (Chords::default(), Room::default());
+                    motion.set_chords(&mut chords);
                     many_chords += usize::from(chords.placements().len() > 2);
-                    let mut parting = Parting::new(&motion, &chords, Vec3::Y).unwrap();
+                    let mut parting = Parting::new(&motion, &chords, Vec3::Y, &mut room).unwrap();
                     let count = if second == Side::Static(0) { 1 } else { torus.len() as u32 };
                     for pair in (0..torus.len() as u32).flat_map(|i| (0..count).map(move |j| [i, j])) {
                         parting.learn(random.vector().normalize());

@@ -1,6 +1,7 @@
 //! Colliders that are not medial, as the convex parts that are in reach.
 
 use glam::Vec3;
+use smallvec::{SmallVec, smallvec};
 
 use super::Hull;
 use crate::{
@@ -25,7 +26,7 @@ pub trait ConvexParts: Send + Sync {
     }
 
     /// The parts that come within `reach`, a box in its own frame, in an order that depends on nothing but the two.
-    fn within(&self, reach: &Aabb) -> Vec<Part<'_>>;
+    fn within(&self, reach: &Aabb) -> Parts<'_>;
 
     /// A number that nothing of another shape has as long as this one is kept: what was found for it goes on to hold.
     fn address(&self) -> usize {
@@ -44,6 +45,9 @@ pub struct Part<'a> {
     /// How far its surface is outside of that, in metres.
     pub rounding: f32,
 }
+
+/// Parts of a collider: most are one by themselves.
+pub type Parts<'a> = SmallVec<[Part<'a>; 1]>;
 
 /// A convex shape.
 pub enum Core<'a> {
@@ -102,7 +106,7 @@ impl ConvexParts for Cuboid {
         1
     }
 
-    fn within(&self, reach: &Aabb) -> Vec<Part<'_>> {
-        vec![Part::of_cuboid(0, Pose3::IDENTITY, self.half, 0.0, reach)]
+    fn within(&self, reach: &Aabb) -> Parts<'_> {
+        smallvec![Part::of_cuboid(0, Pose3::IDENTITY, self.half, 0.0, reach)]
     }
 }

@@ -1,61 +1,54 @@
 //! Reduction: from all contacts of a body pair to a few manifolds, in an order that depends on the contacts alone.
 
-use bevy::tasks::TaskPool;
+use arrayvec::ArrayVec;
 use glam::Vec3;
 
-use super::{Contact, Impact, Manifold, Pair, StepOutput, broad_phase::BodyPair, parallel};
+use super::{Contact, Manifold};
 use crate::constants::{
     CARRYING_DEPTH, DEEPER, DEPTH_WEIGHT, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS, OBLIQUE_AXIS, WIDE,
 };
 
-/// Reduces each pair's contacts and keeps the pairs with something to tell.
-pub(super) fn run(
-    pairs: &[BodyPair],
-    impacts: impl Iterator<Item = Option<Impact>>,
-    contacts: &[Vec<Contact>],
-    unit: f32,
-    output: &mut StepOutput,
-    pool: &TaskPool,
-) {
-    let reduced = parallel::map(pool, contacts, 32, |_, contacts| {
-        let mut manifolds = Vec::new();
-        reduce(&mut contacts.clone(), unit, &mut manifolds);
-        manifolds
-    });
-    for ((pair, impact), reduced) in pairs.iter().zip(impacts).zip(reduced) {
-        let first = output.manifolds.len();
-        output.manifolds.extend(reduced);
-        let manifolds = first..output.manifolds.len();
-        if !manifolds.is_empty() || impact.is_some() {
-            output.counts.contacts += output.manifolds[first..].iter().map(|m| m.contacts().len()).sum::<usize>();
-            output.pairs.push(Pair { first: pair.first, second: pair.second, manifolds, impact });
-        }
-    }
+/// Room to work in.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    /// The group of each contact.
+    groups: Vec<Option<usize>>,
+    group: Vec<Contact>,
 }
+
+/// Those of a group that are kept.
+type Kept = ArrayVec<Contact, 4>;
 
 /// Groups contacts by normal, each with those that are close to the normal of its deepest, and keeps up to four of each group. `unit`: the length
 /// unit in metres.
-pub(super) fn reduce(contacts: &mut [Contact], unit: f32, manifolds: &mut Vec<Manifold>) {
-    contacts.sort_by(Contact::order);
-    let mut groups: Vec<Vec<Contact>> = Vec::new();
-    for contact in contacts.iter() {
-        let alignment = |i: &usize| groups[*i][0].normal1.dot(contact.normal1);
-        let closest = (0..groups.len()).max_by(|a, b| alignment(a).total_cmp(&alignment(b)));
-        match closest {
-            Some(i) if alignment(&i) >= MANIFOLD_NORMAL_COSINE => groups[i].push(*contact),
-            // Beyond so many directions the deeper ones are there already.
-            _ if groups.len() < MAX_MANIFOLDS => groups.push(vec![*contact]),
-            _ => {}
-        }
+pub(super) fn reduce(
+    contacts: &mut [Contact],
+    unit: f32,
+    Room { groups, group }: &mut Room,
+    mut push: impl FnMut(Manifold),
+) {
+    contacts.sort_unstable_by(Contact::order);
+    let mut normals: ArrayVec<Vec3, MAX_MANIFOLDS> = ArrayVec::new();
+    groups.clear();
+    groups.extend(contacts.iter().map(|contact| {
+        let alignment = |i: &usize| normals[*i].dot(contact.normal1);
+        let closest = (0..normals.len()).max_by(|a, b| alignment(a).total_cmp(&alignment(b)));
+        let group = closest.filter(|i| alignment(i) >= MANIFOLD_NORMAL_COSINE);
+        // Beyond so many directions the deeper ones are there already.
+        group.or_else(|| normals.try_push(contact.normal1).ok().map(|()| normals.len() - 1))
+    }));
+    for i in 0..normals.len() {
+        group.clear();
+        group.extend(contacts.iter().zip(groups.iter()).filter(|(_, of)| **of == Some(i)).map(|(contact, _)| *contact));
+        push(Manifold::new(&spread(group, unit)));
     }
-    manifolds.extend(groups.iter().map(|group| Manifold::new(&spread(group, unit))));
 }
 
 /// Up to four contacts that span the group, the deepest first. Those about as deep as the deepest carry the body and come before those that it
 /// may touch next.
-fn spread(group: &[Contact], unit: f32) -> Vec<Contact> {
+fn spread(group: &[Contact], unit: f32) -> Kept {
     let carrying = group.partition_point(|contact| contact.distance <= group[0].distance + CARRYING_DEPTH * unit);
-    let mut kept = Vec::with_capacity(4);
+    let mut kept = Kept::new();
     outermost(&group[..carrying], unit, &mut kept);
     if !is_wide(&kept) {
         kept.clear();
@@ -63,7 +56,7 @@ fn spread(group: &[Contact], unit: f32) -> Vec<Contact> {
     }
     span(group, unit, &mut kept);
     keep_deepest(group[0], unit, &mut kept);
-    kept.sort_by(Contact::order);
+    kept.sort_unstable_by(Contact::order);
     kept
 }
 
@@ -78,7 +71,7 @@ fn keep_deepest(deepest: Contact, unit: f32, kept: &mut [Contact]) {
 
 /// Of many contacts those farthest out along four directions that are fixed to the body, where depth counts for more than place: a body at
 /// rest keeps the same ones from step to step, though rounding changes which is the deepest, and the solver goes on from what they bore.
-fn outermost(group: &[Contact], unit: f32, kept: &mut Vec<Contact>) {
+fn outermost(group: &[Contact], unit: f32, kept: &mut Kept) {
     let normal = group[0].normal1;
     let side = normal.cross(OBLIQUE_AXIS).normalize_or(Vec3::X);
     let across = normal.cross(side);
@@ -88,9 +81,9 @@ fn outermost(group: &[Contact], unit: f32, kept: &mut Vec<Contact>) {
         let is_new = |contact: &&Contact| {
             kept.iter().all(|other| other.point1.distance(contact.point1) > DUPLICATE_CONTACT * unit)
         };
-        kept.extend(farthest.filter(is_new));
+        kept.extend(farthest.filter(is_new).copied());
     }
-    kept.sort_by(Contact::order);
+    kept.sort_unstable_by(Contact::order);
 }
 
 /// True if the contacts span an area, and not a line, on which a body rolls.
@@ -103,13 +96,13 @@ fn is_wide(contacts: &[Contact]) -> bool {
 
 /// Adds contacts of the group to those kept, until there are four or the others lie within what is kept: the deepest, the one farthest from it, the
 /// one farthest from their line, and the one farthest out on the other side of it.
-fn span(group: &[Contact], unit: f32, kept: &mut Vec<Contact>) {
+fn span(group: &[Contact], unit: f32, kept: &mut Kept) {
     let normal = group[0].normal1;
-    let add = |kept: &mut Vec<Contact>, measure: &dyn Fn(&Contact) -> f32| {
+    let add = |kept: &mut Kept, measure: &dyn Fn(&Contact) -> f32| {
         let best =
             group.iter().max_by(|a, b| measure(a).total_cmp(&measure(b)).then(b.distance.total_cmp(&a.distance)));
         if kept.len() < 4 {
-            kept.extend(best.filter(|contact| measure(contact) > DUPLICATE_CONTACT * unit));
+            kept.extend(best.filter(|contact| measure(contact) > DUPLICATE_CONTACT * unit).copied());
         }
     };
     if kept.is_empty() {
@@ -143,7 +136,8 @@ mod tests {
     /// The contacts that are kept, by their primitives.
     fn kept_of(contacts: impl Iterator<Item = Contact>) -> Vec<u32> {
         let mut manifolds = Vec::new();
-        reduce(&mut contacts.collect::<Vec<_>>(), 1.0, &mut manifolds);
+        let mut contacts: Vec<Contact> = contacts.collect();
+        reduce(&mut contacts, 1.0, &mut Room::default(), |manifold| manifolds.push(manifold));
         assert_eq!(manifolds.len(), 1);
         let contacts = manifolds[0].contacts();
         assert!(contacts.windows(2).all(|pair| pair[0].distance <= pair[1].distance), "the deepest is not first");

@@ -23,12 +23,27 @@ pub(super) trait Side {
     fn separation(&self, part: u32, point: Vec3, normal: Vec3, height: f32, flush: f32) -> Option<Separation>;
 }
 
+/// Room to work in.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    kept: Vec<(Contact, [Touch; 2])>,
+    /// The deepest touch of each part of either side.
+    parts: [Vec<Touch>; 2],
+}
+
 /// Removes contacts with edges and sides of parts that other parts cover, which are in deeper contact or about as deep; leaves the others
 /// sorted by depth, as they have to be.
 ///
 /// `rotation12`: rotation of body 2 in the frame of body 1. `carrying`: overlap in metres from which on a contact that leans only a little
 /// carries the body as well, and stays. `unit`: the length unit in metres.
-pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [&dyn Side; 2], carrying: f32, unit: f32) {
+pub(super) fn remove(
+    contacts: &mut Vec<Contact>,
+    rotation12: Quat,
+    sides: [&dyn Side; 2],
+    carrying: f32,
+    unit: f32,
+    Room { kept, parts }: &mut Room,
+) {
     let rotation21 = rotation12.inverse();
     let [around, flush] = [SEAM_REACH, FLUSH].map(|length| length * unit);
     // What covers a place is nearer than this to a point above it.
@@ -48,9 +63,8 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [&dyn
             },
         ]
     };
-    let mut kept: Vec<(Contact, [Touch; 2])> = Vec::with_capacity(contacts.len());
-    // The deepest touch of each part of either side.
-    let mut parts: [Vec<Touch>; 2] = Default::default();
+    kept.clear();
+    parts.iter_mut().for_each(Vec::clear);
     for contact in contacts.iter() {
         let touches = touches(contact);
         for (parts, touch) in parts.iter_mut().zip(touches) {
@@ -83,7 +97,7 @@ pub(super) fn remove(contacts: &mut Vec<Contact>, rotation12: Quat, sides: [&dyn
         }
     }
     contacts.clear();
-    contacts.extend(kept.into_iter().map(|(contact, _)| contact));
+    contacts.extend(kept.iter().map(|(contact, _)| *contact));
 }
 
 impl Contact {
@@ -93,7 +107,7 @@ impl Contact {
 }
 
 /// Where a part of one side is touched, its outward normal there, and the contact's distance.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Touch {
     part: u32,
     point: Vec3,

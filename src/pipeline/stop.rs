@@ -16,23 +16,20 @@
 //! that tumble along each other at high speed stop again and again, wherever their overlap has grown by a slop: they come through it with
 //! the right momentum, and late.
 
-use std::{
-    cmp::Ordering,
-    collections::{BTreeMap, BinaryHeap, HashMap},
-};
+use std::{cmp::Ordering, collections::BinaryHeap};
 
+use arrayvec::ArrayVec;
 use bevy::tasks::TaskPool;
 use glam::{Quat, Vec3};
 
 use super::{
-    Impact, Side, Statics, StepInput,
+    Impact, Scratch, Side, Statics, StepInput,
     broad_phase::BodyPair,
-    first_impact::{ImpactResult, first_impact},
+    first_impact::{ImpactResult, Question, first_impact},
     islands::Islands,
     motion::PairMotion,
-    moving_boxes::BodyBoxes,
     narrow_phase::are_in_touch,
-    parallel,
+    parallel::{self, Scratches},
 };
 use crate::{
     constants::{LANDING, MAX_PUSHES, MAX_SLIDES, RENEWED_SLOP},
@@ -40,10 +37,17 @@ use crate::{
 };
 
 /// What becomes of each body whose motion ends before the step does.
-pub(super) struct Stops(Vec<Option<Course>>);
+#[derive(Debug, Default)]
+pub(super) struct Stops {
+    courses: Vec<Course>,
+    /// Of each body the number of its course, or [`NONE`].
+    of: Vec<u32>,
+}
+
+const NONE: u32 = u32::MAX;
 
 /// The motion of a body from an impact on.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Course {
     /// When it begins, as a fraction of the step.
     from: f32,
@@ -58,7 +62,7 @@ struct Course {
 }
 
 /// What has happened to a body. It goes from one state to a later one only.
-#[derive(Clone, Copy, PartialEq, PartialOrd)]
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 enum State {
     Free,
     /// It goes on along what it touches.
@@ -72,27 +76,45 @@ enum State {
 }
 
 impl Stops {
-    /// True if the body does not end the step where its motion would take it.
-    pub fn is_stopped(&self, body: u32) -> bool {
-        self.0[body as usize].is_some()
+    /// No body has stopped.
+    fn reset(&mut self, bodies: usize) {
+        self.courses.clear();
+        self.of.clear();
+        self.of.resize(bodies, NONE);
+    }
+
+    fn course(&self, body: u32) -> Option<&Course> {
+        // Those that have none lie beyond the end of all.
+        self.courses.get(self.of[body as usize] as usize)
+    }
+
+    fn set(&mut self, body: u32, course: Course) {
+        let of = &mut self.of[body as usize];
+        match self.courses.get_mut(*of as usize) {
+            Some(known) => *known = course,
+            None => {
+                *of = self.courses.len() as u32;
+                self.courses.push(course);
+            }
+        }
     }
 
     fn state(&self, body: u32) -> State {
-        self.0[body as usize].map_or(State::Free, |course| course.state)
+        self.course(body).map_or(State::Free, |course| course.state)
     }
 
     fn pushes(&self, body: u32) -> u32 {
-        self.0[body as usize].map_or(0, |course| course.pushes)
+        self.course(body).map_or(0, |course| course.pushes)
     }
 
     /// How far a body has slid from its own way, in metres.
     fn slid(&self, body: u32) -> f32 {
-        self.0[body as usize].map_or(0.0, |course| course.slid)
+        self.course(body).map_or(0.0, |course| course.slid)
     }
 
     /// The course of a body that leaves its way from a fraction on.
     fn slide(&self, input: &StepInput, body: u32, fraction: f32, way: Vec3) -> Course {
-        let (slides, slid) = self.0[body as usize].map_or((0, 0.0), |course| (course.slides, course.slid));
+        let (slides, slid) = self.course(body).map_or((0, 0.0), |course| (course.slides, course.slid));
         let rest = self.sweep_from(input, body, fraction);
         let sweep = moved_on(&rest, -way);
         Course {
@@ -107,29 +129,29 @@ impl Stops {
 
     /// Where a body is at the end of the step.
     pub fn final_pose(&self, input: &StepInput, body: u32) -> Pose3 {
-        self.0[body as usize].map_or(input.bodies[body as usize].sweep.end, |course| course.sweep.end)
+        self.course(body).map_or(input.bodies[body as usize].sweep.end, |course| course.sweep.end)
     }
 
     /// The bodies that end elsewhere, and the fractions at which they left their way for good: 1 for those that slide.
     pub fn iter(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
-        (0..).zip(&self.0).filter_map(|(body, course)| {
-            let course = course.as_ref()?;
+        (0..self.of.len() as u32).filter_map(|body| {
+            let course = self.course(body)?;
             Some((body, if course.state == State::Sliding { 1.0 } else { course.from }))
         })
     }
 
     /// Between which times of its own motion a body is from a fraction on, but for what it has slid. None if it has left it.
     fn times(&self, side: Side, fraction: f32) -> Option<[f32; 2]> {
-        match side.body().and_then(|body| self.0[body as usize]) {
+        match side.body().and_then(|body| self.course(body)) {
             None | Some(Course { state: State::Free | State::Sliding, .. }) => Some([fraction, 1.0]),
-            Some(Course { state: State::Stopped, from, .. }) => Some([from; 2]),
+            Some(Course { state: State::Stopped, from, .. }) => Some([*from; 2]),
             Some(_) => None,
         }
     }
 
     /// The motion of a body from a fraction on.
     fn sweep_from(&self, input: &StepInput, body: u32, fraction: f32) -> Sweep {
-        match &self.0[body as usize] {
+        match self.course(body) {
             Some(course) if fraction > course.from => {
                 course.sweep.rest_from((fraction - course.from) / (1.0 - course.from))
             }
@@ -140,7 +162,7 @@ impl Stops {
 }
 
 /// A pair's impact in the queue, outdated if the pair has another by now.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Event {
     fraction: f32,
     pair: usize,
@@ -161,55 +183,143 @@ impl Ord for Event {
     }
 }
 
+/// What is kept from step to step, so that nothing has to be allocated anew.
+#[derive(Debug, Default)]
+pub(super) struct Buffers {
+    stops: Stops,
+    pairs_of: PairsOf,
+    assemblies: Assemblies,
+    islands: Islands,
+    /// The next impact of each pair.
+    next: Vec<Option<Impact>>,
+    happened: Vec<bool>,
+    /// Of each island that has an impact.
+    queues: Vec<BinaryHeap<Event>>,
+    /// The impacts of a round, each with its island's queue, and what they lead to.
+    events: Vec<(usize, Event)>,
+    courses: Vec<(u32, Course)>,
+    affected: Vec<usize>,
+    searches: Vec<(usize, Event)>,
+    found: Vec<ImpactResult>,
+    scratch: Scratch,
+}
+
+/// The pairs of each body.
+#[derive(Debug, Default)]
+struct PairsOf {
+    pairs: Vec<(u32, usize)>,
+    /// Where those of a body begin; one more for the end.
+    begins: Vec<usize>,
+}
+
+impl PairsOf {
+    fn set(&mut self, bodies: usize, pairs: &[BodyPair]) {
+        self.pairs.clear();
+        self.pairs.extend(pairs.iter().enumerate().flat_map(|(i, pair)| pair.bodies().map(move |body| (body, i))));
+        self.pairs.sort_unstable();
+        self.begins.clear();
+        let mut begin = 0;
+        for body in 0..=bodies as u32 {
+            begin += self.pairs[begin..].iter().take_while(|(other, _)| *other < body).count();
+            self.begins.push(begin);
+        }
+    }
+
+    fn of(&self, body: u32) -> impl Iterator<Item = usize> {
+        let [begin, end] = [0, 1].map(|i| self.begins[body as usize + i]);
+        self.pairs[begin..end].iter().map(|(_, pair)| *pair)
+    }
+}
+
+/// Bodies that stop together, sorted by assembly.
+#[derive(Debug, Default)]
+pub(super) struct Assemblies(Vec<(u64, u32)>);
+
+impl Assemblies {
+    /// Those of the bodies of a step.
+    pub fn set(&mut self, input: &StepInput) {
+        self.0.clear();
+        self.0.extend((0..).zip(&input.bodies).filter_map(|(index, body)| Some((body.assembly?, index))));
+        self.0.sort_unstable();
+    }
+
+    /// The members of each.
+    pub fn iter(&self) -> impl Iterator<Item = &[(u64, u32)]> {
+        self.0.chunk_by(|a, b| a.0 == b.0)
+    }
+
+    /// The bodies that a body is joined with, itself among them.
+    fn of(&self, input: &StepInput, body: u32) -> impl Iterator<Item = u32> {
+        let assembly = input.bodies[body as usize].assembly;
+        let begin = assembly.map_or(0, |assembly| self.0.partition_point(|(other, _)| *other < assembly));
+        let members = self.0[begin..].iter().take_while(move |(other, _)| Some(*other) == assembly);
+        members.map(|(_, body)| *body).chain(assembly.is_none().then_some(body))
+    }
+}
+
 /// Stops bodies; `results` then holds the impacts that have happened.
 ///
 /// Of each island an impact is taken at a time, and what all of these change is searched on the pool's threads.
-pub(super) fn run(
+pub(super) fn run<'b>(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    boxes: &BodyBoxes,
     results: &mut [ImpactResult],
+    buffers: &'b mut Buffers,
+    tasks: &mut Scratches<Scratch>,
     pool: &TaskPool,
-) -> Stops {
-    let stops = Stops(vec![None; input.bodies.len()]);
+) -> &'b Stops {
+    let Buffers {
+        stops,
+        pairs_of,
+        assemblies,
+        islands,
+        next,
+        happened,
+        queues,
+        events,
+        courses,
+        affected,
+        searches,
+        found,
+        scratch,
+    } = buffers;
+    stops.reset(input.bodies.len());
     let is_event = |pair: usize| pairs[pair].stops && results[pair].impact.is_some();
     if !(0..pairs.len()).any(is_event) {
         return stops;
     }
-    let mut pairs_of: Vec<Vec<usize>> = vec![Vec::new(); input.bodies.len()];
-    for (i, pair) in pairs.iter().enumerate() {
-        pair.bodies().for_each(|body| pairs_of[body as usize].push(i));
-    }
-    let mut assembled: HashMap<u64, Vec<u32>> = HashMap::new();
-    for (index, body) in (0..).zip(&input.bodies) {
-        if let Some(assembly) = body.assembly {
-            assembled.entry(assembly).or_default().push(index);
-        }
-    }
-    let islands = Islands::new(input, pairs, boxes, results, &assembled, pool);
-    let next = results.iter().map(|result| result.impact).collect();
-    let happened = vec![false; pairs.len()];
-    let mut run = Run { input, statics, pairs, results, stops, pairs_of, assembled, islands, next, happened };
-    let mut queues = run.queues();
+    pairs_of.set(input.bodies.len(), pairs);
+    assemblies.set(input);
+    islands.set(input, statics, pairs, results, assemblies, tasks, pool);
+    next.clear();
+    next.extend(results.iter().map(|result| result.impact));
+    happened.clear();
+    happened.resize(pairs.len(), false);
+    let mut run = Run { input, statics, pairs, results, stops, pairs_of, assemblies, next, happened, scratch };
+    run.fill(queues, events, islands);
     loop {
-        let mut searches: Vec<(usize, Event)> = Vec::new();
-        let mut is_over = true;
+        events.clear();
         for (island, queue) in queues.iter_mut().enumerate() {
-            let Some((event, impact)) = run.earliest(queue) else { continue };
-            is_over = false;
+            events.extend(run.earliest(queue).map(|event| (island, event)));
+        }
+        if events.is_empty() {
+            return stops;
+        }
+        searches.clear();
+        for &(island, Event { fraction, pair }) in events.iter() {
             // Never 1, when all is over.
-            let fraction = event.fraction.min(1.0f32.next_down());
-            let affected = run.meet(event.pair, impact, fraction);
-            searches.extend(affected.into_iter().map(|pair| (island, Event { fraction, pair })));
+            let fraction = fraction.min(1.0f32.next_down());
+            affected.clear();
+            run.meet(pair, fraction, courses, affected);
+            affected.retain(|&pair| islands.may_meet(pair));
+            searches.extend(affected.iter().map(|&pair| (island, Event { fraction, pair })));
         }
-        if is_over {
-            return run.stops;
-        }
-        let found = parallel::map(pool, &searches, 8, |_, &(_, Event { fraction, pair })| {
-            impact_from(input, statics, (&pairs[pair], boxes), &run.stops, fraction, &run.results[pair])
+        let run_now = &run;
+        parallel::map(pool, tasks, searches, 8, found, |scratch, _, &(_, Event { fraction, pair })| {
+            impact_from(input, statics, &pairs[pair], run_now.stops, fraction, &run_now.results[pair], scratch)
         });
-        for ((island, Event { pair, .. }), found) in searches.into_iter().zip(found) {
+        for (&(island, Event { pair, .. }), found) in searches.iter().zip(found.drain(..)) {
             queues[island].extend(run.take(pair, found));
         }
     }
@@ -222,42 +332,38 @@ struct Run<'a> {
     pairs: &'a [BodyPair],
     /// Of each pair the first impact, those that are prevented aside.
     results: &'a mut [ImpactResult],
-    stops: Stops,
-    pairs_of: Vec<Vec<usize>>,
-    assembled: HashMap<u64, Vec<u32>>,
-    islands: Islands,
-    /// The next impact of each pair.
-    next: Vec<Option<Impact>>,
-    happened: Vec<bool>,
+    stops: &'a mut Stops,
+    pairs_of: &'a PairsOf,
+    assemblies: &'a Assemblies,
+    next: &'a mut [Option<Impact>],
+    happened: &'a mut [bool],
+    scratch: &'a mut Scratch,
 }
 
 impl Run<'_> {
-    /// The bodies that a body is joined with, itself among them.
-    fn joined_with(&self, body: u32) -> Vec<u32> {
-        match self.input.bodies[body as usize].assembly {
-            Some(assembly) => self.assembled[&assembly].clone(),
-            None => vec![body],
-        }
-    }
-
-    /// The impacts of each island, in the order of time.
-    fn queues(&self) -> Vec<BinaryHeap<Event>> {
-        let mut queues: BTreeMap<u32, BinaryHeap<Event>> = BTreeMap::new();
+    /// Puts the impacts of each island into a queue of its own, in the order of time. `events`: room to work in.
+    fn fill(&self, queues: &mut Vec<BinaryHeap<Event>>, events: &mut Vec<(usize, Event)>, islands: &Islands) {
+        events.clear();
         for (pair, impact) in self.next.iter().enumerate().filter(|(pair, _)| self.pairs[*pair].stops) {
             let body = self.pairs[pair].bodies().find(|&body| self.input.is_stopping(body));
             if let (Some(impact), Some(body)) = (impact, body.or_else(|| self.pairs[pair].bodies().next())) {
-                queues.entry(self.islands.of(body)).or_default().push(Event { fraction: impact.fraction, pair });
+                events.push((islands.of(body) as usize, Event { fraction: impact.fraction, pair }));
             }
         }
-        queues.into_values().collect()
+        events.sort_unstable_by_key(|(island, _)| *island);
+        queues.iter_mut().for_each(BinaryHeap::clear);
+        for (i, events) in events.chunk_by(|a, b| a.0 == b.0).enumerate() {
+            if queues.len() <= i {
+                queues.push(BinaryHeap::new());
+            }
+            queues[i].extend(events.iter().map(|(_, event)| *event));
+        }
     }
 
     /// The earliest impact of an island that is not outdated.
-    fn earliest(&mut self, queue: &mut BinaryHeap<Event>) -> Option<(Event, Impact)> {
-        std::iter::from_fn(|| queue.pop()).find_map(|event| {
-            let impact = self.next[event.pair].take_if(|impact| impact.fraction == event.fraction)?;
-            Some((event, impact))
-        })
+    fn earliest(&self, queue: &mut BinaryHeap<Event>) -> Option<Event> {
+        let is_next = |event: &Event| self.next[event.pair].is_some_and(|impact| impact.fraction == event.fraction);
+        std::iter::from_fn(|| queue.pop()).find(is_next)
     }
 
     /// Takes in what a search has found for a pair; its impact, if there is one.
@@ -271,49 +377,49 @@ impl Run<'_> {
         found.impact.map(|impact| Event { fraction: impact.fraction, pair })
     }
 
-    /// Lets an impact happen. The pairs that are to be searched again from there.
-    fn meet(&mut self, pair: usize, impact: Impact, fraction: f32) -> Vec<usize> {
+    /// Lets the next impact of a pair happen. Adds the pairs that are to be searched again from there. `courses`: room to work in.
+    fn meet(&mut self, pair: usize, fraction: f32, courses: &mut Vec<(u32, Course)>, affected: &mut Vec<usize>) {
+        let Some(impact) = self.next[pair].take() else { return };
         self.happened[pair] = true;
-        let mut courses = self.slides_on(pair, &impact, fraction);
+        courses.clear();
+        self.slide_on(pair, &impact, fraction, courses);
         let stands = courses.is_empty();
         if stands {
-            courses = self.stops_at(pair, &impact, fraction);
+            self.stop_at(pair, &impact, fraction, courses);
         }
-        for &(body, course) in &courses {
-            self.stops.0[body as usize] = Some(course);
+        for &(body, course) in courses.iter() {
+            self.stops.set(body, course);
         }
-        let mut affected: Vec<usize> =
-            courses.iter().flat_map(|(body, _)| &self.pairs_of[*body as usize]).copied().collect();
-        affected.retain(|&other| (other != pair || !stands) && self.islands.may_meet(other));
+        affected.extend(courses.iter().flat_map(|(body, _)| self.pairs_of.of(*body)));
+        affected.retain(|&other| other != pair || !stands);
         affected.sort_unstable();
         affected.dedup();
-        affected
     }
 
-    /// The courses of the bodies of a pair that slide on along each other. None, if they have to stop.
-    fn slides_on(&self, pair: usize, impact: &Impact, fraction: f32) -> Vec<(u32, Course)> {
-        let mut courses: Vec<(u32, Course)> = Vec::new();
-        for (body, way) in slides(self.input, &self.stops, &self.pairs[pair], &self.results[pair], impact, fraction) {
+    /// Adds the courses of the bodies of a pair that slide on along each other. None, if they have to stop.
+    fn slide_on(&mut self, pair: usize, impact: &Impact, fraction: f32, courses: &mut Vec<(u32, Course)>) {
+        for (body, way) in slides(self.input, self.stops, &self.pairs[pair], &self.results[pair], impact, fraction) {
             let course = |body| (body, self.stops.slide(self.input, body, fraction, way));
-            courses.extend(self.joined_with(body).into_iter().map(course));
+            courses.extend(self.assemblies.of(self.input, body).map(course));
         }
         // What has met stays in touch, or the next step would know of no contact.
-        let parted = courses.iter().flat_map(|(body, _)| &self.pairs_of[*body as usize]).any(|&other| {
-            let end = |body| match courses.iter().find(|(other, _)| *other == body) {
-                Some((_, course)) => course.sweep.end,
-                None => self.stops.final_pose(self.input, body),
-            };
+        let end = |body| match courses.iter().find(|(other, _)| *other == body) {
+            Some((_, course)) => course.sweep.end,
+            None => self.stops.final_pose(self.input, body),
+        };
+        let parted = courses.iter().flat_map(|(body, _)| self.pairs_of.of(*body)).any(|other| {
             let met = self.results[other].impact.filter(|_| self.happened[other]);
-            met.is_some_and(|met| !are_in_touch(self.input, self.statics, &self.pairs[other], &met, end))
+            met.is_some_and(|met| !are_in_touch(self.input, self.statics, &self.pairs[other], &met, end, self.scratch))
         });
-        if parted { Vec::new() } else { courses }
+        if parted {
+            courses.clear();
+        }
     }
 
-    /// The courses of the bodies of a pair that stop at each other, or push.
-    fn stops_at(&self, pair: usize, impact: &Impact, fraction: f32) -> Vec<(u32, Course)> {
-        let (input, stops) = (self.input, &self.stops);
+    /// Adds the courses of the bodies of a pair that stop at each other, or push.
+    fn stop_at(&self, pair: usize, impact: &Impact, fraction: f32, courses: &mut Vec<(u32, Course)>) {
+        let (input, stops) = (self.input, &*self.stops);
         let BodyPair { first, second, .. } = self.pairs[pair];
-        let mut courses = Vec::new();
         for (side, other, away) in [(first, second, -impact.normal), (second, first, impact.normal)] {
             let Some(body) = side.body().filter(|&body| input.is_stopping(body)) else { continue };
             let other = other.body();
@@ -336,7 +442,7 @@ impl Run<'_> {
                 (State::Carried, _) => State::Wedged,
                 _ => continue,
             };
-            for body in self.joined_with(body) {
+            for body in self.assemblies.of(input, body) {
                 let now = stops.sweep_from(input, body, fraction);
                 let sweep = match (state, &push) {
                     // What pushes it already goes on to do so.
@@ -351,7 +457,6 @@ impl Run<'_> {
                 courses.push((body, Course { from: fraction, sweep, state, slides: 0, slid, pushes }));
             }
         }
-        courses
     }
 }
 
@@ -366,14 +471,14 @@ fn slides(
     &ImpactResult { slop, in_touch, .. }: &ImpactResult,
     impact: &Impact,
     fraction: f32,
-) -> Vec<(u32, Vec3)> {
+) -> ArrayVec<(u32, Vec3), 2> {
     let mut ways = [Vec3::ZERO; 2];
-    let mut slides = Vec::new();
+    let mut slides = ArrayVec::new();
     for ((side, way), into) in [pair.first, pair.second].into_iter().zip(&mut ways).zip([impact.normal, -impact.normal])
     {
         let Some(body) = side.body() else { continue };
         if !input.is_stopping(body) || stops.state(body) > State::Stopped {
-            return Vec::new();
+            return ArrayVec::new();
         }
         let sweep = stops.sweep_from(input, body, fraction);
         *way = way_at(&sweep, impact.point);
@@ -388,29 +493,31 @@ fn slides(
     let slow = ways.into_iter().chain([slip]).any(|way| way.length() <= slide_way);
     let most = slide_way.min(if in_touch { f32::INFINITY } else { LANDING * slop });
     let may = slides.iter().all(|&(body, way)| {
-        let (slides, slid) = stops.0[body as usize].map_or((0, 0.0), |course| (course.slides, course.slid));
+        let (slides, slid) = stops.course(body).map_or((0, 0.0), |course| (course.slides, course.slid));
         slides < MAX_SLIDES && slid + way.length() <= most
     });
-    if slow && may { slides } else { Vec::new() }
+    if slow && may { slides } else { ArrayVec::new() }
 }
 
 /// The first impact of a pair from a fraction on. `before`: of the whole step, were no body to stop.
 fn impact_from(
     input: &StepInput,
     statics: &Statics,
-    (pair, boxes): (&BodyPair, &BodyBoxes),
+    pair: &BodyPair,
     stops: &Stops,
     fraction: f32,
     before: &ImpactResult,
+    scratch: &mut Scratch,
 ) -> ImpactResult {
     let mut motions = PairMotion::all(input, statics, pair, |body| stops.sweep_from(input, body, fraction));
     // Overlaps have grown since the start of the step already.
     motions.iter_mut().for_each(|motion| motion.slop *= RENEWED_SLOP);
     // On a shorter way none grows by that, whatever the others do.
     motions.retain(|motion| motion.way() > motion.slop);
-    let boxes = [pair.first, pair.second].map(|side| boxes.between(side, stops.times(side, fraction)?));
+    let times = [pair.first, pair.second].map(|side| stops.times(side, fraction));
     let slack = pair.bodies().map(|body| stops.slid(body)).sum();
-    let mut found = first_impact(input.culling, motions, None, boxes, slack, before.normal);
+    let question = Question { input, statics, pair, known: None, times, slack, normal: before.normal };
+    let mut found = first_impact(&question, motions, scratch);
     if let Some(impact) = &mut found.impact {
         impact.fraction = fraction + (1.0 - fraction) * impact.fraction;
     }

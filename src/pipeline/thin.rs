@@ -11,13 +11,16 @@ use crate::{
     geometry::Aabb,
 };
 
+/// Places and directions that have a contact.
+pub(super) type Taken = HashSet<[IVec3; 2]>;
+
 /// Leaves at most [`MANY_CONTACTS`], sorted by depth: of those near each other that push about the same way only the deepest. Where there are no more,
 /// nothing changes.
-pub(super) fn thin(contacts: &mut Vec<Contact>) {
-    contacts.sort_by(Contact::order);
+/// `taken`: room to work in.
+pub(super) fn thin(contacts: &mut Vec<Contact>, taken: &mut Taken) {
+    contacts.sort_unstable_by(Contact::order);
     let around = contacts.iter().fold(Aabb::EMPTY, |aabb, c| aabb.merge(Aabb { min: c.point1, max: c.point1 }));
     let extent = 2.0 * around.half_extents().max_element();
-    let mut taken: HashSet<[IVec3; 2]> = HashSet::default();
     let mut cells = THIN_CELLS;
     while contacts.len() > MANY_CONTACTS && cells >= 1.0 {
         taken.clear();

@@ -1,6 +1,6 @@
 #[cfg(feature = "gpu")]
 use std::sync::Arc;
-use std::time::Duration;
+use std::{mem, time::Duration};
 
 #[cfg(feature = "gpu")]
 use bevy::platform::time::Instant;
@@ -14,7 +14,9 @@ use super::{gpu::GpuBackend, pipelined::Answer};
 use crate::gpu::Prediction;
 use crate::{
     geometry::Pose3,
-    pipeline::{self, Candidates, Culling, Meeting, Pair, Side, Solid, Statics, StepInput, StepOutput, relative_pose},
+    pipeline::{
+        Candidates, Culling, Meeting, Pair, Side, Solid, Statics, StepInput, StepOutput, Workspace, relative_pose,
+    },
 };
 
 /// Where the pairs that may meet are found. What they do to each other is found on the CPU always, so results are the same.
@@ -125,6 +127,8 @@ pub struct MedialStep {
     /// Pairs, contacts, impacts, counts and times.
     #[reflect(ignore)]
     pub output: StepOutput,
+    #[reflect(ignore)]
+    workspace: Workspace,
     /// Number of the step. What the GPU looks ahead for counts by it, so a saved one must not come back.
     #[reflect(ignore)]
     number: u64,
@@ -217,15 +221,17 @@ impl MedialStep {
         let culled = self.cull();
         #[cfg(feature = "gpu")]
         let on_gpu = culled.is_some();
+        let (mut workspace, mut output) = (mem::take(&mut self.workspace), mem::take(&mut self.output));
         let filter = |first, second| filter(self, first, second);
-        self.output = match culled {
+        let (input, statics) = (&self.input, &self.statics);
+        match culled {
             Some((candidates, time)) => {
-                let mut output = pipeline::step_from_candidates(&self.input, &self.statics, candidates, filter, pool);
+                workspace.step_from_candidates(input, statics, candidates, filter, pool, &mut output);
                 output.times.broad += time;
-                output
             }
-            None => pipeline::step_filtered(&self.input, &self.statics, filter, pool),
-        };
+            None => workspace.step(input, statics, filter, pool, &mut output),
+        }
+        (self.workspace, self.output) = (workspace, output);
         #[cfg(feature = "gpu")]
         {
             let (pairs, time) = (self.output.counts.primitive_pairs, self.output.times.total());

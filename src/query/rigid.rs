@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// The motion of a pair of bodies, cut into equal times within which every point moves on a line but for a known deviation.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Chords {
     /// Where both bodies are at the ends of the chords.
     placements: Vec<[Placement; 2]>,
@@ -23,23 +23,22 @@ pub struct Chords {
 }
 
 impl Chords {
-    /// Chords of two bodies whose sweeps are given in one frame. No point of a body is farther than its arm from its centre of mass.
+    /// Becomes the chords of two bodies whose sweeps are given in one frame. No point of a body is farther than its arm from its centre of mass.
     /// Enough of them that each side strays by `tolerance` metres at most, up to [`MAX_CHORDS`].
-    pub fn new([sweep1, sweep2]: [&Sweep; 2], [arm1, arm2]: [f32; 2], tolerance: f32) -> Self {
+    pub fn set(&mut self, [sweep1, sweep2]: [&Sweep; 2], [arm1, arm2]: [f32; 2], tolerance: f32) {
         let count = sweep1.chords(arm1, tolerance).max(sweep2.chords(arm2, tolerance));
         let turns = sweep1.rotation.length() * arm1 + sweep2.rotation.length() * arm2;
-        Self {
-            placements: instants(count).map(|t| [sweep1.pose_at(t).into(), sweep2.pose_at(t).into()]).collect(),
-            deviation: sweep1.sagitta(arm1, count) + sweep2.sagitta(arm2, count),
-            way: ((sweep1.translation - sweep2.translation).length() + turns) / count as f32,
-        }
+        self.placements.clear();
+        self.placements.extend(instants(count).map(|t| [sweep1.pose_at(t).into(), sweep2.pose_at(t).into()]));
+        self.deviation = sweep1.sagitta(arm1, count) + sweep2.sagitta(arm2, count);
+        self.way = ((sweep1.translation - sweep2.translation).length() + turns) / count as f32;
     }
 
-    /// Chords of the first body seen from the second, which then is at rest at the origin: a box can turn no other way.
+    /// Becomes the chords of the first body seen from the second, which then is at rest at the origin: a box can turn no other way.
     ///
     /// Seen from a frame that turns, a point has centrifugal and Coriolis acceleration besides its own centripetal one; under the
     /// acceleration `a` it strays from the chord of a time `t` by at most `a t^2 / 8`.
-    pub fn in_frame_of_second([sweep1, sweep2]: [&Sweep; 2], arm1: f32, tolerance: f32) -> Self {
+    pub fn set_in_frame_of_second(&mut self, [sweep1, sweep2]: [&Sweep; 2], arm1: f32, tolerance: f32) {
         let (turn1, turn2) = (sweep1.rotation.length(), sweep2.rotation.length());
         let speed = (sweep1.translation - sweep2.translation).length();
         let apart =
@@ -51,11 +50,10 @@ impl Chords {
             count *= 2;
         }
         let relative = |t| sweep2.pose_at(t).inv_mul(&sweep1.pose_at(t)).into();
-        Self {
-            placements: instants(count).map(|t| [relative(t), Placement::IDENTITY]).collect(),
-            deviation: acceleration / (8.0 * (count * count) as f32),
-            way: (speed + turn1 * arm1 + turn2 * distance) / count as f32,
-        }
+        self.placements.clear();
+        self.placements.extend(instants(count).map(|t| [relative(t), Placement::IDENTITY]));
+        self.deviation = acceleration / (8.0 * (count * count) as f32);
+        self.way = (speed + turn1 * arm1 + turn2 * distance) / count as f32;
     }
 }
 

@@ -13,7 +13,7 @@ use glam::{Quat, Vec3};
 use super::shape::MedialShape;
 use crate::{
     geometry::{Aabb, Pose3, Sphere},
-    pipeline::{ConvexParts, Core, Hull, Part},
+    pipeline::{ConvexParts, Core, Hull, Part, Parts},
     query::SupportShape,
 };
 
@@ -46,7 +46,7 @@ impl ConvexParts for Foreign<'_> {
         }
     }
 
-    fn within(&self, reach: &Aabb) -> Vec<Part<'_>> {
+    fn within(&self, reach: &Aabb) -> Parts<'_> {
         parts_within(self.0, reach)
     }
 }
@@ -64,7 +64,7 @@ impl ConvexParts for SharedShape {
         Foreign(&**self).len()
     }
 
-    fn within(&self, reach: &Aabb) -> Vec<Part<'_>> {
+    fn within(&self, reach: &Aabb) -> Parts<'_> {
         parts_within(&**self, reach)
     }
 
@@ -81,9 +81,9 @@ pub(super) fn is_known(shape: &dyn ParryShape) -> bool {
 }
 
 /// The convex parts of a shape that come within `reach`, a box in its frame.
-pub(super) fn parts_within<'a>(shape: &'a dyn ParryShape, reach: &Aabb) -> Vec<Part<'a>> {
+pub(super) fn parts_within<'a>(shape: &'a dyn ParryShape, reach: &Aabb) -> Parts<'a> {
     let parry_reach = ParryAabb::new(reach.min, reach.max);
-    let mut parts = Vec::new();
+    let mut parts = Parts::new();
     match shape.as_typed_shape() {
         TypedShape::Compound(compound) => {
             for id in sorted(compound.bvh().intersect_aabb(&parry_reach)) {

@@ -9,7 +9,7 @@ use glam::Vec3;
 use super::{parts::parts_within, shape::MedialShape};
 use crate::{
     geometry::{Aabb, Placement, Pose3, Sphere},
-    pipeline::{Core, Part, Shape, with_spheres},
+    pipeline::{Core, Part, Parts, Shape, with_spheres},
     query::{Cuboid, Moving, Support, TimeOfImpact, TimeOfImpactStatus, time_of_impact},
 };
 
@@ -121,11 +121,11 @@ fn time_to<const N: usize>(moving: &Moving<N>, core: &Core, limit: f32) -> TimeO
 }
 
 /// The convex parts within reach, of a medial shape its primitives.
-fn convex_parts<'a>(other: &'a dyn ParryShape, reach: &Aabb) -> Vec<Part<'a>> {
+fn convex_parts<'a>(other: &'a dyn ParryShape, reach: &Aabb) -> Parts<'a> {
     let Some(medial) = other.as_shape::<MedialShape>() else { return parts_within(other, reach) };
     let shape = &medial.shape;
     let reach = reach.transformed(&Pose3::IDENTITY, 1.0 / shape.scale);
-    let mut parts = Vec::new();
+    let mut parts = Parts::new();
     shape.bvh().overlapping(&reach, |id| {
         parts.push(Part { id, pose: Pose3::IDENTITY, core: Core::Hull(shape.hull(id)), rounding: 0.0 });
     });

@@ -45,4 +45,5 @@ mod spins;
 mod statics;
 mod true_motion;
 mod walks;
+mod workspaces;
 mod worlds;

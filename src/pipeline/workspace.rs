@@ -1,0 +1,144 @@
+//! What steps work with, kept from one to the next: once there is room for what a scene needs, a step allocates nothing.
+
+use std::time::Duration;
+
+use bevy::tasks::TaskPool;
+
+use super::{
+    BodyPair, Candidates, Contact, Counts, Manifold, Meeting, Side, Statics, StepInput, StepOutput, Stop, broad_phase,
+    contact,
+    first_impact::{self, ImpactResult},
+    laps,
+    mid_phase::PrimitivePair,
+    moving_boxes::BoxCache,
+    narrow_phase,
+    parallel::Scratches,
+    reduce, stop,
+};
+
+/// Buffers for steps. Those of a scene take the same from step to step.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    tasks: Scratches<Scratch>,
+    broad: broad_phase::Buffers,
+    pairs: Vec<BodyPair>,
+    impacts: Vec<ImpactResult>,
+    stop: stop::Buffers,
+    /// Each with the number of its pair.
+    manifolds: Vec<(usize, Manifold)>,
+}
+
+/// What a task works with.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    /// Of first and second sides.
+    pub boxes: [BoxCache; 2],
+    pub first_impact: first_impact::Buffers,
+    pub contact: contact::Buffers,
+    pub contacts: Vec<Contact>,
+    pub reduce: reduce::Room,
+    /// What the two parts of its work took that are told apart.
+    pub laps: [Duration; 2],
+}
+
+impl Workspace {
+    /// Runs stages 2 to 5 of a step. The filter is asked once about each pair that the broad phase finds, in their order.
+    ///
+    /// Other threads than the one that calls it take some bytes for each chunk of work.
+    pub fn step(
+        &mut self,
+        input: &StepInput,
+        statics: &Statics,
+        filter: impl Fn(Side, Side) -> Meeting,
+        pool: &TaskPool,
+        output: &mut StepOutput,
+    ) {
+        output.clear();
+        let mut lap = laps();
+        broad_phase::run(input, statics, filter, (&mut self.broad, &mut self.tasks), &mut self.pairs, pool);
+        output.times.broad = lap();
+        self.finish(input, statics, &[], output, pool);
+    }
+
+    /// Runs what follows culling, where that was done elsewhere. The filter is asked once about each pair that may collide, in their order.
+    ///
+    /// Of the candidates, pairs of bodies that may not collide are left out. Whatever is found by searching again within the step, where
+    /// bodies spin fast, go far or have stopped, is culled as in any other step.
+    ///
+    /// # Panics
+    /// If an index is out of range.
+    pub fn step_from_candidates(
+        &mut self,
+        input: &StepInput,
+        statics: &Statics,
+        candidates: Vec<Candidates>,
+        filter: impl Fn(Side, Side) -> Meeting,
+        pool: &TaskPool,
+        output: &mut StepOutput,
+    ) {
+        output.clear();
+        let mut lap = laps();
+        let (pairs, known): (_, Vec<_>) =
+            broad_phase::from_candidates(input, statics, candidates, filter).into_iter().unzip();
+        self.pairs = pairs;
+        output.times.broad = lap();
+        self.finish(input, statics, &known, output, pool);
+    }
+
+    /// Runs what follows the broad phase. `known`: of each pair the primitives that may meet, where that is known.
+    fn finish(
+        &mut self,
+        input: &StepInput,
+        statics: &Statics,
+        known: &[Option<Vec<PrimitivePair>>],
+        output: &mut StepOutput,
+        pool: &TaskPool,
+    ) {
+        let Self { tasks, pairs, impacts, stop, manifolds, .. } = self;
+        tasks.iter_mut().for_each(|scratch| scratch.boxes.iter_mut().for_each(BoxCache::clear));
+        let mut lap = laps();
+        narrow_phase::impacts(input, statics, pairs, known, tasks, impacts, pool);
+        [output.times.mid, output.times.narrow] = split(lap(), tasks);
+
+        let stops = stop::run(input, statics, pairs, impacts, stop, tasks, pool);
+        output.times.stop = lap();
+
+        split(Duration::ZERO, tasks);
+        narrow_phase::manifolds(input, statics, pairs, stops, tasks, manifolds, pool);
+        let [contacts, reduction] = split(lap(), tasks);
+        output.times.narrow += contacts;
+
+        output.counts = Counts {
+            bodies: input.bodies.len(),
+            primitive_pairs: broad_phase::primitive_pairs(input, statics),
+            body_pairs: pairs.len(),
+            candidates: impacts.iter().map(|r| r.candidates).sum(),
+            toi_tests: impacts.iter().map(|r| r.toi_tests).sum(),
+            unresolved: impacts.iter().map(|r| r.unresolved).sum(),
+            contacts: 0,
+        };
+        if input.report_candidates {
+            output.candidates.extend(pairs.iter().zip(impacts.iter_mut()).map(|(pair, result)| Candidates {
+                sides: [pair.first, pair.second],
+                primitives: Some(std::mem::take(&mut result.reported)),
+            }));
+        }
+        output.stops.extend(stops.iter().map(|(body, fraction)| Stop {
+            body,
+            fraction,
+            pose: stops.final_pose(input, body),
+        }));
+        narrow_phase::tell(pairs, impacts, manifolds, output);
+        output.times.reduce = reduction + lap();
+    }
+}
+
+/// The time of a stage in proportion to what its tasks have told of two parts of their work, which go on side by side.
+fn split(took: Duration, tasks: &mut Scratches<Scratch>) -> [Duration; 2] {
+    let parts = tasks
+        .iter_mut()
+        .map(|scratch| std::mem::take(&mut scratch.laps))
+        .fold([0.0; 2], |sum, laps| [0, 1].map(|i: usize| sum[i] + laps[i].as_secs_f64()));
+    let second = took.mul_f64(parts[1] / (parts[0] + parts[1]).max(f64::MIN_POSITIVE));
+    [took.saturating_sub(second), second]
+}
