@@ -189,5 +189,11 @@ pub const SEAM_REACH: f32 = 4.0e-3;
 /// Height in length units up to which a part that goes on from another one makes no step.
 pub const FLUSH: f32 = 1.0e-4;
 
+/// How far from a sphere, in its radii, nearest points may be that have been found on it, but for rounding.
+pub const SAME_SPHERE: f32 = 1.0e-4;
+
+/// Distance in length units up to which contacts are at the same place, but for rounding.
+pub const SAME_PLACE: f32 = 1.0e-5;
+
 /// Cosine of the angle up to which contacts push the same way (a quarter of a degree).
 pub const SEAM_COSINE: f32 = 1.0 - 1.0e-5;

@@ -204,21 +204,26 @@ impl Bvh {
     /// Calls `visit` with every pair of items, one of each tree, that passes `test`, and whose ancestors do: which is asked with the indices of
     /// nodes, those of [`values`](Self::values).
     pub fn visit_pairs(&self, other: &Bvh, test: impl Fn(usize, usize) -> bool, mut visit: impl FnMut(u32, u32)) {
-        if self.nodes.is_empty() || other.nodes.is_empty() {
+        if self.nodes.is_empty() || other.nodes.is_empty() || !test(0, 0) {
             return;
         }
         let mut stack = Stack::from_iter([(0, 0)]);
         while let Some((index1, index2)) = stack.pop() {
-            if !test(index1, index2) {
-                continue;
-            }
+            let mut descend = |index1, index2| {
+                if test(index1, index2) {
+                    stack.push((index1, index2));
+                }
+            };
             match (self.nodes[index1].item(), other.nodes[index2].item()) {
                 (Some(item1), Some(item2)) => visit(item1, item2),
-                (None, Some(_)) => stack.extend(self.children(index1).map(|child| (child, index2))),
-                (Some(_), None) => stack.extend(other.children(index2).map(|child| (index1, child))),
+                (None, Some(_)) => self.children(index1).into_iter().for_each(|child| descend(child, index2)),
+                (Some(_), None) => other.children(index2).into_iter().for_each(|child| descend(index1, child)),
                 (None, None) => {
                     let [left, right] = other.children(index2);
-                    stack.extend(self.children(index1).into_iter().flat_map(|child| [(child, left), (child, right)]));
+                    for child in self.children(index1) {
+                        descend(child, left);
+                        descend(child, right);
+                    }
                 }
             }
         }

@@ -17,7 +17,7 @@ use super::{
     with_spheres,
 };
 use crate::{
-    constants::{SEAM_REACH, VERTEX_NORMAL_COSINE},
+    constants::{SAME_SPHERE, SEAM_REACH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, Support, separation},
 };
@@ -291,11 +291,13 @@ fn collect_part(
         with_spheres!(hull, |first| match &part.core {
             Core::Cuboid(half) => {
                 if let (main, true) = one_sided((&first, NONE_SHARED), &Cuboid { half: *half }, within, &mut push) {
+                    let main = main.normal;
                     corners(*half, -main, |corner| at_corner(&first, corner, main, within, &mut push));
                 }
             }
             Core::Support(shape) => {
                 if let (main, true) = one_sided((&first, NONE_SHARED), &Support(&**shape), within, &mut push) {
+                    let main = main.normal;
                     let near = first.origin() + main;
                     shape.face(-main, near, &mut |corner| at_corner(&first, corner, main, within, &mut push));
                 }
@@ -347,32 +349,43 @@ fn two_sided<const N: usize, const M: usize>(
     let (main, is_near) = one_sided((first, spheres1), second, prediction, push);
     if is_near && N > 1 && M > 1 {
         spheres2.each(second, |sphere| {
-            let theirs = separation(first, &[*sphere], 0);
-            at_sphere(&theirs, main, prediction, push)
+            is_on(sphere, main.point2, main.normal) || {
+                let theirs = separation(first, &[*sphere], 0);
+                at_sphere(&theirs, main.normal, prediction, push)
+            }
         });
     }
-    main
+    main.normal
 }
 
-/// The same for the spheres of the first side alone. Returns the normal of the nearest points, and whether they are near.
+/// True if nearest points, one of which with an outward normal along or against the given one, have been found on this sphere.
+fn is_on(sphere: &Sphere, point: Vec3, normal: Vec3) -> bool {
+    let rise = point - sphere.center;
+    rise.cross(normal).length_squared() <= (SAME_SPHERE * sphere.radius).powi(2)
+        && (rise.length_squared() - sphere.radius.powi(2)).abs() <= SAME_SPHERE * sphere.radius.powi(2)
+}
+
+/// The same for the spheres of the first side alone. Returns the nearest points, and whether they are near.
 fn one_sided<const N: usize, B: Convex>(
     (first, spheres): (&[Sphere; N], SharedSpheres),
     second: &B,
     prediction: f32,
     push: &mut impl FnMut(&Separation),
-) -> (Vec3, bool) {
+) -> (Separation, bool) {
     let main = separation(first, second, 0);
     if main.distance > prediction {
-        return (main.normal, false);
+        return (main, false);
     }
     push(&main);
     if N > 1 {
         spheres.each(first, |sphere| {
-            let ours = separation(&[*sphere], second, 0);
-            at_sphere(&ours, main.normal, prediction, push)
+            is_on(sphere, main.point1, main.normal) || {
+                let ours = separation(&[*sphere], second, 0);
+                at_sphere(&ours, main.normal, prediction, push)
+            }
         });
     }
-    (main.normal, true)
+    (main, true)
 }
 
 /// The contact of a sphere, if it is near and faces the same way as the nearest points. True if that is settled whatever these are.

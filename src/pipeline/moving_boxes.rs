@@ -103,8 +103,13 @@ pub(super) fn visit_pairs(
     visit: impl FnMut(u32, u32),
 ) {
     let offset = boxes1.offset(&boxes2);
-    let test = |i, j| test(&boxes1.node(i), &boxes2.node(j), offset);
-    shape1.bvh().visit_pairs(shape2.bvh(), test, visit);
+    if boxes1.is_whole && boxes2.is_whole {
+        let [nodes1, nodes2] = [boxes1, boxes2].map(|boxes| &boxes.boxes.nodes[..]);
+        shape1.bvh().visit_pairs(shape2.bvh(), |i, j| test(&nodes1[i], &nodes2[j], offset), visit);
+    } else {
+        let test = |i, j| test(&boxes1.node(i), &boxes2.node(j), offset);
+        shape1.bvh().visit_pairs(shape2.bvh(), test, visit);
+    }
 }
 
 impl TimedBoxes<'_> {

@@ -8,7 +8,7 @@ use glam::{Quat, Vec3};
 
 use super::contact::Contact;
 use crate::{
-    constants::{FLUSH, SEAM_COSINE, SEAM_REACH},
+    constants::{FLUSH, SAME_PLACE, SEAM_COSINE, SEAM_REACH},
     geometry::Aabb,
     query::Separation,
 };
@@ -27,8 +27,10 @@ pub(super) trait Side {
 #[derive(Debug, Default)]
 pub(super) struct Room {
     kept: Vec<(Contact, [Touch; 2])>,
-    /// The deepest touch of each part of either side.
-    parts: [Vec<Touch>; 2],
+    /// Those that are covered.
+    removed: Vec<Contact>,
+    /// The deepest touch of each part of either side, with the box around the part and around all that it may cover.
+    parts: [Vec<(Touch, Aabb)>; 2],
 }
 
 /// Removes contacts with edges and sides of parts that other parts cover, which are in deeper contact or about as deep; leaves the others
@@ -42,7 +44,7 @@ pub(super) fn remove(
     sides: [&dyn Side; 2],
     carrying: f32,
     unit: f32,
-    Room { kept, parts }: &mut Room,
+    Room { kept, removed, parts }: &mut Room,
 ) {
     let rotation21 = rotation12.inverse();
     let [around, flush] = [SEAM_REACH, FLUSH].map(|length| length * unit);
@@ -51,34 +53,42 @@ pub(super) fn remove(
     let touches = |contact: &Contact| {
         let Contact { point1, point2, normal1, distance, primitive1, primitive2 } = *contact;
         let carries = distance <= -carrying;
-        [
-            Touch { part: primitive1, point: point1, normal: normal1, distance, carries, reach: reach(0, primitive1) },
-            Touch {
-                part: primitive2,
-                point: point2,
-                normal: rotation21 * -normal1,
-                distance,
-                carries,
-                reach: reach(1, primitive2),
-            },
-        ]
+        let normal2 = rotation21 * -normal1;
+        [(primitive1, point1, normal1), (primitive2, point2, normal2)].map(|(part, point, normal)| Touch {
+            part,
+            point,
+            normal,
+            distance,
+            carries,
+        })
     };
     kept.clear();
+    removed.clear();
     parts.iter_mut().for_each(Vec::clear);
     for contact in contacts.iter() {
         let touches = touches(contact);
-        for (parts, touch) in parts.iter_mut().zip(touches) {
-            if parts.iter().all(|other| other.part != touch.part) {
-                parts.push(touch);
+        for (side, (parts, touch)) in parts.iter_mut().zip(touches).enumerate() {
+            if parts.iter().all(|(other, _)| other.part != touch.part) {
+                parts.push((touch, reach(side, touch.part)));
             }
         }
         let is_covered =
             |i: usize| parts[i].iter().any(|other| touches[i].is_covered(other, sides[i], [around, flush]));
+        // Primitives that share a sphere touch at the same place.
+        let is_known = || {
+            let as_deep =
+                removed.iter().rev().take_while(|other| contact.distance <= other.distance + SAME_PLACE * unit);
+            as_deep
+                .into_iter()
+                .any(|other| contact.pushes_as(other) && contact.point1.distance(other.point1) <= SAME_PLACE * unit)
+        };
         // The deepest is there to stay, as is what has to be pushed out first, and what pushes the same way does no harm.
         let harmless =
             kept.is_empty() || contact.distance < -around || kept.iter().any(|(other, _)| contact.pushes_as(other));
-        if harmless || !(is_covered(0) || is_covered(1)) {
+        if harmless || !(is_known() || is_covered(0) || is_covered(1)) {
             kept.push((*contact, touches));
+        } else {
+            removed.push(*contact);
         }
     }
     // Of contacts about as deep, rounding says which comes first.
@@ -90,7 +100,10 @@ pub(super) fn remove(
         let is_covered = kept.iter().any(|(other, touches)| {
             !contact.pushes_as(other)
                 && other.distance <= contact.distance + 0.25 * around
-                && touches.iter().zip(&touched).zip(sides).any(|((a, b), side)| b.is_covered(a, side, [around, flush]))
+                && (0..2).any(|i| {
+                    let reach = parts[i].iter().find(|(part, _)| part.part == touches[i].part).map(|(_, reach)| *reach);
+                    reach.is_some_and(|reach| touched[i].is_covered(&(touches[i], reach), sides[i], [around, flush]))
+                })
         });
         if is_covered {
             kept.remove(i);
@@ -114,15 +127,13 @@ struct Touch {
     normal: Vec3,
     distance: f32,
     carries: bool,
-    /// The box around the part, and around all that it may cover.
-    reach: Aabb,
 }
 
 impl Touch {
     /// True if the surface of `other`, which may be the same part, passes here with another normal, and the touched part does not rise
     /// above it. `around`, `flush`: [`SEAM_REACH`] and [`FLUSH`] in metres.
-    fn is_covered(&self, other: &Touch, side: &dyn Side, [around, flush]: [f32; 2]) -> bool {
-        if !other.reach.contains_point(self.point + self.normal * around) {
+    fn is_covered(&self, (other, reach): &(Touch, Aabb), side: &dyn Side, [around, flush]: [f32; 2]) -> bool {
+        if !reach.contains_point(self.point + self.normal * around) {
             return false;
         }
         // Straight above the place: nothing of a part that ends here with this normal is nearer than the place itself.
