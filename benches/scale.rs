@@ -148,6 +148,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         let output = size_of_val(&stepper.output.manifolds[..]) + size_of_val(&stepper.output.pairs[..]);
         let kept = first.bytes_current as f64 - output as f64;
         tell("memory: kept, contacts aside, of a body", bodies, kept / bodies as f64, "bytes");
+        tell("memory: pairs of bodies that are near", bodies, stepper.output.counts.body_pairs as f64, "");
         let warm = measure(|| _ = stepper.step(input, statics, &one));
         tell("memory: allocations of a warm step", bodies, warm.count_total as f64, "");
         let mut stepper = Stepper::default();

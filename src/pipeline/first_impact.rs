@@ -31,11 +31,11 @@ pub(super) struct ImpactResult {
     /// Unit normal between the primitives that were nearest to each other at the start, in the world; zero if none was looked at.
     pub normal: Vec3,
     /// How many primitive pairs were left by culling.
-    pub candidates: usize,
+    pub candidates: u32,
     /// Which, as far as they are to be reported.
     pub reported: Vec<PrimitivePair>,
-    pub toi_tests: usize,
-    pub unresolved: usize,
+    pub toi_tests: u32,
+    pub unresolved: u32,
 }
 
 /// What is asked about a pair.
@@ -109,7 +109,7 @@ pub(super) fn first_impact(question: &Question, mut motions: Motions, scratch: &
                 Some(known) if count == 1 => mid_phase::of_motion(motion, known, found),
                 _ => mid_phase::candidates(motion, input.culling, slack + motion.reach(), boxes, own, found),
             }
-            search.result.candidates += found.len();
+            search.result.candidates += found.len() as u32;
             if input.report_candidates {
                 search.result.reported.extend_from_slice(found);
             }
@@ -209,7 +209,7 @@ impl Search<'_> {
                 continue;
             }
             motion.set_chords(chords);
-            result.toi_tests += candidates.len();
+            result.toi_tests += candidates.len() as u32;
             let direction = match result.normal {
                 normal if normal == Vec3::ZERO => motion.center_line(),
                 normal => motion.to_chords(normal),
@@ -253,7 +253,7 @@ impl Search<'_> {
             let toi = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
                 rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop])
             });
-            result.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
+            result.unresolved += u32::from(toi.status == TimeOfImpactStatus::IterationLimit);
             let earlier = result.impact.is_none_or(|first| toi.fraction < first.fraction);
             let left = (parts - part) as f32 - toi.fraction;
             if toi.status == TimeOfImpactStatus::Separated || !earlier || left * motion.way() <= motion.slop {

@@ -75,6 +75,7 @@ pub(crate) fn map<S: Default + Send, T: Sync, R: Send + 'static>(
     function: impl Fn(&mut S, usize, &T) -> R + Sync,
 ) {
     results.clear();
+    results.reserve(items.len());
     gather(pool, scratches, items, least_per_task, results, |scratch, i, item, results| {
         results.push(function(scratch, i, item));
     });

@@ -112,9 +112,9 @@ impl Workspace {
             bodies: input.bodies.len(),
             primitive_pairs: broad_phase::primitive_pairs(input, statics),
             body_pairs: pairs.len(),
-            candidates: impacts.iter().map(|r| r.candidates).sum(),
-            toi_tests: impacts.iter().map(|r| r.toi_tests).sum(),
-            unresolved: impacts.iter().map(|r| r.unresolved).sum(),
+            candidates: impacts.iter().map(|r| r.candidates as usize).sum(),
+            toi_tests: impacts.iter().map(|r| r.toi_tests as usize).sum(),
+            unresolved: impacts.iter().map(|r| r.unresolved as usize).sum(),
             contacts: 0,
         };
         if input.report_candidates {
