@@ -5,8 +5,8 @@ use glam::{Vec3, Vec3A};
 use super::{Shape, Side};
 use crate::geometry::{Aabb, Placement, Pose3, Sphere, Sweep};
 
-/// Of so many bodies the boxes are kept while a step runs. Fewer, and those of a body in many pairs are placed again; more, and they take more memory
-/// than a processor has near.
+/// Of so many bodies the boxes are kept while a step runs. Fewer, and those of a body in many pairs are placed again; more, and they take more memory,
+/// tens of kilobytes each.
 const KEPT: usize = 64;
 
 /// The boxes of the bodies that were asked for last, relative to where each is at the start, with the world's axes.

@@ -44,7 +44,8 @@ pub(super) struct Scratch {
 impl Workspace {
     /// Runs stages 2 to 5 of a step. The filter is asked once about each pair that the broad phase finds, in their order.
     ///
-    /// Other threads than the one that calls it take some bytes for each chunk of work.
+    /// On one thread nothing is allocated once there is room. Other threads take some memory for each chunk of work, and so do bodies that face a
+    /// collider of several parts.
     pub fn step(
         &mut self,
         input: &StepInput,
