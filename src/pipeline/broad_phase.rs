@@ -8,7 +8,7 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Body, Candidates, Culling, Meeting, Shape, Side, Solid, Statics, StepInput,
+    Body, Candidates, Culling, Meeting, Scratch, Shape, Side, Solid, Statics, StepInput,
     mid_phase::PrimitivePair,
     parallel::{self, Scratches},
 };
@@ -96,11 +96,11 @@ pub(super) struct Buffers {
 }
 
 /// Finds the pairs of a step.
-pub(super) fn run<S: Default + Send>(
+pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
     filter: impl Fn(Side, Side) -> Meeting,
-    (buffers, tasks): (&mut Buffers, &Scratches<S>),
+    (buffers, tasks): (&mut Buffers, &Scratches<Scratch>),
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {
@@ -156,10 +156,10 @@ fn consents(input: &StepInput, statics: &Statics, pair: &mut BodyPair, meeting: 
 }
 
 /// The pairs that may come within the prediction distance of each other.
-fn near_pairs<S: Default + Send>(
+fn near_pairs(
     input: &StepInput,
     statics: &Statics,
-    (buffers, tasks): (&mut Buffers, &Scratches<S>),
+    (buffers, tasks): (&mut Buffers, &Scratches<Scratch>),
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {
@@ -178,7 +178,7 @@ fn near_pairs<S: Default + Send>(
 #[cfg(feature = "gpu")]
 pub(crate) fn near_sides(input: &StepInput, statics: &Statics, widening: &Widening, pool: &TaskPool) -> Vec<[Side; 2]> {
     let mut pairs = Vec::new();
-    near(input, statics, widening, (&mut Buffers::default(), &Scratches::<()>::default()), &mut pairs, pool);
+    near(input, statics, widening, (&mut Buffers::default(), &Scratches::default()), &mut pairs, pool);
     pairs.into_iter().map(|pair| [pair.first, pair.second]).collect()
 }
 
@@ -242,11 +242,11 @@ impl Widening {
 }
 
 /// The pairs whose swept spheres, or sphere and box, come within the prediction distance.
-fn near<S: Default + Send>(
+fn near(
     input: &StepInput,
     statics: &Statics,
     widening: &Widening,
-    (Buffers { spheres, boxes, bvh, items, leaves, .. }, tasks): (&mut Buffers, &Scratches<S>),
+    (Buffers { spheres, boxes, bvh, items, leaves, .. }, tasks): (&mut Buffers, &Scratches<Scratch>),
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {

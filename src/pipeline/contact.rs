@@ -358,7 +358,7 @@ fn two_sided<const N: usize, const M: usize>(
     main.normal
 }
 
-/// True if nearest points, one of which with an outward normal along or against the given one, have been found on this sphere.
+/// True if a point, the nearest of a primitive, has been found on this sphere. `normal`: along or against the outward normal there.
 fn is_on(sphere: &Sphere, point: Vec3, normal: Vec3) -> bool {
     let rise = point - sphere.center;
     rise.cross(normal).length_squared() <= (SAME_SPHERE * sphere.radius).powi(2)

@@ -30,7 +30,8 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
         statics: &statics,
         pair: &PAIR,
         known: primitives,
-        times: [Some([0.0, 1.0]); 2],
+        // Their boxes are of no use to another pair.
+        times: [None; 2],
         slack: 0.0,
         normal: Vec3::ZERO,
     };

@@ -1,8 +1,8 @@
 //! Mid phase: which primitives of a pair may touch within the step.
 //!
-//! The boxes of each body's hierarchy are placed once, at the start of the step and at its end, and the two hierarchies of a pair are traversed against
-//! each other: what is left are primitives whose boxes meet on their way. They have room for the arcs of what is in them, so no pair is lost as long as the
-//! bodies keep to their way. A way that is searched for impacts in parts is culled in the same ones.
+//! The boxes of a body's hierarchy are placed at the start of the step and at its end, once for several pairs, and the two hierarchies of a pair are
+//! traversed against each other: what is left are primitives whose boxes meet on their way. They have room for the arcs of what is in them, so no pair is
+//! lost as long as the bodies keep to their way. A way that is searched for impacts in parts is culled in the same ones.
 
 use glam::{Vec3, Vec3A};
 

@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 use smallvec::{SmallVec, smallvec};
 
-use super::{Part, Second, Side, Solid, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
+use super::{Part, Second, Side, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
 use crate::{
     constants::{
         CHORD_TOLERANCE, DEEP, MAX_STEP_PARTS, PART_ANGLE, PART_PRIMITIVES, PART_WAY, STOP_ALLOWED, STOP_ROUNDINGS,
@@ -94,14 +94,9 @@ impl<'a> PairMotion<'a> {
         pair: &BodyPair,
         sweep_of: impl Fn(u32) -> Sweep,
     ) -> Motions<'a> {
-        let side = |side| -> (&'a Solid, Sweep) {
-            match side {
-                Side::Body(body) => (&input.bodies[body as usize].solid, sweep_of(body)),
-                Side::Static(body) => {
-                    let body = &statics.bodies[body as usize];
-                    (&body.solid, Sweep::at_rest(body.pose))
-                }
-            }
+        let side = |side: Side| {
+            let (solid, sweep) = input.side(statics, side);
+            (solid, side.body().map_or(sweep, &sweep_of))
         };
         let ((first, sweep1), (second, sweep2)) = (side(pair.first), side(pair.second));
         let Some(shape1) = first.medial() else { return Motions::new() };

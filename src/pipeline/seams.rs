@@ -72,15 +72,14 @@ pub(super) fn remove(
                 parts.push((touch, reach(side, touch.part)));
             }
         }
-        let is_covered =
-            |i: usize| parts[i].iter().any(|other| touches[i].is_covered(other, sides[i], [around, flush]));
+        let is_covered = |i: usize| {
+            parts[i].iter().any(|(other, reach)| touches[i].is_covered(other, reach, sides[i], [around, flush]))
+        };
         // Primitives that share a sphere touch at the same place.
         let is_known = || {
-            let as_deep =
-                removed.iter().rev().take_while(|other| contact.distance <= other.distance + SAME_PLACE * unit);
-            as_deep
-                .into_iter()
-                .any(|other| contact.pushes_as(other) && contact.point1.distance(other.point1) <= SAME_PLACE * unit)
+            let within = SAME_PLACE * unit;
+            let mut as_deep = removed.iter().rev().take_while(|other| contact.distance <= other.distance + within);
+            as_deep.any(|other| contact.pushes_as(other) && contact.point1.distance(other.point1) <= within)
         };
         // The deepest is there to stay, as is what has to be pushed out first, and what pushes the same way does no harm.
         let harmless =
@@ -101,8 +100,8 @@ pub(super) fn remove(
             !contact.pushes_as(other)
                 && other.distance <= contact.distance + 0.25 * around
                 && (0..2).any(|i| {
-                    let reach = parts[i].iter().find(|(part, _)| part.part == touches[i].part).map(|(_, reach)| *reach);
-                    reach.is_some_and(|reach| touched[i].is_covered(&(touches[i], reach), sides[i], [around, flush]))
+                    let part = parts[i].iter().find(|(part, _)| part.part == touches[i].part);
+                    part.is_some_and(|(_, reach)| touched[i].is_covered(&touches[i], reach, sides[i], [around, flush]))
                 })
         });
         if is_covered {
@@ -131,8 +130,8 @@ struct Touch {
 
 impl Touch {
     /// True if the surface of `other`, which may be the same part, passes here with another normal, and the touched part does not rise
-    /// above it. `around`, `flush`: [`SEAM_REACH`] and [`FLUSH`] in metres.
-    fn is_covered(&self, (other, reach): &(Touch, Aabb), side: &dyn Side, [around, flush]: [f32; 2]) -> bool {
+    /// above it. `reach`: the box around all that `other` may cover. `around`, `flush`: [`SEAM_REACH`] and [`FLUSH`] in metres.
+    fn is_covered(&self, other: &Touch, reach: &Aabb, side: &dyn Side, [around, flush]: [f32; 2]) -> bool {
         if !reach.contains_point(self.point + self.normal * around) {
             return false;
         }

@@ -266,7 +266,7 @@ pub(super) fn run<'b>(
     pairs: &[BodyPair],
     results: &mut [ImpactResult],
     buffers: &'b mut Buffers,
-    tasks: &mut Scratches<Scratch>,
+    tasks: &Scratches<Scratch>,
     pool: &TaskPool,
 ) -> &'b Stops {
     let Buffers {

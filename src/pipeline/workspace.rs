@@ -56,7 +56,7 @@ impl Workspace {
     ) {
         output.clear();
         let mut lap = laps();
-        broad_phase::run(input, statics, filter, (&mut self.broad, &mut self.tasks), &mut self.pairs, pool);
+        broad_phase::run(input, statics, filter, (&mut self.broad, &self.tasks), &mut self.pairs, pool);
         output.times.broad = lap();
         self.finish(input, statics, &[], output, pool);
     }
@@ -104,6 +104,7 @@ impl Workspace {
         let stops = stop::run(input, statics, pairs, impacts, stop, tasks, pool);
         output.times.stop = lap();
 
+        // What searches from impacts on took is part of that.
         split(Duration::ZERO, tasks);
         narrow_phase::manifolds(input, statics, pairs, stops, tasks, manifolds, pool);
         let [contacts, reduction] = split(lap(), tasks);
