@@ -103,7 +103,7 @@ pub enum BuildError {
 }
 
 /// Triangles per sphere for which there is one search more: the more of them, the longer a build may take.
-const TRIANGLES_PER_SEARCH: usize = 250;
+const TRIANGLES_PER_SEARCH: usize = 165;
 
 /// Most searches.
 const MOST_SEARCHES: usize = 3;
@@ -203,7 +203,7 @@ fn best(
         return Err(BuildError::Cancelled);
     }
     let better = |a: Result<Search, BuildError>, b: Result<Search, BuildError>| match (&a, &b) {
-        (Ok(first), Ok(second)) if second.error < first.error => b,
+        (Ok(first), Ok(second)) if second.verdict.error() < first.verdict.error() => b,
         (Err(_), Ok(_)) => b,
         _ => a,
     };

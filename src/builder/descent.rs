@@ -26,7 +26,7 @@ pub(super) const ROUGH: f64 = 1e-3;
 pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enough: f64) -> f64 {
     // The places on the envelope stay the same, relative to the spheres, so that costs compare.
     let envelope = complex.envelope();
-    let surface = envelope.surface(target.spacing);
+    let surface = target.places(&envelope);
     let anchored = target.anchors_at(&envelope, &surface, &[], NEARLY_OUTSIDE.max(target.creases));
     let places: Vec<SurfacePoint> = anchored.iter().map(|anchor| surface[anchor.place]).collect();
     let near: Vec<DVec3> = anchored.iter().map(|anchor| anchor.target).collect();

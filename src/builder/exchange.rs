@@ -153,6 +153,7 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
         spacing: target.spacing * COARSER,
         uncovered: target.uncovered,
         creases: 0.0,
+        worst: target.worst,
         rest: Some(Rest {
             envelope: &state.envelope,
             primitives: rest,

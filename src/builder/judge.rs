@@ -1,15 +1,46 @@
 //! Which of several shapes is the best: their two-sided errors at samples that none of them was fitted to.
 
-use super::{envelope::Complex, measure::Sum, parallel, points::Points, solid::Solid, surface_samples::Samples};
+use glam::DVec3;
+
+use super::{
+    envelope::Complex,
+    measure::Sum,
+    parallel,
+    points::Points,
+    solid::Solid,
+    surface_samples::Samples,
+    target::{CLOSE_SPACING, CLOSE_WITHIN},
+};
 
 /// Samples of the area, and vertices beside them.
-const SAMPLES: [usize; 2] = [30_000, 20_000];
-
-/// Distance of points of the envelope, as a part of the diagonal.
-const SPACING: f64 = 0.005;
+const SAMPLES: [usize; 2] = [20_000, 10_000];
 
 /// Points of the envelope deeper inside than this are hidden by other primitives.
 const HIDDEN: f64 = 1e-5;
+
+/// From this part of the greatest distance on a place is among the worst.
+const BAD: f64 = 0.6;
+
+/// The distances between the surface and the envelope.
+#[derive(Clone, Debug)]
+pub(super) struct Verdict {
+    /// The greatest, either way.
+    pub greatest: f64,
+    /// The mean, of the worse way.
+    pub mean: f64,
+    /// Where the envelope is about as far from the surface as anywhere.
+    pub worst: Vec<DVec3>,
+}
+
+impl Verdict {
+    /// Of a shape that is not judged yet.
+    pub const UNKNOWN: Self = Self { greatest: f64::INFINITY, mean: f64::INFINITY, worst: vec![] };
+
+    /// How bad a shape is. The greatest distance varies more from shape to shape than the mean does, so that a tenth less of the mean counts as two.
+    pub fn error(&self) -> f64 {
+        self.greatest * self.mean * self.mean
+    }
+}
 
 pub(super) struct Judge<'a> {
     pub solid: &'a Solid,
@@ -21,13 +52,11 @@ impl<'a> Judge<'a> {
         Self { solid, samples: Samples::new(solid, SAMPLES[0], SAMPLES[1], !seed) }
     }
 
-    /// How bad a shape is: the greatest distance between the surface and the envelope, either way, times the greater of both means. A tenth less of
-    /// either counts alike.
-    pub fn error(&self, complex: &Complex) -> f64 {
+    pub fn verdict(&self, complex: &Complex) -> Verdict {
         let envelope = complex.envelope();
         let distances = envelope.distances(&self.samples.points);
         let inward = sum(distances.iter().map(|d| d.abs()).zip(self.samples.weights.iter().copied()));
-        let surface = envelope.surface(SPACING);
+        let surface = envelope.surface(CLOSE_SPACING);
         let points = Points::new(surface.iter().map(|s| envelope.point(s)).collect());
         let depths = envelope.depths(&points);
         let visible: Vec<usize> = (0..surface.len()).filter(|&i| depths[i] < HIDDEN).collect();
@@ -35,10 +64,26 @@ impl<'a> Judge<'a> {
             let point = points.positions[visible[at]];
             self.solid.closest_off_rims(point, None).map(|nearest| nearest.distance(point))
         });
-        let outward = visible.iter().zip(nearest).filter_map(|(&i, distance)| Some((distance?, surface[i].area)));
-        let outward = sum(outward);
-        inward.max.max(outward.max) * inward.mean().max(outward.mean())
+        let errors: Vec<(usize, f64)> =
+            visible.into_iter().zip(nearest).filter_map(|(i, distance)| Some((i, distance?))).collect();
+        let outward = sum(errors.iter().map(|&(i, distance)| (distance, surface[i].area)));
+        let greatest = inward.max.max(outward.max);
+        let bad = errors.into_iter().filter(|(_, distance)| *distance > BAD * greatest);
+        let worst = spread(bad.map(|(i, distance)| (points.positions[i], distance)).collect());
+        Verdict { greatest, mean: inward.mean().max(outward.mean()), worst }
     }
+}
+
+/// The worst places, but of those that lie close together the worst alone.
+fn spread(mut errors: Vec<(DVec3, f64)>) -> Vec<DVec3> {
+    errors.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut places: Vec<DVec3> = vec![];
+    for (place, _) in errors {
+        if places.iter().all(|other| other.distance(place) > 0.5 * CLOSE_WITHIN) {
+            places.push(place);
+        }
+    }
+    places
 }
 
 fn sum(distances: impl Iterator<Item = (f64, f64)>) -> Sum {

@@ -7,7 +7,7 @@
 //!                     |    |
 //!                     |    +-- build: --solid--> checked, scaled, in a tree --some searches, judge--> the best --> Built
 //!                     |          search: --surface_samples--> points, normals, medial balls --clusters--> spheres
-//!                     |                  --connect--> edges, faces --refine--> spheres that fit
+//!                     |                  --connect--> edges, faces --refine--> spheres that fit --mend--> at their worst places, too
 //!          refine: merge --> exchange, rejoin --> descent, again and again
 //!                     |
 //!                     +-- measure(mesh, axis) --> two-sided error of a medial mesh
@@ -28,6 +28,7 @@ mod levels;
 #[cfg(feature = "mesh_files")]
 pub mod load;
 mod measure;
+mod mend;
 mod merge;
 mod mesh;
 mod normal_equations;

@@ -88,33 +88,28 @@ impl NormalEquations {
             .collect();
         let mut add = |primitive: u32, weights: &[f64; 3], slope: DVec4, error: f64, weight: f64| {
             let (spheres, edges) = &places[primitive as usize];
+            let (pull, stiffness) = (weight * penalty.pull(error), weight * penalty.stiffness(error));
             let outer = Block::outer(slope);
             for k in 0..3 {
                 if weights[k] == 0.0 {
                     continue;
                 }
-                this.diagonal[spheres[k]].add(&outer, weight * weights[k] * weights[k]);
-                this.downhill[spheres[k]] -= slope * (weight * weights[k] * error);
+                this.diagonal[spheres[k]].add(&outer, stiffness * weights[k] * weights[k]);
+                this.downhill[spheres[k]] -= slope * (pull * weights[k] * error);
                 let l = (k + 1) % 3;
                 if weights[l] != 0.0 {
-                    this.pairs[edges[k]].1.add(&outer, weight * weights[k] * weights[l]);
+                    this.pairs[edges[k]].1.add(&outer, stiffness * weights[k] * weights[l]);
                 }
             }
         };
         for (hit, weight) in hits.iter().zip(target.weights).filter(|(hit, _)| hit.primitive != NONE) {
             let slope = -hit.normal.extend(1.0);
-            add(
-                hit.primitive,
-                &hit.weights,
-                slope,
-                hit.distance,
-                weight * target.side(hit.distance) * penalty.pull(hit.distance),
-            );
+            add(hit.primitive, &hit.weights, slope, hit.distance, weight * target.side(hit.distance));
         }
         for anchor in anchors {
             let error = anchor.error(envelope);
             let slope = anchor.out.extend(anchor.out.dot(anchor.normal));
-            add(anchor.primitive, &anchor.weights, slope, error, anchor.weight * penalty.pull(error));
+            add(anchor.primitive, &anchor.weights, slope, error, anchor.weight);
         }
         // What does not move is as if infinitely heavy.
         if let Some(rest) = &target.rest {

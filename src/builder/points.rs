@@ -11,7 +11,7 @@ use super::{
 };
 
 /// Points in an order in which neighbours are near, cut into blocks, and these into groups.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Points {
     pub positions: Vec<DVec3>,
     pub blocks: Vec<PointBlock>,
@@ -19,6 +19,7 @@ pub(super) struct Points {
 }
 
 /// Some points that follow one another.
+#[derive(Clone)]
 pub(super) struct PointBlock {
     pub points: Block,
     /// Their greatest distance from their middle, and more than distances in f32 are off.
@@ -26,6 +27,7 @@ pub(super) struct PointBlock {
 }
 
 /// As many blocks as a block has points.
+#[derive(Clone)]
 pub(super) struct Group {
     /// A ball around all points.
     pub bound: Ball,

@@ -56,6 +56,8 @@ pub(super) struct Plan {
     pub faces: usize,
     /// Rounds of exchanges.
     pub rounds: usize,
+    /// Rounds about the worst places.
+    pub mends: usize,
     /// Steps of a descent.
     pub steps: usize,
     /// Distance of points of the envelope.
@@ -70,6 +72,11 @@ impl Plan {
         const TRIANGLES_PER_ROUND: usize = 5000;
         const LEAST_ROUNDS: usize = 3;
         (2 + triangles / TRIANGLES_PER_ROUND).clamp(LEAST_ROUNDS, Self::MOST_ROUNDS)
+    }
+
+    /// How many spheres a round may exchange, at most.
+    pub fn most_exchanged(&self) -> usize {
+        self.spheres.div_ceil(6)
     }
 }
 
@@ -87,6 +94,7 @@ pub(super) fn target<'a>(solid: &'a Solid, samples: &'a Samples, penalty: Penalt
         spacing,
         uncovered: UNCOVERED,
         creases: 0.0,
+        worst: &[],
         rest: None,
     }
 }
@@ -96,6 +104,37 @@ pub(super) fn target_for<'a>(complex: &Complex, solid: &'a Solid, samples: &'a S
     let hits = complex.envelope().hits(&samples.points);
     let squares = hits.iter().zip(&samples.weights).map(|(h, w)| w * h.distance * h.distance);
     target(solid, samples, Penalty::new(squares.sum()), spacing)
+}
+
+/// What a round changes.
+#[derive(Clone, Copy)]
+pub(super) enum Change {
+    /// Exchanges up to so many spheres.
+    Spheres(usize),
+    /// Edges and faces anew.
+    Joints,
+}
+
+impl Change {
+    /// Makes the change, for better or worse, and lets spheres descend. Returns the cost.
+    pub fn make(
+        self,
+        complex: &mut Complex,
+        parts: &mut Vec<u32>,
+        samples: &Samples,
+        plan: &Plan,
+        target: &Target,
+    ) -> f64 {
+        match self {
+            Self::Spheres(count) => exchange(complex, parts, target, samples, plan, count),
+            Self::Joints => {
+                prune(complex, &State::new(complex, target), samples, target);
+                let limits = Limits { edges: plan.edges, faces: plan.faces };
+                respend(complex, parts, &State::new(complex, target), samples, limits, target);
+            }
+        }
+        descent::descend(complex, target, plan.steps / 2, descent::ROUGH)
+    }
 }
 
 /// Of so many rounds the last is about edges and faces, the others about spheres.
@@ -127,22 +166,14 @@ pub(super) fn refine(
     }
     let target = target_for(complex, solid, samples, plan.spacing);
     let mut cost = descent::descend(complex, &target, plan.steps, descent::ROUGH);
-    let mut count = plan.spheres.div_ceil(6);
+    let mut count = plan.most_exchanged();
     let mut cycle_start = cost;
     for round in 0..plan.rounds {
         progress(round as f32 / plan.rounds as f32)?;
-        let (mut trial, mut trial_parts) = (complex.clone(), parts.clone());
         let connects = round % CYCLE == CYCLE - 1;
-        if connects {
-            let state = State::new(&trial, &target);
-            prune(&mut trial, &state, samples, &target);
-            let state = State::new(&trial, &target);
-            let limits = Limits { edges: plan.edges, faces: plan.faces };
-            respend(&mut trial, &trial_parts, &state, samples, limits, &target);
-        } else {
-            exchange(&mut trial, &mut trial_parts, &target, samples, plan, count);
-        }
-        let trial_cost = descent::descend(&mut trial, &target, plan.steps / 2, descent::ROUGH);
+        let change = if connects { Change::Joints } else { Change::Spheres(count) };
+        let (mut trial, mut trial_parts) = (complex.clone(), parts.clone());
+        let trial_cost = change.make(&mut trial, &mut trial_parts, samples, plan, &target);
         if trial_cost < cost {
             (*complex, *parts, cost) = (trial, trial_parts, trial_cost);
         } else if !connects {

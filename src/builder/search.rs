@@ -1,6 +1,6 @@
 //! One search for a medial mesh: the stages from samples to spheres that fit.
 
-use std::sync::Arc;
+use std::{ops::ControlFlow, sync::Arc};
 
 use glam::DVec3;
 
@@ -9,8 +9,8 @@ use super::{
     connect::{self, Limits},
     descent,
     envelope::Complex,
-    judge::Judge,
-    parallel,
+    judge::{Judge, Verdict},
+    mend, parallel,
     progress::Progress,
     refine::{self, Plan},
     solid::Solid,
@@ -32,19 +32,22 @@ const SAMPLES: [usize; 2] = [3000, 20_000];
 const SPACING: [f64; 2] = [0.02, 0.012];
 
 /// Steps of the last descents, one by an even penalty, and one by a steeper one that sees creases.
-const LAST_STEPS: [usize; 2] = [24, 12];
+const LAST_STEPS: [usize; 2] = [16, 10];
 
 /// From how much lesser errors on that penalty is steep.
 const STEEPER: f64 = 2.2;
 
 /// How deep within the solid the bottoms of those creases may lie, as a part of the diagonal.
-const CREASES: f64 = 0.02;
+pub(super) const CREASES: f64 = 0.02;
 
 /// How many more spheres there are at first.
-const SURPLUS: f64 = 1.3;
+const SURPLUS: f64 = 1.7;
 
-/// Edges beyond the number of spheres, and faces, per cycle of the graph of spheres that touch on the surface: limbs have few.
-const PER_CYCLE: f64 = 0.43;
+/// Edges beyond the number of spheres, and faces, per sphere of a body without limbs.
+const EXTRA: f64 = 0.95;
+
+/// Cycles per cluster of the graph of those that touch on the surface: of limbs, where they fork, and of a body without any (Euler's formula).
+const CYCLES: [f64; 2] = [0.27, 2.0];
 
 #[derive(Clone)]
 pub(super) struct Search {
@@ -55,7 +58,7 @@ pub(super) struct Search {
     parts: Vec<u32>,
     plan: Plan,
     /// What the judge says of the shape.
-    pub error: f64,
+    pub verdict: Verdict,
 }
 
 impl Search {
@@ -90,12 +93,14 @@ impl Search {
         let mut complex = Complex { balls: clusters.balls, ..Complex::default() };
         let touching = connect::touching(&coarse, &clusters.labels);
         let cycles = touching.len().saturating_sub(complex.balls.len()) as f64 / complex.balls.len() as f64;
-        let extra = (PER_CYCLE * cycles * spheres as f64) as usize;
+        let body = ((cycles - CYCLES[0]) / (CYCLES[1] - CYCLES[0])).clamp(0.0, 1.0);
+        let extra = (EXTRA * body * spheres as f64) as usize;
         let plan = Plan {
             spheres,
             edges: options.edges.unwrap_or(spheres + extra),
             faces: options.faces.unwrap_or(extra),
             rounds: Plan::rounds(triangles),
+            mends: mend::rounds(triangles, spheres),
             steps: 8,
             spacing: SPACING[0],
         };
@@ -105,7 +110,8 @@ impl Search {
         let limits = Limits { edges: plan.edges + surplus, faces: plan.faces };
         connect::connect(&mut complex, &clusters.parts, &touching, &coarse, limits, &target);
         let (coarse, fine) = (coarse.into(), fine.into());
-        let search = Self { coarse, fine, complex, parts: clusters.parts, plan, error: f64::INFINITY };
+        let (parts, verdict) = (clusters.parts, Verdict::UNKNOWN);
+        let search = Self { coarse, fine, complex, parts, plan, verdict };
         let components = search.full_components();
         if components > spheres {
             return Err(BuildError::TooFewSpheres { components, spheres });
@@ -130,30 +136,37 @@ impl Search {
     pub fn coarser(&self, spheres: usize) -> Self {
         let share = |limit: usize| limit * spheres / self.plan.spheres;
         let (edges, faces) = (share(self.plan.edges), share(self.plan.faces));
-        Self { plan: Plan { spheres, edges, faces, rounds: Plan::MOST_ROUNDS, ..self.plan }, ..self.clone() }
+        Self {
+            plan: Plan { spheres, edges, faces, rounds: Plan::MOST_ROUNDS, mends: mend::MOST_ROUNDS, ..self.plan },
+            ..self.clone()
+        }
     }
 
     /// Fits the spheres.
     pub fn refine(&mut self, judge: &Judge, progress: &Progress) -> Result<(), BuildError> {
-        let Self { coarse, fine, complex, parts, plan, .. } = self;
+        let Self { coarse, fine, complex, parts, plan, verdict } = self;
         let solid = judge.solid;
-        let progress = |part: f32| progress(0.2 + 0.7 * part);
-        if refine::refine(complex, parts, solid, coarse, plan, &progress).is_break() {
+        let searching = |part: f32| progress(0.2 + 0.5 * part);
+        if refine::refine(complex, parts, solid, coarse, plan, &searching).is_break() {
             return Err(BuildError::Cancelled);
         }
-        let fine = refine::target_for(complex, solid, fine, SPACING[1]);
-        let even = Target { uncovered: 1.0, creases: 0.0, ..fine };
+        let target = refine::target_for(complex, solid, fine, SPACING[1]);
+        let even = Target { uncovered: 1.0, creases: 0.0, ..target };
         let steep = Target { penalty: even.penalty.steeper(STEEPER), creases: CREASES, rest: None, ..even };
         // Either may turn out better.
         let mut other = complex.clone();
         descent::descend(complex, &even, LAST_STEPS[0], 0.1 * descent::ROUGH);
         descent::descend(&mut other, &steep, LAST_STEPS[1], descent::ROUGH);
-        let (error, of_other) = (judge.error(complex), judge.error(&other));
-        self.error = error.min(of_other);
-        if of_other < error {
-            *complex = other;
+        *verdict = judge.verdict(complex);
+        let of_other = judge.verdict(&other);
+        if of_other.error() < verdict.error() {
+            (*complex, *verdict) = (other, of_other);
         }
-        Ok(())
+        let mending = |part: f32| progress(0.7 + 0.2 * part);
+        match mend::mend(complex, parts, verdict, judge, fine, plan, &mending) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(BuildError::Cancelled),
+        }
     }
 
     /// The shape as it is.

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::{hull::Ball, parallel, points::Points, solid::Solid};
 
 /// Surface samples, evenly spread over the area, and vertices.
+#[derive(Clone)]
 pub(super) struct Samples {
     pub points: Points,
     /// Unit normals, whichever way the triangles turn them; after [`turned_outward`](Self::turned_outward) out of the solid, and zero where

@@ -14,6 +14,8 @@ use super::{
 pub(super) struct Penalty {
     /// Square of the error from which on the cost is steep.
     steep: f64,
+    /// How steep: the cost grows as this power of the square.
+    power: i32,
 }
 
 impl Penalty {
@@ -21,27 +23,47 @@ impl Penalty {
     const LARGE: f64 = 2.5;
     /// Beyond this, in squares of large ones, the cost grows as the square again: one bad place does not hide all others.
     const STEEPEST: f64 = 9.0;
+    /// Errors of this many times large ones are at the wall: nearer, and means pay for the greatest error; farther, and it comes down less.
+    const FAR: f64 = 1.4;
+    /// The wall's power of the square.
+    const WALL: i32 = 4;
 
     /// Suited to a mean square of errors.
     pub fn new(mean_square: f64) -> Self {
-        Self { steep: Self::LARGE * Self::LARGE * mean_square.max(1e-12) }
+        Self { steep: Self::LARGE * Self::LARGE * mean_square.max(1e-12), power: 2 }
     }
 
     /// The same, steep from lesser errors on by a factor.
     pub fn steeper(self, factor: f64) -> Self {
-        Self { steep: self.steep / (factor * factor) }
+        Self { steep: self.steep / (factor * factor), ..self }
+    }
+
+    /// The same with a wall: only errors far beyond the others cost more than their square, and those very much.
+    pub fn walled(self) -> Self {
+        Self { power: Self::WALL, ..self.steeper(1.0 / Self::FAR) }
     }
 
     pub fn of(&self, error: f64) -> f64 {
         let square = error * error / self.steep;
         let bent = square.min(Self::STEEPEST);
-        self.steep * (bent + bent.powi(2) + (square - bent) * (1.0 + 2.0 * bent))
+        self.steep * (bent + bent.powi(self.power) + (square - bent) * self.slope(bent))
     }
 
     /// Slope of the cost over twice the error: the weight of a least squares residual that pulls as the cost does.
     pub fn pull(&self, error: f64) -> f64 {
         let square = (error * error / self.steep).min(Self::STEEPEST);
-        1.0 + 2.0 * square
+        self.slope(square)
+    }
+
+    /// The weight of that residual in the matrix. The more the pull grows on the way, the shorter the step has to be.
+    pub fn stiffness(&self, error: f64) -> f64 {
+        let square = (error * error / self.steep).min(Self::STEEPEST);
+        let growth = f64::from(2 * self.power - 3);
+        1.0 + growth * (self.slope(square) - 1.0)
+    }
+
+    fn slope(&self, square: f64) -> f64 {
+        1.0 + f64::from(self.power) * square.powi(self.power - 1)
     }
 }
 
@@ -89,6 +111,8 @@ pub(super) struct Target<'a> {
     pub uncovered: f64,
     /// How deep within the solid points of the envelope count in a descent, as at the bottom of a crease, as a part of the diagonal.
     pub creases: f64,
+    /// Places of the envelope around which its points are close.
+    pub worst: &'a [DVec3],
     /// What else there is that does not move, if the shape is a part of one.
     pub rest: Option<Rest<'a>>,
 }
@@ -107,7 +131,26 @@ pub(super) struct Rest<'a> {
 /// Stands for the primitives of the rest in a hit.
 pub(super) const NONE: u32 = u32::MAX;
 
+/// How far around the worst places points of the envelope are close, as a part of the diagonal.
+pub(super) const CLOSE_WITHIN: f64 = 0.03;
+
+/// Their distance there.
+pub(super) const CLOSE_SPACING: f64 = 0.005;
+
 impl Target<'_> {
+    /// Points of the envelope, be they visible or not.
+    pub fn places(&self, envelope: &Envelope) -> Vec<SurfacePoint> {
+        let mut places = envelope.surface(self.spacing);
+        if !self.worst.is_empty() {
+            let close = |place: &SurfacePoint| {
+                let point = envelope.point(place);
+                self.worst.iter().any(|worst| worst.distance_squared(point) < CLOSE_WITHIN * CLOSE_WITHIN)
+            };
+            places.extend(envelope.surface(CLOSE_SPACING).into_iter().filter(close));
+        }
+        places
+    }
+
     pub fn hits(&self, envelope: &Envelope) -> Vec<Hit> {
         let mut hits = envelope.hits(self.points);
         if let Some(rest) = &self.rest {
@@ -122,13 +165,13 @@ impl Target<'_> {
 
     /// Visible points of the envelope with their nearest points of the surface.
     pub fn anchors(&self, envelope: &Envelope) -> Vec<Anchor> {
-        self.anchors_at(envelope, &envelope.surface(self.spacing), &[], 0.0)
+        self.anchors_at(envelope, &self.places(envelope), &[], 0.0)
     }
 
     /// Visible points of the envelope that lie within the solid, as at the bottom of a crease, and what each costs.
     pub fn creases(&self, envelope: &Envelope) -> Vec<(DVec3, f64)> {
         let mut creases = vec![];
-        for anchor in self.anchors_at(envelope, &envelope.surface(self.spacing), &[], f64::INFINITY) {
+        for anchor in self.anchors_at(envelope, &self.places(envelope), &[], f64::INFINITY) {
             let ball = envelope.hulls[anchor.primitive as usize].blend(&anchor.weights);
             let point = ball.center + anchor.normal * ball.radius;
             if !self.solid.is_out(point, point - anchor.target, anchor.normal) {

@@ -1,0 +1,119 @@
+//! The worst places of a shape that fits on the whole: where the envelope leaves a thin limb, bridges a gap or opens to a void.
+//!
+//! The mean hides them, and so do points as far apart as those of the search. Here the envelope's points are close around the worst places, and
+//! errors far beyond the others hit a wall: spheres go there from where they do little, and edges and faces are chosen anew.
+
+use std::ops::ControlFlow;
+
+use super::{
+    envelope::Complex,
+    judge::{Judge, Verdict},
+    progress::Progress,
+    refine::{Change, Plan, target_for},
+    search::CREASES,
+    surface_samples::Samples,
+    target::Target,
+};
+
+/// Distance of points of the envelope beside the worst places, as a part of the diagonal.
+const SPACING: f64 = 0.012;
+
+/// Steps of a descent, twice.
+const STEPS: usize = 12;
+
+/// Most rounds.
+pub(super) const MOST_ROUNDS: usize = 4;
+
+/// Rounds that the time allows: those of a mesh with few triangles go into the search.
+pub(super) fn rounds(triangles: usize, spheres: usize) -> usize {
+    const TRIANGLES_PER_ROUND: usize = 100;
+    const WITHOUT: usize = 3;
+    (triangles / (TRIANGLES_PER_ROUND * spheres)).saturating_sub(WITHOUT).min(MOST_ROUNDS)
+}
+
+/// Makes the greatest error less in up to so many rounds as planned, of spheres and of edges and faces in turn; neither it nor the mean grows.
+pub(super) fn mend(
+    complex: &mut Complex,
+    parts: &mut Vec<u32>,
+    verdict: &mut Verdict,
+    judge: &Judge,
+    samples: &Samples,
+    plan: &Plan,
+    progress: &Progress,
+) -> ControlFlow<()> {
+    if plan.mends == 0 {
+        return progress(1.0);
+    }
+    let samples = samples.clone().turned_outward(judge.solid);
+    let plan = Plan { steps: STEPS, spacing: SPACING, ..*plan };
+    let most_mean = verdict.mean;
+    let mut count = plan.most_exchanged();
+    let mut failures = 0;
+    for round in 0..plan.mends {
+        progress(round as f32 / plan.mends as f32)?;
+        let target = target_for(complex, judge.solid, &samples, plan.spacing);
+        let penalty = target.penalty.walled();
+        let target = Target { penalty, uncovered: 1.0, creases: CREASES, worst: &verdict.worst, ..target };
+        let change = if round % 2 == 0 { Change::Spheres(count) } else { Change::Joints };
+        let (mut trial, mut trial_parts) = (complex.clone(), parts.clone());
+        change.make(&mut trial, &mut trial_parts, &samples, &plan, &target);
+        let after = judge.verdict(&trial);
+        if after.greatest <= verdict.greatest && after.mean <= most_mean && after.error() < verdict.error() {
+            (*complex, *parts, *verdict) = (trial, trial_parts, after);
+            failures = 0;
+        } else {
+            failures += 1;
+            if failures == 2 {
+                break;
+            }
+            count = count.div_ceil(2);
+        }
+    }
+    progress(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use glam::{DVec3, Vec3};
+
+    use super::*;
+    use crate::{
+        builder::{TriangleMesh, hull::Ball, solid::Solid},
+        medial_axis::{MedialAxis, triangulate},
+    };
+
+    #[test]
+    fn a_planted_bulge_is_mended() {
+        let capsule = MedialAxis::capsule(Vec3::ZERO, Vec3::X, 0.2).unwrap();
+        let surface = triangulate(capsule.spheres(), capsule.primitives(), 32);
+        let positions = surface.positions.into_iter().map(Vec3::from).collect();
+        let mesh = TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap();
+        let solid = Solid::new(&mesh).unwrap();
+        let judge = Judge::new(&solid, 1);
+        let samples = Samples::new(&solid, 3000, 0, 1);
+        let ball = |(x, radius): (f64, f64)| Ball {
+            center: (DVec3::X * x - solid.origin) / solid.diagonal,
+            radius: radius / solid.diagonal,
+        };
+        let bulging = Complex {
+            balls: [(0.0, 0.2), (0.4, 0.26), (0.7, 0.2), (1.0, 0.2)].map(ball).into(),
+            edges: vec![[0, 1], [1, 2], [2, 3]],
+            faces: vec![],
+        };
+        let before = judge.verdict(&bulging);
+        let mended = |mends: usize| {
+            let plan = Plan { spheres: 4, edges: 3, faces: 0, rounds: 0, mends, steps: 8, spacing: 0.02 };
+            let (mut complex, mut parts, mut verdict) = (bulging.clone(), vec![0; 4], before.clone());
+            let never = |_: f32| ControlFlow::Continue(());
+            let end = mend(&mut complex, &mut parts, &mut verdict, &judge, &samples, &plan, &never);
+            assert!(end.is_continue());
+            assert_eq!(parts.len(), complex.balls.len());
+            assert_eq!(judge.verdict(&complex).greatest, verdict.greatest, "it knows what it made");
+            verdict.greatest
+        };
+        assert_eq!(mended(0), before.greatest);
+        assert!(mended(2) < 0.3 * before.greatest, "{} of {}", mended(2), before.greatest);
+    }
+}
