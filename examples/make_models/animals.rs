@@ -27,15 +27,15 @@ impl Animal {
 /// All models.
 pub const ANIMALS: &[Animal] = &[
     Animal { name: "torus", size: 0.505, triangles: 2000, spheres: 123, searches: 3, limbs: torus },
-    Animal { name: "deer", size: 1.0, triangles: 6000, spheres: 360, searches: 5, limbs: deer },
-    Animal { name: "cow", size: 1.0, triangles: 5000, spheres: 290, searches: 5, limbs: cow },
-    Animal { name: "armadillo", size: 1.0, triangles: 5000, spheres: 338, searches: 5, limbs: armadillo },
-    Animal { name: "bear", size: 1.0, triangles: 4000, spheres: 243, searches: 5, limbs: bear },
-    Animal { name: "bug", size: 1.0, triangles: 6000, spheres: 338, searches: 5, limbs: bug },
-    Animal { name: "dolphin", size: 1.0, triangles: 4000, spheres: 243, searches: 5, limbs: dolphin },
-    Animal { name: "spider", size: 1.0, triangles: 6000, spheres: 360, searches: 5, limbs: spider },
-    Animal { name: "bunny", size: 1.0, triangles: 4000, spheres: 243, searches: 5, limbs: bunny },
-    Animal { name: "dinosaur", size: 1.0, triangles: 4000, spheres: 243, searches: 5, limbs: dinosaur },
+    Animal { name: "deer", size: 1.0, triangles: 6000, spheres: 360, searches: 8, limbs: deer },
+    Animal { name: "cow", size: 1.0, triangles: 5000, spheres: 290, searches: 8, limbs: cow },
+    Animal { name: "armadillo", size: 1.0, triangles: 5000, spheres: 338, searches: 8, limbs: armadillo },
+    Animal { name: "bear", size: 1.0, triangles: 4000, spheres: 243, searches: 8, limbs: bear },
+    Animal { name: "bug", size: 1.0, triangles: 6000, spheres: 338, searches: 8, limbs: bug },
+    Animal { name: "dolphin", size: 1.0, triangles: 4000, spheres: 243, searches: 8, limbs: dolphin },
+    Animal { name: "spider", size: 1.0, triangles: 6000, spheres: 360, searches: 8, limbs: spider },
+    Animal { name: "bunny", size: 1.0, triangles: 4000, spheres: 243, searches: 8, limbs: bunny },
+    Animal { name: "dinosaur", size: 1.0, triangles: 4000, spheres: 243, searches: 8, limbs: dinosaur },
 ];
 
 /// A ring in the plane y = 0.

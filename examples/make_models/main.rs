@@ -11,20 +11,29 @@ mod animals;
 mod limbs;
 mod surface;
 
-use std::{env, error::Error, fmt::Write, fs, ops::ControlFlow, path::PathBuf, time::Instant};
+use std::{error::Error, fmt::Write, fs, ops::ControlFlow, path::PathBuf, time::Instant};
 
 use animals::ANIMALS;
 use bevy_medial::{
     builder::{FitOptions, MeshReport, TriangleMesh, fit, load},
     medial_axis::ma::{self, MaFile},
 };
+use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Of the bar, for each model.
 const TICKS: u64 = 1000;
 
+#[derive(Parser)]
+#[command(about = "Makes the demo models and fits medial meshes to them")]
+struct Args {
+    /// Where to write them.
+    #[arg(default_value = "assets/models")]
+    folder: PathBuf,
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
-    let folder = PathBuf::from(env::args().nth(1).unwrap_or_else(|| "assets/models".into()));
+    let Args { folder } = Args::parse();
     fs::create_dir_all(&folder)?;
     let style = ProgressStyle::with_template("{elapsed_precise} {msg:10} {wide_bar} {percent} %")?;
     let bar = ProgressBar::new(TICKS * ANIMALS.len() as u64).with_style(style);

@@ -36,9 +36,9 @@ impl Verdict {
     /// Of a shape that is not judged yet.
     pub const UNKNOWN: Self = Self { greatest: f64::INFINITY, mean: f64::INFINITY, worst: vec![] };
 
-    /// How bad a shape is. The greatest distance varies more from shape to shape than the mean does, so that a tenth less of the mean counts as two.
+    /// How bad a shape is: a tenth less of either counts the same.
     pub fn error(&self) -> f64 {
-        self.greatest * self.mean * self.mean
+        self.greatest * self.mean
     }
 }
 
