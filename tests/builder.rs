@@ -101,7 +101,8 @@ fn the_same_input_gives_the_same_bytes() {
     let mesh = torus(0.3, 0.1, 60, 20);
     let text = |seed: u64| {
         let options = BuildOptions { seed, ..with(12) };
-        ma::write(&ma::MaFile::from(&built(&mesh, &options).unwrap().axis))
+        let levels = build_levels(&mesh, &options, &|_| ControlFlow::Continue(())).unwrap();
+        levels.iter().map(|level| ma::write(&ma::MaFile::from(&level.axis))).collect::<String>()
     };
     assert_eq!(text(1), text(1));
     assert_ne!(text(1), text(2), "the seed does nothing, so neither would a difference show");
@@ -123,10 +124,14 @@ fn limits_hold() {
     let free = built(&mesh, &with(20)).unwrap();
     let (edges, faces) = counts(&free.axis);
     assert!(edges > 19 || faces > 0, "nothing to limit: {edges} edges, {faces} faces");
+    let none = BuildOptions { edges: Some(usize::MAX), faces: Some(usize::MAX), ..with(20) };
+    built(&mesh, &none).expect("no limit is one as well");
     for (edges, faces) in [(19, 0), (22, 1), (30, 5)] {
         let options = BuildOptions { edges: Some(edges), faces: Some(faces), ..with(20) };
-        let found = counts(&built(&mesh, &options).unwrap().axis);
-        assert!(found.0 <= edges && found.1 <= faces, "{found:?} of {edges} and {faces}");
+        for level in build_levels(&mesh, &options, &|_| ControlFlow::Continue(())).unwrap() {
+            let found = counts(&level.axis);
+            assert!(found.0 <= edges && found.1 <= faces, "{found:?} of {edges} and {faces}");
+        }
     }
 }
 

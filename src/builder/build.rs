@@ -146,7 +146,7 @@ pub fn build_levels(
     let mut spheres = search.spheres();
     while spheres > least {
         spheres = (spheres * STEP[0] / STEP[1]).max(least);
-        let share = |limit: usize| limit * spheres / options.spheres.max(1);
+        let share = |limit: usize| limit.saturating_mul(spheres) / options.spheres.max(1);
         let (edges, faces) = (options.edges.map(share), options.faces.map(share));
         let options = BuildOptions { spheres, edges, faces, ..*options };
         let starts: Vec<Start> =

@@ -139,8 +139,9 @@ pub(super) fn spend(
         reliefs.into_iter().zip(candidates).map(|(relief, c)| (relief, c, None)).collect();
     waiting.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     // The harm of those that are likely to be looked at; that of any other is taken as none until it is known.
-    let room = limits.edges.saturating_sub(complex.edges.len()) + limits.faces.saturating_sub(complex.faces.len());
-    let likely = (LOOKED_AT * room).min(waiting.len());
+    let [edges, faces] = [limits.edges, limits.faces];
+    let room = edges.saturating_sub(complex.edges.len()).saturating_add(faces.saturating_sub(complex.faces.len()));
+    let likely = LOOKED_AT.saturating_mul(room).min(waiting.len());
     let harms = parallel::map(likely, 2, |i| harm(complex, &waiting[i].1, target));
     waiting.iter_mut().zip(harms).for_each(|(waiting, harm)| waiting.2 = Some(harm));
     loop {

@@ -101,7 +101,7 @@ impl Envelope {
         ball.center + s.normal * ball.radius
     }
 
-    /// Points about `spacing` apart, closer where the radius is less, on the surfaces of all spheres, cones and slabs, be they visible or not.
+    /// Points about `spacing` apart, closer along thin cones, on the surfaces of all spheres, cones and slabs, be they visible or not.
     pub fn surface(&self, spacing: f64) -> Vec<SurfacePoint> {
         let mut points = self.sides(spacing);
         let mut seen = HashSet::new();

@@ -109,7 +109,8 @@ impl Hull {
 }
 
 impl Hull {
-    /// Points about `spacing` apart, closer where the radius is less, on the sides, without the spheres: weights, outward normal, and the area that each stands for.
+    /// Points about `spacing` apart, closer along thin cones, on the sides, without the spheres: weights, outward normal, and the area that each
+    /// stands for.
     pub fn sample(&self, spacing: f64, mut push: impl FnMut([f64; 3], DVec3, f64)) {
         match self {
             Hull::Sphere(_) => {}
@@ -130,7 +131,6 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 pub(super) fn sample_sphere(radius: f64, spacing: f64, mut push: impl FnMut(DVec3, f64)) {
     const LEAST: f64 = 16.0;
     let area = 4.0 * PI * radius * radius;
-    let spacing = suited(spacing, radius);
     let count = (area / (spacing * spacing)).max(LEAST) as usize;
     for i in 0..count {
         let z = 1.0 - (2 * i + 1) as f64 / count as f64;
@@ -140,11 +140,8 @@ pub(super) fn sample_sphere(radius: f64, spacing: f64, mut push: impl FnMut(DVec
     }
 }
 
-/// A distance of points that sees what is as thin as a finger: no more than the radius, as long as that is no less than a 200th of the diagonal.
-fn suited(spacing: f64, radius: f64) -> f64 {
-    const THIN: f64 = 0.005;
-    spacing.min(radius.max(THIN))
-}
+/// Points on cones are no farther apart than their mean radius, so that fingers are seen, unless it is less than this part of the diagonal.
+const THIN: f64 = 0.005;
 
 /// Weights in a slab at `t` along its edge ab, bc or ac.
 fn edge_weights(edge: usize, t: f64) -> [f64; 3] {
@@ -162,7 +159,7 @@ impl Cone {
         }
         let length = self.along.length();
         let axis = self.along / length;
-        let spacing = suited(spacing, self.from.radius + 0.5 * self.widening);
+        let spacing = spacing.min((self.from.radius + 0.5 * self.widening).max(THIN));
         let (e1, e2) = axis.any_orthonormal_pair();
         let sine = self.widening / length;
         let cosine = (1.0 - sine * sine).sqrt();

@@ -1,4 +1,4 @@
-//! Which of several shapes is the best: their two-sided errors at samples that none of them was fitted to.
+//! Which of several shapes is the best, and where it is not good: their two-sided errors at samples that none of them was fitted to.
 
 use glam::DVec3;
 
@@ -18,8 +18,11 @@ const SAMPLES: [usize; 2] = [20_000, 10_000];
 /// Points of the envelope deeper inside than this are hidden by other primitives.
 const HIDDEN: f64 = 1e-5;
 
-/// From this part of the greatest distance on a place is among the worst.
+/// From this part of the envelope's greatest distance on a place of it is among the worst.
 const BAD: f64 = 0.6;
+
+/// How many of those are told.
+const MOST_WORST: usize = 12;
 
 /// The distances between the surface and the envelope.
 #[derive(Clone, Debug)]
@@ -28,7 +31,7 @@ pub(super) struct Verdict {
     pub greatest: f64,
     /// The mean, of the worse way.
     pub mean: f64,
-    /// Where the envelope is about as far from the surface as anywhere.
+    /// Places of the envelope that are about as far from the surface as any, the worst first.
     pub worst: Vec<DVec3>,
 }
 
@@ -67,18 +70,20 @@ impl<'a> Judge<'a> {
         let errors: Vec<(usize, f64)> =
             visible.into_iter().zip(nearest).filter_map(|(i, distance)| Some((i, distance?))).collect();
         let outward = sum(errors.iter().map(|&(i, distance)| (distance, surface[i].area)));
-        let greatest = inward.max.max(outward.max);
-        let bad = errors.into_iter().filter(|(_, distance)| *distance > BAD * greatest);
+        let bad = errors.into_iter().filter(|(_, distance)| *distance > BAD * outward.max);
         let worst = spread(bad.map(|(i, distance)| (points.positions[i], distance)).collect());
-        Verdict { greatest, mean: inward.mean().max(outward.mean()), worst }
+        Verdict { greatest: inward.max.max(outward.max), mean: inward.mean().max(outward.mean()), worst }
     }
 }
 
-/// The worst places, but of those that lie close together the worst alone.
+/// The worst places, of those that lie close together the worst alone.
 fn spread(mut errors: Vec<(DVec3, f64)>) -> Vec<DVec3> {
     errors.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut places: Vec<DVec3> = vec![];
     for (place, _) in errors {
+        if places.len() == MOST_WORST {
+            break;
+        }
         if places.iter().all(|other| other.distance(place) > 0.5 * CLOSE_WITHIN) {
             places.push(place);
         }

@@ -1,7 +1,7 @@
 //! The worst places of a shape that fits on the whole: where the envelope leaves a thin limb, bridges a gap or opens to a void.
 //!
-//! The mean hides them, and so do points as far apart as those of the search. Here the envelope's points are close around the worst places, and
-//! errors far beyond the others hit a wall: spheres go there from where they do little, and edges and faces are chosen anew.
+//! The mean hides them, and so do points as far apart as those of the search. Here errors far beyond the others hit a wall, either way, and the
+//! envelope's points are close around its worst places: spheres go there from where they do little, and edges and faces are chosen anew.
 
 use std::ops::ControlFlow;
 
@@ -10,28 +10,25 @@ use super::{
     judge::{Judge, Verdict},
     progress::Progress,
     refine::{Change, Plan, target_for},
-    search::CREASES,
+    search::{CREASES, SPACING},
     surface_samples::Samples,
     target::Target,
 };
 
-/// Distance of points of the envelope beside the worst places, as a part of the diagonal.
-const SPACING: f64 = 0.012;
-
-/// Steps of a descent, twice.
-const STEPS: usize = 12;
+/// Steps of a descent.
+const STEPS: usize = 6;
 
 /// Most rounds.
 pub(super) const MOST_ROUNDS: usize = 4;
 
-/// Rounds that the time allows: those of a mesh with few triangles go into the search.
+/// Rounds that the time allows: none below 400 triangles a sphere, where that of the search is all there is.
 pub(super) fn rounds(triangles: usize, spheres: usize) -> usize {
     const TRIANGLES_PER_ROUND: usize = 100;
     const WITHOUT: usize = 3;
-    (triangles / (TRIANGLES_PER_ROUND * spheres)).saturating_sub(WITHOUT).min(MOST_ROUNDS)
+    (triangles / TRIANGLES_PER_ROUND / spheres).saturating_sub(WITHOUT).min(MOST_ROUNDS)
 }
 
-/// Makes the greatest error less in up to so many rounds as planned, of spheres and of edges and faces in turn; neither it nor the mean grows.
+/// Makes the greatest error less, and the mean no more than it was, in up to as many rounds as planned: of spheres, and of edges and faces, in turn.
 pub(super) fn mend(
     complex: &mut Complex,
     parts: &mut Vec<u32>,
@@ -45,16 +42,15 @@ pub(super) fn mend(
         return progress(1.0);
     }
     let samples = samples.clone().turned_outward(judge.solid);
-    let plan = Plan { steps: STEPS, spacing: SPACING, ..*plan };
+    let plan = Plan { steps: STEPS, ..*plan };
     let most_mean = verdict.mean;
-    let mut count = plan.most_exchanged();
     let mut failures = 0;
     for round in 0..plan.mends {
         progress(round as f32 / plan.mends as f32)?;
-        let target = target_for(complex, judge.solid, &samples, plan.spacing);
+        let target = target_for(complex, judge.solid, &samples, SPACING[1]);
         let penalty = target.penalty.walled();
         let target = Target { penalty, uncovered: 1.0, creases: CREASES, worst: &verdict.worst, ..target };
-        let change = if round % 2 == 0 { Change::Spheres(count) } else { Change::Joints };
+        let change = if round % 2 == 0 { Change::Spheres(plan.most_exchanged()) } else { Change::Connectivity };
         let (mut trial, mut trial_parts) = (complex.clone(), parts.clone());
         change.make(&mut trial, &mut trial_parts, &samples, &plan, &target);
         let after = judge.verdict(&trial);
@@ -66,7 +62,6 @@ pub(super) fn mend(
             if failures == 2 {
                 break;
             }
-            count = count.div_ceil(2);
         }
     }
     progress(1.0)
@@ -104,7 +99,7 @@ mod tests {
         };
         let before = judge.verdict(&bulging);
         let mended = |mends: usize| {
-            let plan = Plan { spheres: 4, edges: 3, faces: 0, rounds: 0, mends, steps: 8, spacing: 0.02 };
+            let plan = Plan { spheres: 4, edges: 3, faces: 0, rounds: 0, mends, steps: 4, spacing: 0.02 };
             let (mut complex, mut parts, mut verdict) = (bulging.clone(), vec![0; 4], before.clone());
             let never = |_: f32| ControlFlow::Continue(());
             let end = mend(&mut complex, &mut parts, &mut verdict, &judge, &samples, &plan, &never);

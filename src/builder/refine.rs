@@ -58,7 +58,7 @@ pub(super) struct Plan {
     pub rounds: usize,
     /// Rounds about the worst places.
     pub mends: usize,
-    /// Steps of a descent.
+    /// Steps of a descent within a round.
     pub steps: usize,
     /// Distance of points of the envelope.
     pub spacing: f64,
@@ -107,12 +107,11 @@ pub(super) fn target_for<'a>(complex: &Complex, solid: &'a Solid, samples: &'a S
 }
 
 /// What a round changes.
-#[derive(Clone, Copy)]
 pub(super) enum Change {
     /// Exchanges up to so many spheres.
     Spheres(usize),
     /// Edges and faces anew.
-    Joints,
+    Connectivity,
 }
 
 impl Change {
@@ -127,13 +126,13 @@ impl Change {
     ) -> f64 {
         match self {
             Self::Spheres(count) => exchange(complex, parts, target, samples, plan, count),
-            Self::Joints => {
+            Self::Connectivity => {
                 prune(complex, &State::new(complex, target), samples, target);
                 let limits = Limits { edges: plan.edges, faces: plan.faces };
                 respend(complex, parts, &State::new(complex, target), samples, limits, target);
             }
         }
-        descent::descend(complex, target, plan.steps / 2, descent::ROUGH)
+        descent::descend(complex, target, plan.steps, descent::ROUGH)
     }
 }
 
@@ -161,17 +160,17 @@ pub(super) fn refine(
         if complex.balls.len() == before {
             break;
         }
-        descent::descend(complex, &target, plan.steps / 2, descent::ROUGH);
+        descent::descend(complex, &target, plan.steps, descent::ROUGH);
         progress(0.0)?;
     }
     let target = target_for(complex, solid, samples, plan.spacing);
-    let mut cost = descent::descend(complex, &target, plan.steps, descent::ROUGH);
+    let mut cost = descent::descend(complex, &target, 2 * plan.steps, descent::ROUGH);
     let mut count = plan.most_exchanged();
     let mut cycle_start = cost;
     for round in 0..plan.rounds {
         progress(round as f32 / plan.rounds as f32)?;
         let connects = round % CYCLE == CYCLE - 1;
-        let change = if connects { Change::Joints } else { Change::Spheres(count) };
+        let change = if connects { Change::Connectivity } else { Change::Spheres(count) };
         let (mut trial, mut trial_parts) = (complex.clone(), parts.clone());
         let trial_cost = change.make(&mut trial, &mut trial_parts, samples, plan, &target);
         if trial_cost < cost {

@@ -29,7 +29,7 @@ const FINE: [usize; 2] = [150, 75];
 const SAMPLES: [usize; 2] = [3000, 20_000];
 
 /// Distance of points of the envelope, as a part of the diagonal: coarse and fine.
-const SPACING: [f64; 2] = [0.02, 0.012];
+pub(super) const SPACING: [f64; 2] = [0.02, 0.012];
 
 /// Steps of the last descents, one by an even penalty, and one by a steeper one that sees creases.
 const LAST_STEPS: [usize; 2] = [16, 10];
@@ -101,13 +101,13 @@ impl Search {
             faces: options.faces.unwrap_or(extra),
             rounds: Plan::rounds(triangles),
             mends: mend::rounds(triangles, spheres),
-            steps: 8,
+            steps: 4,
             spacing: SPACING[0],
         };
         // Until the first descent an error of some thousandths is usual.
         let target = refine::target(solid, &coarse, Penalty::new(1e-5), plan.spacing);
         let surplus = complex.balls.len().saturating_sub(spheres);
-        let limits = Limits { edges: plan.edges + surplus, faces: plan.faces };
+        let limits = Limits { edges: plan.edges.saturating_add(surplus), faces: plan.faces };
         connect::connect(&mut complex, &clusters.parts, &touching, &coarse, limits, &target);
         let (coarse, fine) = (coarse.into(), fine.into());
         let (parts, verdict) = (clusters.parts, Verdict::UNKNOWN);
@@ -134,7 +134,7 @@ impl Search {
 
     /// The search for a shape of fewer spheres that starts from this one, with their share of edges and faces.
     pub fn coarser(&self, spheres: usize) -> Self {
-        let share = |limit: usize| limit * spheres / self.plan.spheres;
+        let share = |limit: usize| limit.saturating_mul(spheres) / self.plan.spheres;
         let (edges, faces) = (share(self.plan.edges), share(self.plan.faces));
         Self {
             plan: Plan { spheres, edges, faces, rounds: Plan::MOST_ROUNDS, mends: mend::MOST_ROUNDS, ..self.plan },

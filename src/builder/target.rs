@@ -14,8 +14,8 @@ use super::{
 pub(super) struct Penalty {
     /// Square of the error from which on the cost is steep.
     steep: f64,
-    /// How steep: the cost grows as this power of the square.
-    power: i32,
+    /// Whether the cost grows as the fourth power of the square there, instead of the second.
+    walled: bool,
 }
 
 impl Penalty {
@@ -25,12 +25,10 @@ impl Penalty {
     const STEEPEST: f64 = 9.0;
     /// Errors of this many times large ones are at the wall: nearer, and means pay for the greatest error; farther, and it comes down less.
     const FAR: f64 = 1.4;
-    /// The wall's power of the square.
-    const WALL: i32 = 4;
 
     /// Suited to a mean square of errors.
     pub fn new(mean_square: f64) -> Self {
-        Self { steep: Self::LARGE * Self::LARGE * mean_square.max(1e-12), power: 2 }
+        Self { steep: Self::LARGE * Self::LARGE * mean_square.max(1e-12), walled: false }
     }
 
     /// The same, steep from lesser errors on by a factor.
@@ -40,30 +38,43 @@ impl Penalty {
 
     /// The same with a wall: only errors far beyond the others cost more than their square, and those very much.
     pub fn walled(self) -> Self {
-        Self { power: Self::WALL, ..self.steeper(1.0 / Self::FAR) }
+        Self { walled: true, ..self.steeper(1.0 / Self::FAR) }
     }
 
     pub fn of(&self, error: f64) -> f64 {
         let square = error * error / self.steep;
         let bent = square.min(Self::STEEPEST);
-        self.steep * (bent + bent.powi(self.power) + (square - bent) * self.slope(bent))
+        self.steep * (bent * (1.0 + self.rise(bent)) + (square - bent) * self.slope(bent))
     }
 
     /// Slope of the cost over twice the error: the weight of a least squares residual that pulls as the cost does.
     pub fn pull(&self, error: f64) -> f64 {
-        let square = (error * error / self.steep).min(Self::STEEPEST);
-        self.slope(square)
+        self.slope((error * error / self.steep).min(Self::STEEPEST))
     }
 
-    /// The weight of that residual in the matrix. The more the pull grows on the way, the shorter the step has to be.
+    /// The weight of that residual in the matrix: at the wall the curvature of the cost, as a step by the pull alone would go far beyond; else
+    /// the pull, whose longer steps get farther.
     pub fn stiffness(&self, error: f64) -> f64 {
-        let square = (error * error / self.steep).min(Self::STEEPEST);
-        let growth = f64::from(2 * self.power - 3);
-        1.0 + growth * (self.slope(square) - 1.0)
+        let square = error * error / self.steep;
+        if self.walled && square < Self::STEEPEST {
+            1.0 + (2.0 * self.power() - 1.0) * self.power() * self.rise(square)
+        } else {
+            self.pull(error)
+        }
+    }
+
+    /// Of the square.
+    fn power(&self) -> f64 {
+        if self.walled { 4.0 } else { 2.0 }
+    }
+
+    /// The square to that power, over the square.
+    fn rise(&self, square: f64) -> f64 {
+        if self.walled { square * square * square } else { square }
     }
 
     fn slope(&self, square: f64) -> f64 {
-        1.0 + f64::from(self.power) * square.powi(self.power - 1)
+        1.0 + self.power() * self.rise(square)
     }
 }
 
@@ -111,7 +122,7 @@ pub(super) struct Target<'a> {
     pub uncovered: f64,
     /// How deep within the solid points of the envelope count in a descent, as at the bottom of a crease, as a part of the diagonal.
     pub creases: f64,
-    /// Places of the envelope around which its points are close.
+    /// Places of the envelope around which there are points close to each other as well, so that what is there counts more.
     pub worst: &'a [DVec3],
     /// What else there is that does not move, if the shape is a part of one.
     pub rest: Option<Rest<'a>>,
@@ -239,5 +250,37 @@ impl Target<'_> {
         let inward: f64 = hits.iter().zip(self.weights).map(|(h, w)| w * self.cost_of(h.distance)).sum();
         let outward: f64 = anchors.iter().map(|a| a.weight * self.penalty.of(a.error(envelope))).sum();
         inward + outward
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn penalties_pull_as_they_cost() {
+        const STEP: f64 = 1e-4;
+        let plain = Penalty::new(1.0);
+        let (mut bent, mut curved) = (0, 0);
+        for penalty in [plain, plain.steeper(2.0), plain.walled()] {
+            for error in (1..400).map(|i| 0.05 * f64::from(i)) {
+                let [before, at, after] = [-STEP, 0.0, STEP].map(|step| penalty.of(error + step));
+                let pull = (after - before) / (4.0 * STEP * error);
+                assert!((pull / penalty.pull(error) - 1.0).abs() < 1e-4, "{penalty:?} pulls by {pull} at {error}");
+                let curvature = (after - 2.0 * at + before) / (2.0 * STEP * STEP);
+                let from_bend = error - (Penalty::STEEPEST * penalty.steep).sqrt();
+                if from_bend.abs() < STEP {
+                    continue;
+                }
+                if from_bend > 0.0 {
+                    bent += 1;
+                    assert_eq!(penalty.stiffness(error), penalty.pull(error));
+                } else if penalty.walled && error > 3.0 {
+                    curved += 1;
+                    assert!((curvature / penalty.stiffness(error) - 1.0).abs() < 1e-3, "{curvature} at {error}");
+                }
+            }
+        }
+        assert!(bent > 100 && curved > 100, "{bent} {curved}");
     }
 }
