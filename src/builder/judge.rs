@@ -27,8 +27,8 @@ const MOST_WORST: usize = 12;
 /// The distances between the surface and the envelope.
 #[derive(Clone, Debug)]
 pub(super) struct Verdict {
-    /// The greatest, either way.
-    pub greatest: f64,
+    /// The greatest from the surface to the envelope, and back.
+    pub greatest: [f64; 2],
     /// The mean, of the worse way.
     pub mean: f64,
     /// Places of the envelope that are about as far from the surface as any, the worst first.
@@ -37,11 +37,16 @@ pub(super) struct Verdict {
 
 impl Verdict {
     /// Of a shape that is not judged yet.
-    pub const UNKNOWN: Self = Self { greatest: f64::INFINITY, mean: f64::INFINITY, worst: vec![] };
+    pub const UNKNOWN: Self = Self { greatest: [f64::INFINITY; 2], mean: f64::INFINITY, worst: vec![] };
 
-    /// How bad a shape is: a tenth less of either counts the same.
+    /// How bad a shape is: a tenth less of the mean or of the greatest distance of either way counts the same.
     pub fn error(&self) -> f64 {
-        self.greatest * self.mean
+        self.greatest[0] * self.greatest[1] * self.mean
+    }
+
+    /// The greatest distance, either way.
+    pub fn max(&self) -> f64 {
+        self.greatest[0].max(self.greatest[1])
     }
 }
 
@@ -72,7 +77,7 @@ impl<'a> Judge<'a> {
         let outward = sum(errors.iter().map(|&(i, distance)| (distance, surface[i].area)));
         let bad = errors.into_iter().filter(|(_, distance)| *distance > BAD * outward.max);
         let worst = spread(bad.map(|(i, distance)| (points.positions[i], distance)).collect());
-        Verdict { greatest: inward.max.max(outward.max), mean: inward.mean().max(outward.mean()), worst }
+        Verdict { greatest: [inward.max, outward.max], mean: inward.mean().max(outward.mean()), worst }
     }
 }
 

@@ -54,7 +54,7 @@ pub(super) fn mend(
         let (mut trial, mut trial_parts) = (complex.clone(), parts.clone());
         change.make(&mut trial, &mut trial_parts, &samples, &plan, &target);
         let after = judge.verdict(&trial);
-        if after.greatest <= verdict.greatest && after.mean <= most_mean && after.error() < verdict.error() {
+        if after.max() <= verdict.max() && after.mean <= most_mean && after.error() < verdict.error() {
             (*complex, *parts, *verdict) = (trial, trial_parts, after);
             failures = 0;
         } else {
@@ -105,10 +105,10 @@ mod tests {
             let end = mend(&mut complex, &mut parts, &mut verdict, &judge, &samples, &plan, &never);
             assert!(end.is_continue());
             assert_eq!(parts.len(), complex.balls.len());
-            assert_eq!(judge.verdict(&complex).greatest, verdict.greatest, "it knows what it made");
-            verdict.greatest
+            assert_eq!(judge.verdict(&complex).max(), verdict.max(), "it knows what it made");
+            verdict.max()
         };
-        assert_eq!(mended(0), before.greatest);
-        assert!(mended(2) < 0.3 * before.greatest, "{} of {}", mended(2), before.greatest);
+        assert_eq!(mended(0), before.max());
+        assert!(mended(2) < 0.3 * before.max(), "{} of {}", mended(2), before.max());
     }
 }
