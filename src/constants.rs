@@ -105,17 +105,18 @@ pub const STOP_SLOP: f32 = 1.0e-3;
 pub const DEEP: f32 = 0.05;
 
 /// Contacts within this many length units of the deepest carry the body: they go to the solver before those farther off.
-pub const CARRYING_DEPTH: f32 = 5.0e-3;
+pub const CARRYING_DEPTH: f32 = 2.0e-3;
 
 /// How much farther out a contact has to be to come before one that is deeper, per metre of depth. Larger, and rounding chooses among contacts of a
 /// body at rest; smaller, and one that is deeper may be left out.
 pub const DEPTH_WEIGHT: f32 = 50.0;
 
-/// How many length units deeper than those that lie farther out a contact has to be to be kept all the same.
-pub const DEEPER: f32 = 5.0e-4;
+/// How many length units deeper than those that lie farther out a contact has to be to come into the place of one of them. Smaller, and a pile loses
+/// one support for another from step to step.
+pub const DEEPER: f32 = 2.0e-3;
 
-/// Width of what carries a body, in parts of its length, from which on that is an area and not a line.
-pub const WIDE: f32 = 0.2;
+/// Contacts nearer to each other than this part of what they span carry a body as one.
+pub const CLOSE_CONTACT: f32 = 0.1;
 
 /// An axis that is none of a shape's own, as a rule: of contacts that mirror each other one is farther out across it.
 pub const OBLIQUE_AXIS: Vec3 = Vec3::new(0.48, 0.6, 0.64);

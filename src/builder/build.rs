@@ -150,7 +150,7 @@ pub fn build_levels(
         let (edges, faces) = (options.edges.map(share), options.faces.map(share));
         let options = BuildOptions { spheres, edges, faces, ..*options };
         let starts: Vec<Start> =
-            once(Start::Finer(search)).chain(seeds(&options, options.searches.unwrap_or(0))).collect();
+            once(Start::Finer(Box::new(search))).chain(seeds(&options, options.searches.unwrap_or(0))).collect();
         search = best(&judge, mesh, &options, &starts, progress)?;
         levels.push(search.built(&solid, progress)?);
     }
@@ -162,7 +162,7 @@ enum Start {
     /// With samples of that seed.
     Seed(u64),
     /// With a shape that has more spheres.
-    Finer(Search),
+    Finer(Box<Search>),
 }
 
 fn seeds(options: &BuildOptions, count: usize) -> impl Iterator<Item = Start> {

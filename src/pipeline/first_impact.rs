@@ -75,8 +75,8 @@ struct SearchBuffers {
 }
 
 /// The earliest impact of a pair's motions: where an overlap grows by more than a slop, which contacts never do that the
-/// solver knows about; for primitives that are apart before that, where they touch. None where what is left of the motion is less than a
-/// slop itself: a pile that settles must come to rest.
+/// solver knows about; for primitives that it knows nothing of, being farther apart than the prediction distance at the start, where they
+/// touch. None where what is left of the motion is less than a slop itself: a pile that settles must come to rest.
 ///
 /// What slides over a seam takes the overlap that it has along to the next part. Where bodies spin or go far, the step is searched in parts.
 pub(super) fn first_impact(question: &Question, mut motions: Motions, scratch: &mut Scratch) -> ImpactResult {
@@ -95,8 +95,9 @@ pub(super) fn first_impact(question: &Question, mut motions: Motions, scratch: &
     } = scratch;
     let mut lap = laps();
     buffers.overlaps.clear();
-    let mut search = Search { result, carried: 0.0, met: None, buffers };
     let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
+    let near = if count == 1 { input.prediction } else { 0.0 };
+    let mut search = Search { result, near, carried: 0.0, met: None, buffers };
     // Those of the bodies are for all of the way.
     let boxes = if count == 1 && known.is_none() { question.boxes(caches) } else { [None; 2] };
     let parts = Parts::new(&motions, count);
@@ -165,6 +166,9 @@ impl Parts {
 /// A search for the first impact of a pair, part by part of the step.
 struct Search<'b> {
     result: ImpactResult,
+    /// Up to which distance at the start the solver knows of a contact, in metres, and holds its place up as it is then. What slides or turns may
+    /// overlap all the same, and would stop at each touch.
+    near: f32,
     /// How deep primitives may be that were less deep at the start of the step, in metres.
     carried: f32,
     /// The motion and the primitives that meet first so far, and whether they have touched at the start of the part.
@@ -198,7 +202,7 @@ impl Search<'_> {
         candidates: impl Fn(usize) -> &'c [PrimitivePair],
         [part, parts]: [usize; 2],
     ) {
-        let result = &mut self.result;
+        let (result, near) = (&mut self.result, self.near);
         let SearchBuffers { chords: all_chords, room, approaching, overlaps } = &mut *self.buffers;
         all_chords.resize_with(motions.len().max(all_chords.len()), Chords::default);
         approaching.clear();
@@ -251,7 +255,7 @@ impl Search<'_> {
             let own = overlaps.iter().find(|(key, _)| *key == (*index, *pair));
             let overlap = own.map_or(self.carried, |(_, own)| own.max(self.carried));
             let toi = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
-                rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop])
+                rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop, near])
             });
             result.unresolved += u32::from(toi.status == TimeOfImpactStatus::IterationLimit);
             let earlier = result.impact.is_none_or(|first| toi.fraction < first.fraction);

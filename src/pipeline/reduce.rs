@@ -5,7 +5,8 @@ use glam::Vec3;
 
 use super::{Contact, Manifold};
 use crate::constants::{
-    CARRYING_DEPTH, DEEPER, DEPTH_WEIGHT, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS, OBLIQUE_AXIS, WIDE,
+    CARRYING_DEPTH, CLOSE_CONTACT, DEEPER, DEPTH_WEIGHT, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS,
+    OBLIQUE_AXIS,
 };
 
 /// Room to work in.
@@ -44,20 +45,32 @@ pub(super) fn reduce(
     }
 }
 
-/// Up to four contacts that span the group, the deepest first. Those about as deep as the deepest carry the body and come before those that it
-/// may touch next.
+/// Up to four contacts of the group, the deepest first. Those about as deep as the deepest carry the body and come before those that it may touch
+/// next: first the outermost of them, then the others.
 fn spread(group: &[Contact], unit: f32) -> Kept {
-    let carrying = group.partition_point(|contact| contact.distance <= group[0].distance + CARRYING_DEPTH * unit);
+    let deepest = group[0].distance;
+    let depth = deepest.max(0.5 * deepest) + CARRYING_DEPTH * unit;
+    let carrying = group.partition_point(|contact| contact.distance <= depth);
     let mut kept = Kept::new();
     outermost(&group[..carrying], unit, &mut kept);
-    if !is_wide(&kept) {
-        kept.clear();
-        span(&group[..carrying], unit, &mut kept);
-    }
+    fill(&group[..carrying], unit, &mut kept);
     span(group, unit, &mut kept);
     keep_deepest(group[0], unit, &mut kept);
     kept.sort_unstable_by(Contact::order);
     kept
+}
+
+/// Adds the deepest of the group that are not close to those kept, until there are four. One that is left out sinks in until it is the deepest, in the
+/// place of one that does then, and the body rocks.
+fn fill(group: &[Contact], unit: f32, kept: &mut Kept) {
+    let extent = group.iter().map(|contact| contact.point1.distance(kept[0].point1)).fold(0.0, f32::max);
+    let apart = CLOSE_CONTACT * extent + DUPLICATE_CONTACT * unit;
+    for contact in group {
+        if !kept.is_full() && kept.iter().all(|other| other.point1.distance(contact.point1) > apart) {
+            kept.push(*contact);
+        }
+    }
+    kept.sort_unstable_by(Contact::order);
 }
 
 /// Puts the deepest contact in the place of the nearest one that is kept, if it is deeper than all of them by more than rounding.
@@ -86,14 +99,6 @@ fn outermost(group: &[Contact], unit: f32, kept: &mut Kept) {
     kept.sort_unstable_by(Contact::order);
 }
 
-/// True if the contacts span an area, and not a line, on which a body rolls.
-fn is_wide(contacts: &[Contact]) -> bool {
-    let [first, others @ ..] = contacts else { return false };
-    let ways = || others.iter().map(|contact| contact.point1 - first.point1);
-    let longest = ways().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared())).unwrap_or_default();
-    ways().any(|way| way.cross(longest).length() > WIDE * longest.length_squared())
-}
-
 /// Adds contacts of the group to those kept, until there are four or the others lie within what is kept: the deepest, the one farthest from it, the
 /// one farthest from their line, and the one farthest out on the other side of it.
 fn span(group: &[Contact], unit: f32, kept: &mut Kept) {
@@ -105,10 +110,7 @@ fn span(group: &[Contact], unit: f32, kept: &mut Kept) {
             kept.extend(best.filter(|contact| measure(contact) > DUPLICATE_CONTACT * unit).copied());
         }
     };
-    if kept.is_empty() {
-        kept.push(group[0]);
-    }
-    let deepest = kept[0].point1;
+    let Some(deepest) = kept.first().map(|contact| contact.point1) else { return };
     if kept.len() == 1 {
         add(kept, &|c| c.point1.distance(deepest));
     }
@@ -185,5 +187,16 @@ mod tests {
         let middle = Contact { distance: -1.0e-5, ..middle };
         let kept = kept_of((0..24).map(|i| contact(i, on_ring(i), 0.0)).chain([middle]));
         assert!(!kept.contains(&24));
+    }
+
+    #[test]
+    fn feet_that_carry_are_kept_before_what_is_far_off() {
+        // A foot between two others that lie farther out, about as deep as they, and a leg in the air that is farthest out on its side.
+        let feet = [(0.24, -0.12, -0.6e-3), (-0.28, 0.0, -0.1e-3), (0.3, 0.15, 0.0), (0.31, -0.16, 0.6e-3)];
+        let leg = [(0.15, 0.25, 12.0e-3)];
+        let contacts = feet.into_iter().chain(leg).enumerate();
+        let mut kept = kept_of(contacts.map(|(i, (x, z, distance))| contact(i, Vec3::new(x, -0.1, z), distance)));
+        kept.sort_unstable();
+        assert_eq!(kept, [0, 1, 2, 3]);
     }
 }

@@ -158,7 +158,7 @@ pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, ch
 }
 
 /// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by more than `slop` metres beyond an
-/// `overlap`, as they may have had; if they are apart before that, the fraction at which they touch.
+/// `overlap`, as they may have had; if they begin the step farther apart than `near`, in metres, the fraction at which they touch.
 ///
 /// Both in the frames of their bodies; the contact is in the frame of the chords. The first side is larger by the chords' deviation, so an
 /// impact is early by twice as much at most, and never late.
@@ -168,7 +168,7 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
     chords: &Chords,
     start: &RigidStart,
     max_fraction: f32,
-    [overlap, slop]: [f32; 2],
+    [overlap, slop, near]: [f32; 3],
 ) -> TimeOfImpact {
     let depth = overlap + slop * (1.0 - overlap / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
     let count = chords.count() as f32;
@@ -195,7 +195,7 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
             break found;
         }
     };
-    if found.status != TimeOfImpactStatus::Separated {
+    if found.status != TimeOfImpactStatus::Separated && start.distance() > near {
         // Back to where they touch, if they have not touched from the start on.
         let (mut touching, mut limit) = (chord, found.fraction);
         let mut after = None;
