@@ -104,7 +104,7 @@ pub const STOP_SLOP: f32 = 1.0e-3;
 /// Overlap, per metre of the smaller body's radius, that no pressure explains: such bodies were put into each other.
 pub const DEEP: f32 = 0.05;
 
-/// Contacts within this many length units of the deepest carry the body: they go to the solver before those farther off.
+/// Contacts within this many length units of the deepest, or of half of its depth, carry the body: they go to the solver before those farther off.
 pub const CARRYING_DEPTH: f32 = 2.0e-3;
 
 /// How much farther out a contact has to be to come before one that is deeper, per metre of depth. Larger, and rounding chooses among contacts of a

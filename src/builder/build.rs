@@ -110,7 +110,7 @@ const MOST_SEARCHES: usize = 3;
 
 /// How often a shape is sought if nothing is said, each time from other samples: which of many good shapes is found is chance.
 fn searches(triangles: usize, spheres: usize) -> usize {
-    (1 + triangles / (TRIANGLES_PER_SEARCH * spheres)).min(MOST_SEARCHES)
+    (1 + triangles / TRIANGLES_PER_SEARCH / spheres).min(MOST_SEARCHES)
 }
 
 /// A medial mesh of a solid.

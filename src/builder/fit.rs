@@ -64,7 +64,7 @@ pub fn fit(
                 if spheres == most || found.as_ref().is_some_and(|level| level.error.max() <= error) {
                     break (spheres, found);
                 }
-                spheres = (2 * spheres).min(most);
+                spheres = spheres.saturating_mul(2).min(most);
             }
         }
     };

@@ -39,9 +39,10 @@ impl Verdict {
     /// Of a shape that is not judged yet.
     pub const UNKNOWN: Self = Self { greatest: [f64::INFINITY; 2], mean: f64::INFINITY, worst: vec![] };
 
-    /// How bad a shape is: a tenth less of the mean or of the greatest distance of either way counts the same.
+    /// How bad a shape is: a tenth less of the mean or of the greatest distance of either way counts the same. One without anything to judge is bad.
     pub fn error(&self) -> f64 {
-        self.greatest[0] * self.greatest[1] * self.mean
+        let error = self.greatest[0] * self.greatest[1] * self.mean;
+        if error > 0.0 { error } else { f64::INFINITY }
     }
 
     /// The greatest distance, either way.

@@ -28,7 +28,7 @@ pub(super) fn rounds(triangles: usize, spheres: usize) -> usize {
     (triangles / TRIANGLES_PER_ROUND / spheres).saturating_sub(WITHOUT).min(MOST_ROUNDS)
 }
 
-/// Makes the greatest error less, and the mean no more than it was, in up to as many rounds as planned: of spheres, and of edges and faces, in turn.
+/// Makes the error less, and the greatest and the mean no more than they were, in up to as many rounds as planned: of spheres, and of edges and faces, in turn.
 pub(super) fn mend(
     complex: &mut Complex,
     parts: &mut Vec<u32>,

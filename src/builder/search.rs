@@ -17,7 +17,10 @@ use super::{
     surface_samples::{Samples, medial_ball},
     target::{Penalty, Target},
 };
-use crate::{geometry::Sphere, medial_axis::MedialAxis};
+use crate::{
+    geometry::Sphere,
+    medial_axis::{MAX_SPHERES, MedialAxis},
+};
 
 /// Samples of the area per sphere while spheres are sought, and vertices beside them.
 const COARSE: [usize; 2] = [60, 12];
@@ -72,7 +75,7 @@ impl Search {
     ) -> Result<Self, BuildError> {
         let report = |part: f32| if progress(part).is_break() { Err(BuildError::Cancelled) } else { Ok(()) };
         report(0.0)?;
-        let spheres = options.spheres.max(1);
+        let spheres = options.spheres.clamp(1, MAX_SPHERES);
         let count = |per_sphere: [usize; 2], factor: usize| {
             let area = (spheres * per_sphere[0]).clamp(SAMPLES[0] * factor, SAMPLES[1] * factor);
             (area, area * per_sphere[1] / per_sphere[0])
@@ -132,7 +135,7 @@ impl Search {
         self.plan.spheres
     }
 
-    /// The search for a shape of fewer spheres that starts from this one, with their share of edges and faces.
+    /// The search for a shape of fewer spheres that starts from this one, with about their share of edges and faces.
     pub fn coarser(&self, spheres: usize) -> Self {
         let share = |limit: usize| limit.saturating_mul(spheres) / self.plan.spheres;
         let (edges, faces) = (share(self.plan.edges), share(self.plan.faces));

@@ -17,7 +17,7 @@ use super::{
     with_spheres,
 };
 use crate::{
-    constants::{SAME_SPHERE, SEAM_REACH, VERTEX_NORMAL_COSINE},
+    constants::{SAME_SPHERE, SEAM_REACH, TOUCH_DISTANCE, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, Support, separation},
 };
@@ -103,6 +103,14 @@ pub struct Reach {
     pub prediction: f32,
     /// [`StepInput::length_unit`](super::StepInput::length_unit).
     pub length_unit: f32,
+}
+
+impl Reach {
+    /// Distance in metres up to which the solver is told of the contacts of a pair that goes so far in a step, in metres: the less, the farther.
+    pub(crate) fn trusted(&self, way: f32) -> f32 {
+        let trust = (self.prediction / way).min(1.0);
+        (self.prediction * trust * trust).max(TOUCH_DISTANCE * self.length_unit).min(self.prediction)
+    }
 }
 
 impl From<f32> for Reach {

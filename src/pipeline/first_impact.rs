@@ -28,6 +28,8 @@ pub(super) struct ImpactResult {
     pub slop: f32,
     /// True if the pair was in touch at the start.
     pub in_touch: bool,
+    /// [`Question::near`].
+    pub near: f32,
     /// Unit normal between the primitives that were nearest to each other at the start, in the world; zero if none was looked at.
     pub normal: Vec3,
     /// How many primitive pairs were left by culling.
@@ -50,6 +52,9 @@ pub(super) struct Question<'a> {
     pub times: [Option<[f32; 2]>; 2],
     /// How far both may be from there, together, in metres.
     pub slack: f32,
+    /// Up to which distance at the start the solver knows of contacts, in metres, and holds their places up as they are then. What slides or turns
+    /// may overlap all the same, and would stop at each touch.
+    pub near: f32,
     /// A direction in the world, from the first body to the second, along which many of their primitives may be apart; zero if none is known.
     pub normal: Vec3,
 }
@@ -75,14 +80,14 @@ struct SearchBuffers {
 }
 
 /// The earliest impact of a pair's motions: where an overlap grows by more than a slop, which contacts never do that the
-/// solver knows about; for primitives that it knows nothing of, being farther apart than the prediction distance at the start, where they
-/// touch. None where what is left of the motion is less than a slop itself: a pile that settles must come to rest.
+/// solver knows about and whose places stay; for primitives that it knows nothing of, where they touch. None where what is left of the
+/// motion is less than a slop itself: a pile that settles must come to rest.
 ///
 /// What slides over a seam takes the overlap that it has along to the next part. Where bodies spin or go far, the step is searched in parts.
 pub(super) fn first_impact(question: &Question, mut motions: Motions, scratch: &mut Scratch) -> ImpactResult {
-    let Question { input, known, slack, normal, .. } = *question;
+    let Question { input, known, slack, near, normal, .. } = *question;
     let slop = motions.iter().map(|motion| motion.slop).fold(0.0, f32::max);
-    let result = ImpactResult { slop, normal, ..Default::default() };
+    let result = ImpactResult { slop, near, normal, ..Default::default() };
     // On a shorter way no overlap grows by that.
     if motions.iter().all(|motion| motion.way() <= motion.slop) {
         return result;
@@ -96,8 +101,7 @@ pub(super) fn first_impact(question: &Question, mut motions: Motions, scratch: &
     let mut lap = laps();
     buffers.overlaps.clear();
     let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
-    let near = if count == 1 { input.prediction } else { 0.0 };
-    let mut search = Search { result, near, carried: 0.0, met: None, buffers };
+    let mut search = Search { result, carried: 0.0, met: None, buffers };
     // Those of the bodies are for all of the way.
     let boxes = if count == 1 && known.is_none() { question.boxes(caches) } else { [None; 2] };
     let parts = Parts::new(&motions, count);
@@ -166,9 +170,6 @@ impl Parts {
 /// A search for the first impact of a pair, part by part of the step.
 struct Search<'b> {
     result: ImpactResult,
-    /// Up to which distance at the start the solver knows of a contact, in metres, and holds its place up as it is then. What slides or turns may
-    /// overlap all the same, and would stop at each touch.
-    near: f32,
     /// How deep primitives may be that were less deep at the start of the step, in metres.
     carried: f32,
     /// The motion and the primitives that meet first so far, and whether they have touched at the start of the part.
@@ -202,7 +203,8 @@ impl Search<'_> {
         candidates: impl Fn(usize) -> &'c [PrimitivePair],
         [part, parts]: [usize; 2],
     ) {
-        let (result, near) = (&mut self.result, self.near);
+        let result = &mut self.result;
+        let near = if parts == 1 { result.near } else { 0.0 };
         let SearchBuffers { chords: all_chords, room, approaching, overlaps } = &mut *self.buffers;
         all_chords.resize_with(motions.len().max(all_chords.len()), Chords::default);
         approaching.clear();

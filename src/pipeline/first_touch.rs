@@ -33,6 +33,7 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
         // Their boxes are of no use to another pair.
         times: [None; 2],
         slack: 0.0,
+        near: 0.0,
         normal: Vec3::ZERO,
     };
     first_impact(&question, motions, &mut Scratch::default()).impact

@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::{collections::HashSet, fmt, sync::Arc};
 
-use super::{ConvexParts, Second, Shape, broad_phase};
+use super::{ConvexParts, Second, Shape, broad_phase, contact::Reach};
 use crate::{
     constants::{SLIDE_WAY, TOUCH_DISTANCE},
     geometry::{Aabb, Bvh, Obb, Pose3, Sphere, Sweep},
@@ -306,6 +306,11 @@ impl StepInput {
     /// True for a body that impacts stop.
     pub(super) fn is_stopping(&self, body: u32) -> bool {
         self.stop_at_impact && self.bodies[body as usize].stops
+    }
+
+    /// How far contacts are looked for.
+    pub(super) fn reach(&self) -> Reach {
+        Reach { prediction: self.prediction, length_unit: self.length_unit }
     }
 
     /// What a side of a pair is made of, and its motion over the step.

@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::{
     Culling, Impact, Manifold, Pair, Scratch, Second, Side, Statics, StepInput, StepOutput,
     broad_phase::BodyPair,
-    contact::{self, Reach},
+    contact,
     first_impact::{ImpactResult, Question, first_impact},
     laps,
     mid_phase::{self, PrimitivePair},
@@ -31,7 +31,10 @@ pub(super) fn impacts(
         let known = known.get(i).and_then(Option::as_deref);
         let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
         let times = [Some([0.0, 1.0]); 2];
-        first_impact(&Question { input, statics, pair, known, times, slack: 0.0, normal: Vec3::ZERO }, motions, scratch)
+        let way = motions.iter().map(PairMotion::way).fold(0.0, f32::max);
+        let near = if pair.stops { input.reach().trusted(way) } else { 0.0 };
+        let question = Question { input, statics, pair, known, times, slack: 0.0, near, normal: Vec3::ZERO };
+        first_impact(&question, motions, scratch)
     });
 }
 
@@ -45,7 +48,7 @@ pub(super) fn manifolds(
     manifolds: &mut Vec<(usize, Manifold)>,
     pool: &TaskPool,
 ) {
-    let reach = Reach { prediction: input.prediction, length_unit: input.length_unit };
+    let reach = input.reach();
     manifolds.clear();
     parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
         let Scratch { contact: buffers, contacts, reduce, laps: [finding, reducing], .. } = scratch;

@@ -7,8 +7,8 @@ use glam::Vec3;
 use super::{Manifold, Side};
 use crate::geometry::Pose3;
 
-/// First impact of a pair within the step: they touch, and would overlap by more than a slop if nothing stopped them; or they are within the
-/// prediction distance of each other at the start, and overlap by more than a slop, beyond what they may have overlapped by.
+/// First impact of a pair within the step: they touch, and would overlap by more than a slop if nothing stopped them. Of primitives that begin the
+/// step so near each other that the solver is told of it: they overlap by more than a slop, beyond what they may have overlapped by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact {
     /// When, as a fraction of the step.

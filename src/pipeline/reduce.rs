@@ -45,12 +45,12 @@ pub(super) fn reduce(
     }
 }
 
-/// Up to four contacts of the group, the deepest first. Those about as deep as the deepest carry the body and come before those that it may touch
-/// next: first the outermost of them, then the others.
+/// Up to four contacts of the group, the deepest first. Those about as deep as the deepest, or half as deep, carry the body and come before those that
+/// it may touch next: first the outermost of them, then the others.
 fn spread(group: &[Contact], unit: f32) -> Kept {
     let deepest = group[0].distance;
-    let depth = deepest.max(0.5 * deepest) + CARRYING_DEPTH * unit;
-    let carrying = group.partition_point(|contact| contact.distance <= depth);
+    let limit = deepest.max(0.5 * deepest) + CARRYING_DEPTH * unit;
+    let carrying = group.partition_point(|contact| contact.distance <= limit);
     let mut kept = Kept::new();
     outermost(&group[..carrying], unit, &mut kept);
     fill(&group[..carrying], unit, &mut kept);
@@ -73,7 +73,7 @@ fn fill(group: &[Contact], unit: f32, kept: &mut Kept) {
     kept.sort_unstable_by(Contact::order);
 }
 
-/// Puts the deepest contact in the place of the nearest one that is kept, if it is deeper than all of them by more than rounding.
+/// Puts the deepest contact in the place of the nearest one that is kept, if it is deeper than all of them by [`DEEPER`].
 fn keep_deepest(deepest: Contact, unit: f32, kept: &mut [Contact]) {
     let distance = |contact: &Contact| contact.point1.distance_squared(deepest.point1);
     let is_missing = kept.iter().all(|contact| contact.distance > deepest.distance + DEEPER * unit);
@@ -99,7 +99,7 @@ fn outermost(group: &[Contact], unit: f32, kept: &mut Kept) {
     kept.sort_unstable_by(Contact::order);
 }
 
-/// Adds contacts of the group to those kept, until there are four or the others lie within what is kept: the deepest, the one farthest from it, the
+/// Adds contacts of the group to those kept, until there are four or the others lie within what is kept: the one farthest from the deepest, the
 /// one farthest from their line, and the one farthest out on the other side of it.
 fn span(group: &[Contact], unit: f32, kept: &mut Kept) {
     let normal = group[0].normal1;
@@ -110,7 +110,7 @@ fn span(group: &[Contact], unit: f32, kept: &mut Kept) {
             kept.extend(best.filter(|contact| measure(contact) > DUPLICATE_CONTACT * unit).copied());
         }
     };
-    let Some(deepest) = kept.first().map(|contact| contact.point1) else { return };
+    let deepest = kept[0].point1;
     if kept.len() == 1 {
         add(kept, &|c| c.point1.distance(deepest));
     }

@@ -516,7 +516,9 @@ fn impact_from(
     motions.retain(|motion| motion.way() > motion.slop);
     let times = [pair.first, pair.second].map(|side| stops.times(side, fraction));
     let slack = pair.bodies().map(|body| stops.slid(body)).sum();
-    let question = Question { input, statics, pair, known: None, times, slack, normal: before.normal };
+    // What was apart at the start the solver may not know, wherever it has come to by now.
+    let near = if before.in_touch { before.near } else { 0.0 };
+    let question = Question { input, statics, pair, known: None, times, slack, near, normal: before.normal };
     let mut found = first_impact(&question, motions, scratch);
     if let Some(impact) = &mut found.impact {
         impact.fraction = fraction + (1.0 - fraction) * impact.fraction;

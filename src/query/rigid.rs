@@ -196,7 +196,7 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
         }
     };
     if found.status != TimeOfImpactStatus::Separated && start.distance() > near {
-        // Back to where they touch, if they have not touched from the start on.
+        // Back to where they touch.
         let (mut touching, mut limit) = (chord, found.fraction);
         let mut after = None;
         loop {
@@ -218,4 +218,24 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
         }
     }
     TimeOfImpact { fraction: (chord as f32 + found.fraction) / count, rounds, ..found }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Pose3;
+
+    #[test]
+    fn what_begins_near_may_overlap_by_a_slop() {
+        // A centimetre apart, on a way of ten.
+        let (ball, slop) = ([Sphere::new(Vec3::ZERO, 0.1)], 1.0e-3);
+        let at = |x: f32| Pose3::from_translation(Vec3::X * x);
+        let sweep = |from: f32, to: f32| Sweep::between(at(from), at(to), Vec3::ZERO, Vec3::ZERO);
+        let mut chords = Chords::default();
+        chords.set([&sweep(0.0, 0.1), &sweep(0.21, 0.21)], [0.0; 2], 1.0e-4);
+        let start = rigid_start(&ball, &ball, &chords);
+        let fraction = |near: f32| rigid_impact(&ball, &ball, &chords, &start, 1.0, [0.0, slop, near]).fraction;
+        assert!((fraction(0.009) - 0.1).abs() < 1.0e-4, "{}", fraction(0.009));
+        assert!((fraction(0.011) - 0.11).abs() < 1.0e-4, "{}", fraction(0.011));
+    }
 }

@@ -9,9 +9,9 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use crate::{
-    constants::{AXIS_ASTRAY, TOUCH_DISTANCE},
+    constants::AXIS_ASTRAY,
     geometry::{Pose3, Sweep},
-    pipeline::{Pair, Side},
+    pipeline::{Pair, Side, contact::Reach},
     plugin::MedialStep,
 };
 
@@ -40,10 +40,9 @@ impl Pace {
         self.way.distance(other.way) + self.turn + other.turn
     }
 
-    /// Distance in metres up to which the solver is told of contacts: the less, the farther the pair goes. `unit`: the length unit in metres.
-    pub fn trusted_distance(&self, other: &Self, prediction: f32, unit: f32) -> f32 {
-        let trust = (prediction / self.against(other)).min(1.0);
-        (prediction * trust * trust).max(TOUCH_DISTANCE * unit)
+    /// Distance in metres up to which the solver is told of contacts.
+    pub fn trusted_distance(&self, other: &Self, reach: Reach) -> f32 {
+        reach.trusted(self.against(other))
     }
 }
 

@@ -7,7 +7,10 @@ use bevy::prelude::*;
 use bevy_rapier3d::parry::shape::Shape;
 
 use super::{pace::Pace, shape::MedialShape};
-use crate::{geometry::Pose3, pipeline::Manifold};
+use crate::{
+    geometry::Pose3,
+    pipeline::{Manifold, contact::Reach},
+};
 
 /// The manifolds that the last step found, for rapier to fetch by pair and relative pose; and the paces of the bodies.
 ///
@@ -112,7 +115,7 @@ impl ContactTable {
         let table = self.read();
         let [pace1, pace2] =
             [SecondKey::Medial(first), second].map(|key| table.paces.get(&key).copied().unwrap_or(Pace::REST));
-        pace1.trusted_distance(&pace2, prediction, table.length_unit)
+        pace1.trusted_distance(&pace2, Reach { prediction, length_unit: table.length_unit })
     }
 
     /// Number of pairs.
