@@ -19,6 +19,7 @@ pub(super) struct Parting<'a> {
     first: Placed<'a>,
     second: Second<'a>,
     rounding: f32,
+    touch: f32,
     /// The latest that was of use comes first.
     directions: ArrayVec<Direction, PARTING_DIRECTIONS>,
 }
@@ -71,7 +72,7 @@ impl<'a> Parting<'a> {
             Second::Part(part) => part.aabb().extent_squared().sqrt(),
         };
         let rounding = CONTACT_ROUNDING * first.extent().max(extent);
-        let mut parting = Self { first, second, rounding, directions: ArrayVec::new() };
+        let mut parting = Self { first, second, rounding, touch: motion.touch, directions: ArrayVec::new() };
         parting.learn(direction);
         Some(parting)
     }
@@ -97,7 +98,8 @@ impl<'a> Parting<'a> {
         Direction { vector: direction.extend(1.0), low }
     }
 
-    /// True if two primitives stay apart along a direction that is known, all the way.
+    /// True if two primitives stay apart along a direction that is known, all the way, and do not begin it in touch: what does is looked at,
+    /// or it would depend on the order of the pairs which of them are.
     pub fn is_apart(&mut self, pair: [u32; 2]) -> bool {
         let found = (0..self.directions.len()).find(|&i| self.is_apart_along(pair, &self.directions[i]));
         if let Some(i) = found {
@@ -109,6 +111,7 @@ impl<'a> Parting<'a> {
     /// Spheres move on lines between the instants, so the gap of any two is least at one of them.
     fn is_apart_along(&self, [first, second]: [u32; 2], direction: &Direction) -> bool {
         (0..self.first.instants).all(|instant| {
+            let least = if instant == 0 { self.rounding.max(self.touch) } else { self.rounding };
             let high = self.first.reaches(first, instant, direction.vector).fold(f32::NEG_INFINITY, f32::max);
             let low = match &self.second {
                 Second::Shape(placed) => {
@@ -116,7 +119,7 @@ impl<'a> Parting<'a> {
                 }
                 Second::Part(_) => direction.low,
             };
-            low - high > self.rounding
+            low - high > least
         })
     }
 }
@@ -161,8 +164,8 @@ mod tests {
         query::separation,
     };
 
-    /// The least distance of the first side's primitive from the other over the step.
-    fn least_distance(motion: &PairMotion, [first, second]: [u32; 2]) -> f32 {
+    /// The distance of the first side's primitive from the other at the start of the step, and the least over all of it.
+    fn distances(motion: &PairMotion, [first, second]: [u32; 2]) -> [f32; 2] {
         let at = |instant: u8| {
             let [pose1, pose2] = [&motion.sweep1, &motion.sweep2].map(|s| s.pose_at(f32::from(instant) / 64.0));
             let to_second = Placement::from(pose2.inv_mul(&pose1));
@@ -174,14 +177,14 @@ mod tests {
                 },
             })
         };
-        (0..=64).map(|instant| at(instant).distance).fold(f32::INFINITY, f32::min)
+        [at(0).distance, (0..=64).map(|instant| at(instant).distance).fold(f32::INFINITY, f32::min)]
     }
 
     #[test]
     fn what_is_apart_never_touches() {
         let mut random = Random::new(4);
         let torus = Shape { axis: MedialAxis::torus(0.2, 0.05, 12).unwrap(), scale: 1.5 };
-        let (mut apart, mut touching, mut many_chords) = (0, 0, 0);
+        let (mut apart, mut touching, mut parting_from_touch, mut many_chords) = (0, 0, 0, 0);
         for case in 0..60 {
             let mut sweep = |speed: f32, turn: f32| {
                 let rotation = Quat::from_scaled_axis(random.vector() * 3.0);
@@ -197,7 +200,8 @@ mod tests {
             let bodies = vec![Body::new(torus.clone(), sweep(0.3, turn)), Body::new(torus.clone(), sweep(0.3, turn))];
             let obb = Obb { pose: sweep(0.0, 0.0).start, half_extents: Vec3::new(0.3, 0.02, 0.1) };
             let statics = Statics::new(vec![StaticBody::solid_box(obb)]);
-            let input = StepInput { bodies, ..Default::default() };
+            // Large units: what is a centimetre apart is in touch.
+            let input = StepInput { bodies, length_unit: 10.0, ..Default::default() };
             for second in [Side::Body(1), Side::Static(0)] {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
                 for motion in PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep) {
@@ -208,17 +212,22 @@ mod tests {
                     let count = if second == Side::Static(0) { 1 } else { torus.len() as u32 };
                     for pair in (0..torus.len() as u32).flat_map(|i| (0..count).map(move |j| [i, j])) {
                         parting.learn(random.vector().normalize());
-                        let least = least_distance(&motion, pair);
+                        let [begin, least] = distances(&motion, pair);
                         if parting.is_apart(pair) {
                             apart += 1;
                             assert!(least > 0.0, "{pair:?} of case {case} come within {least} m");
+                            assert!(begin > motion.touch, "{pair:?} of case {case} begin {begin} m apart");
                         } else {
                             touching += usize::from(least <= 0.0);
+                            parting_from_touch += usize::from(least > 0.0 && begin <= motion.touch);
                         }
                     }
                 }
             }
         }
-        assert!(apart > 3000 && touching > 500 && many_chords > 20, "{apart} {touching} {many_chords}");
+        println!(
+            "{apart} apart, {touching} touching, {parting_from_touch} that part from touch, {many_chords} of many chords"
+        );
+        assert!(apart > 3000 && touching > 500 && parting_from_touch > 10 && many_chords > 20);
     }
 }

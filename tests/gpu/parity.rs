@@ -36,9 +36,17 @@ pub fn with_scene(mut app: App, scene: &str, backend: MedialBackend) -> App {
 /// Asserts that two apps have had the same step, to the bit: pairs with their impacts and fractions, contacts, stops.
 pub fn assert_same(cpu: &App, gpu: &App, what: &str) {
     let [cpu, gpu] = [cpu, gpu].map(|app| app.world().resource::<MedialStep>());
-    assert_eq!(cpu.output.pairs, gpu.output.pairs, "{what}");
-    assert_eq!(cpu.output.manifolds, gpu.output.manifolds, "{what}");
-    assert_eq!(cpu.output.stops, gpu.output.stops, "{what}");
+    assert_same_items(&cpu.output.pairs, &gpu.output.pairs, &format!("{what}: pair"));
+    assert_same_items(&cpu.output.manifolds, &gpu.output.manifolds, &format!("{what}: manifold"));
+    assert_same_items(&cpu.output.stops, &gpu.output.stops, &format!("{what}: stop"));
+}
+
+/// Asserts that two lists are the same, and tells the first item that is not.
+fn assert_same_items<T: PartialEq + std::fmt::Debug>(cpu: &[T], gpu: &[T], what: &str) {
+    for (index, (cpu, gpu)) in cpu.iter().zip(gpu).enumerate() {
+        assert_eq!(cpu, gpu, "{what} {index}");
+    }
+    assert_eq!(cpu.len(), gpu.len(), "{what}s");
 }
 
 /// True if the GPU has culled the last step.
