@@ -97,6 +97,10 @@ pub const DUPLICATE_CONTACT: f32 = 1.0e-3;
 /// Distance in length units at which two bodies begin to touch, for messages. Rapier lets resting bodies overlap by about as much.
 pub const TOUCH_DISTANCE: f32 = 1.0e-3;
 
+/// How much farther than bodies go in a step the solver is told of contacts, in prediction distances: it accelerates them, and so does gravity. Larger,
+/// and more contacts are found that carry nothing; smaller, and bodies stop for one step at what it was not told of.
+pub const REST_REACH: f32 = 0.2;
+
 /// Overlap, per metre of the smaller body's radius, that a body may gain within a step before it stops. Well above what the solver
 /// leaves at a contact that it knows, well below what can be seen.
 pub const STOP_SLOP: f32 = 1.0e-3;

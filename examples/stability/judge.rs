@@ -5,10 +5,7 @@
 
 use bevy_medial::{
     geometry::Pose3,
-    pipeline::{
-        Second, Shape,
-        contact::{self, Reach},
-    },
+    pipeline::{Reach, Second, Shape, contact},
     query::Cuboid,
 };
 use glam::Vec3;

@@ -9,7 +9,7 @@ use bevy::platform::collections::HashSet;
 use glam::Vec3;
 
 use super::{
-    ConvexParts, Core, Hull, Part, Parts, Shape,
+    ConvexParts, Core, Hull, Part, Parts, Reach, Shape,
     near::{self, Directions, near_part, near_shape},
     reduce::reduce,
     seams,
@@ -17,7 +17,7 @@ use super::{
     with_spheres,
 };
 use crate::{
-    constants::{SAME_SPHERE, SEAM_REACH, TOUCH_DISTANCE, VERTEX_NORMAL_COSINE},
+    constants::{SAME_SPHERE, SEAM_REACH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, Support, separation},
 };
@@ -76,47 +76,9 @@ impl Manifold {
         Self { normal1: contacts[0].normal1, points, len: contacts.len().min(4) as u8 }
     }
 
-    /// Drops contacts that are farther apart; false if none is left.
-    #[cfg(feature = "rapier")]
-    pub(crate) fn keep_within(&mut self, distance: f32) -> bool {
-        let mut len = 0;
-        for i in 0..usize::from(self.len) {
-            if self.points[i].distance <= distance {
-                self.points[len] = self.points[i];
-                len += 1;
-            }
-        }
-        self.len = len as u8;
-        len > 0
-    }
-
     /// The contacts, the deepest first.
     pub fn contacts(&self) -> &[Contact] {
         &self.points[..usize::from(self.len)]
-    }
-}
-
-/// How far contacts are looked for, and what is small among them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reach {
-    /// Contacts are found up to this distance, in metres.
-    pub prediction: f32,
-    /// [`StepInput::length_unit`](super::StepInput::length_unit).
-    pub length_unit: f32,
-}
-
-impl Reach {
-    /// Distance in metres up to which the solver is told of the contacts of a pair that goes so far in a step, in metres: the less, the farther.
-    pub(crate) fn trusted(&self, way: f32) -> f32 {
-        let trust = (self.prediction / way).min(1.0);
-        (self.prediction * trust * trust).max(TOUCH_DISTANCE * self.length_unit).min(self.prediction)
-    }
-}
-
-impl From<f32> for Reach {
-    /// A prediction distance, among bodies of about a metre.
-    fn from(prediction: f32) -> Self {
-        Self { prediction, length_unit: 1.0 }
     }
 }
 

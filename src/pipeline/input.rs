@@ -4,7 +4,9 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::{collections::HashSet, fmt, sync::Arc};
 
-use super::{ConvexParts, Second, Shape, broad_phase, contact::Reach};
+use glam::Vec3;
+
+use super::{ConvexParts, Pace, Reach, Second, Shape, broad_phase};
 use crate::{
     constants::{SLIDE_WAY, TOUCH_DISTANCE},
     geometry::{Aabb, Bvh, Obb, Pose3, Sphere, Sweep},
@@ -133,10 +135,14 @@ pub struct Body {
     pub stops: bool,
     /// True if nothing stops at it, nor it at anything: a sensor.
     pub passes: bool,
+    /// Its paces before the step and after it, if a solver acts on contacts: it has use for [fewer](Reach::of_pair) of them.
+    pub paces: Option<[Pace; 2]>,
+    /// What gravity has added to its way per step in this step, in metres: what stops loses it for the rest of the step.
+    pub gained: Vec3,
 }
 
 impl Body {
-    /// A moving body that collides with all and stops at impacts.
+    /// A moving body that collides with all and stops at impacts, without a solver.
     pub fn new(solid: impl Into<Solid>, sweep: Sweep) -> Self {
         Self {
             solid: solid.into(),
@@ -151,6 +157,8 @@ impl Body {
             active: true,
             stops: true,
             passes: false,
+            paces: None,
+            gained: Vec3::ZERO,
         }
     }
 }
@@ -270,7 +278,7 @@ pub struct StepInput {
     pub bodies: Vec<Body>,
     /// Owners that do not collide, the lesser first: bodies that a joint keeps from it.
     pub apart: HashSet<[u64; 2]>,
-    /// Contacts are reported up to this distance, in metres.
+    /// Contacts are reported up to this distance, in metres; of bodies with [paces](Body::paces) up to [`Reach::of_pair`].
     pub prediction: f32,
     /// Size of a typical body in metres, 1 if nothing is said: lengths that no shape tells, such as how near is a touch, are in proportion to it.
     pub length_unit: f32,
@@ -308,11 +316,6 @@ impl StepInput {
         self.stop_at_impact && self.bodies[body as usize].stops
     }
 
-    /// How far contacts are looked for.
-    pub(super) fn reach(&self) -> Reach {
-        Reach { prediction: self.prediction, length_unit: self.length_unit }
-    }
-
     /// What a side of a pair is made of, and its motion over the step.
     pub(super) fn side<'a>(&'a self, statics: &'a Statics, side: Side) -> (&'a Solid, Sweep) {
         match side {
@@ -327,6 +330,23 @@ impl StepInput {
         }
     }
 
+    /// How far contacts of a pair are looked for after the step. `left`: the fraction at which a body has left its way for good, or 1.
+    pub(super) fn reach(&self, sides: [Side; 2], left: impl Fn(u32) -> f32) -> Reach {
+        let reach = Reach { prediction: self.prediction, length_unit: self.length_unit };
+        let pace = |body: u32| {
+            let Body { paces, gained, .. } = &self.bodies[body as usize];
+            paces.map(|[_, pace]| Pace { way: pace.way - *gained * (1.0 - left(body)), ..pace })
+        };
+        way(sides, pace).map_or(reach, |way| reach.of_pair(way))
+    }
+
+    /// Up to which distance a solver has known of the contacts of a pair in the step, in metres.
+    pub(super) fn known(&self, sides: [Side; 2]) -> f32 {
+        let reach = Reach { prediction: self.prediction, length_unit: self.length_unit };
+        let pace = |body: u32| self.bodies[body as usize].paces.map(|[pace, _]| pace);
+        way(sides, pace).map_or(0.0, |way| reach.of_pair(way).prediction)
+    }
+
     /// How far a body may leave its way to slide on, in metres.
     pub(super) fn slide_way(&self) -> f32 {
         self.fall.max(SLIDE_WAY * self.prediction)
@@ -336,6 +356,12 @@ impl StepInput {
     pub(super) fn parting_way(&self) -> f32 {
         TOUCH_DISTANCE * self.length_unit + (self.fall - SLIDE_WAY * self.prediction).max(0.0)
     }
+}
+
+/// How far a pair goes in a step, in metres, if the paces of its bodies are known.
+fn way(sides: [Side; 2], pace: impl Fn(u32) -> Option<Pace>) -> Option<f32> {
+    let [pace1, pace2] = sides.map(|side| side.body().map_or(Some(Pace::REST), &pace));
+    Some(pace1?.against(&pace2?))
 }
 
 /// One side of a pair.

@@ -31,8 +31,7 @@ pub(super) fn impacts(
         let known = known.get(i).and_then(Option::as_deref);
         let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
         let times = [Some([0.0, 1.0]); 2];
-        let way = motions.iter().map(PairMotion::way).fold(0.0, f32::max);
-        let near = if pair.stops { input.reach().trusted(way) } else { 0.0 };
+        let near = if pair.stops { input.known([pair.first, pair.second]) } else { 0.0 };
         let question = Question { input, statics, pair, known, times, slack: 0.0, near, normal: Vec3::ZERO };
         first_impact(&question, motions, scratch)
     });
@@ -48,7 +47,6 @@ pub(super) fn manifolds(
     manifolds: &mut Vec<(usize, Manifold)>,
     pool: &TaskPool,
 ) {
-    let reach = input.reach();
     manifolds.clear();
     parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
         let Scratch { contact: buffers, contacts, reduce, laps: [finding, reducing], .. } = scratch;
@@ -57,6 +55,7 @@ pub(super) fn manifolds(
         let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
         let pose12 = relative_pose(sides.map(|side| place(input, statics, side, |body| stops.final_pose(input, body))));
         let Some(shape1) = first.medial() else { return };
+        let reach = input.reach(sides, |body| stops.left(body));
         contacts.clear();
         match second.second() {
             Second::Shape(shape2) if input.culling == Culling::None => {
@@ -71,11 +70,12 @@ pub(super) fn manifolds(
     });
 }
 
-/// Adds the pairs with something to tell to the output.
+/// Adds the pairs with something to tell to the output. `reach`: how far contacts of a pair were looked for, in metres.
 pub(super) fn tell(
     pairs: &[BodyPair],
     impacts: &[ImpactResult],
     manifolds: &[(usize, Manifold)],
+    reach: impl Fn(&BodyPair) -> f32,
     output: &mut StepOutput,
 ) {
     let mut rest = manifolds;
@@ -87,7 +87,8 @@ pub(super) fn tell(
         if !own.is_empty() || impact.is_some() {
             output.counts.contacts += own.iter().map(|(_, manifold)| manifold.contacts().len()).sum::<usize>();
             let manifolds = first..output.manifolds.len();
-            output.pairs.push(Pair { first: pair.first, second: pair.second, manifolds, impact: *impact });
+            let (first, second, reach) = (pair.first, pair.second, reach(pair));
+            output.pairs.push(Pair { first, second, manifolds, reach, impact: *impact });
         }
     }
 }

@@ -23,7 +23,7 @@ pub struct Impact {
     pub primitive2: u32,
 }
 
-/// A pair of bodies that touch, touched within the step, or are within the prediction distance at its end.
+/// A pair of bodies that touch, touched within the step, or are within [`Reach`](super::Reach) of each other at its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
     /// The first side, which is medial.
@@ -32,6 +32,8 @@ pub struct Pair {
     pub second: Side,
     /// Its manifolds where the bodies end the step: a range of [`StepOutput::manifolds`].
     pub manifolds: Range<usize>,
+    /// How far its contacts were looked for, in metres.
+    pub reach: f32,
     /// Their first impact, if there is one.
     pub impact: Option<Impact>,
 }

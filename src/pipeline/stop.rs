@@ -132,12 +132,14 @@ impl Stops {
         self.course(body).map_or(input.bodies[body as usize].sweep.end, |course| course.sweep.end)
     }
 
-    /// The bodies that end elsewhere, and the fractions at which they left their way for good: 1 for those that slide.
+    /// The fraction at which a body has left its way for good: 1 for one that has not, or slides on.
+    pub fn left(&self, body: u32) -> f32 {
+        self.course(body).filter(|course| course.state != State::Sliding).map_or(1.0, |course| course.from)
+    }
+
+    /// The bodies that end elsewhere, and the fractions at which they left their way for good.
     pub fn iter(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
-        (0..self.of.len() as u32).filter_map(|body| {
-            let course = self.course(body)?;
-            Some((body, if course.state == State::Sliding { 1.0 } else { course.from }))
-        })
+        (0..self.of.len() as u32).filter(|&body| self.course(body).is_some()).map(|body| (body, self.left(body)))
     }
 
     /// Between which times of its own motion a body is from a fraction on, but for what it has slid. None if it has left it.

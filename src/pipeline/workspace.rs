@@ -130,7 +130,8 @@ impl Workspace {
             fraction,
             pose: stops.final_pose(input, body),
         }));
-        narrow_phase::tell(pairs, impacts, manifolds, output);
+        let reach = |pair: &BodyPair| input.reach([pair.first, pair.second], |body| stops.left(body)).prediction;
+        narrow_phase::tell(pairs, impacts, manifolds, reach, output);
         output.times.reduce = reduction + lap();
     }
 }

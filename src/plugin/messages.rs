@@ -77,7 +77,8 @@ impl MedialContactStarted {
     }
 }
 
-/// Two bodies have ceased to touch: they are farther apart than the prediction distance, may not collide any more, or one of them is gone.
+/// Two bodies have ceased to touch: no contact of theirs is found any more, as far as contacts of [such a pair](crate::pipeline::Reach::of_pair) are
+/// looked for, they may not collide, or one of them is gone.
 /// Told once for each [`MedialContactStarted`], as a message and as an event on those of the two entities that still exist.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]

@@ -26,14 +26,14 @@ use bevy_rapier3d::{
 use super::{
     hooks,
     joints::{assemblies, kept_apart},
-    pace::{Pace, motion},
+    motion::motion,
     parts::is_known,
     shape::MedialShape,
     table::{ContactTable, PairKey, SecondKey},
 };
 use crate::{
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Groups, Manifold, Meeting, Solid, StaticBody, Statics, Stop},
+    pipeline::{Body, Groups, Manifold, Meeting, Pace, Solid, StaticBody, Statics, Stop},
     plugin::{BodyInfo, MedialCcd, MedialSettings, MedialStep},
 };
 
@@ -79,6 +79,7 @@ struct Start {
     pose: Pose3,
     linear: Vec3,
     angular: Vec3,
+    pace: Pace,
 }
 
 /// Pose of a collider by its body's, which is newer than the collider's own after a change by the user.
@@ -102,6 +103,12 @@ fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
     collider.shape().as_shape::<MedialShape>()
 }
 
+/// What a collider moves by in a step of so many seconds.
+fn pace(collider: &RapierCollider, body: &RapierBody, dt: f32) -> Pace {
+    let radius = collider.shape().compute_local_bounding_sphere().radius;
+    Pace { way: body.linvel() * dt, rotation: body.angvel() * dt, radius }
+}
+
 pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, table: Res<ContactTable>, contexts: Query<Context>) {
     let clock = Instant::now();
     let snapshot = snapshot.as_mut();
@@ -116,11 +123,11 @@ pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, table: Res<ContactTable>,
         for (handle, collider) in context.colliders.colliders.iter() {
             let body = context.body(collider);
             let Some(moving) = body.filter(|body| !body.is_fixed()) else { continue };
-            let start =
-                Start { pose: collider_pose(collider, body), linear: moving.linvel(), angular: moving.angvel() };
+            let pace = pace(collider, moving, dt);
+            paces.insert(SecondKey::of(collider.shape()), pace);
+            let (linear, angular) = (moving.linvel(), moving.angvel());
+            let start = Start { pose: collider_pose(collider, body), linear, angular, pace };
             snapshot.starts.insert((context.entity, handle), start);
-            let radius = collider.shape().compute_local_bounding_sphere().radius;
-            paces.insert(SecondKey::of(collider.shape()), Pace::new(start.linear * dt, start.angular * dt, radius));
         }
     }
     table.prepare(paces, length_unit);
@@ -271,7 +278,7 @@ pub(super) fn detect<Hooks>(
             };
             let Some(solid) = solid(collider.shared_shape()) else { continue };
             let start = snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
-            let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
+            let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO, pace: Pace::REST });
             let center = end.inverse_transform_point(body.center_of_mass());
             let awake = running && body.is_enabled() && !body.is_sleeping();
             let active = awake || (running && body.is_enabled() && sleepers.get(&entity) != Some(&end));
@@ -284,6 +291,8 @@ pub(super) fn detect<Hooks>(
             if sweep.end != end {
                 astray.push(step.input.bodies.len() as u32);
             }
+            let gained =
+                if stops { gained(body, start.linear, context.configuration.gravity * dt) } else { Vec3::ZERO };
             step.input.bodies.push(Body {
                 solid,
                 sweep,
@@ -297,6 +306,8 @@ pub(super) fn detect<Hooks>(
                 active,
                 stops,
                 passes,
+                paces: Some([start.pace, pace(collider, body, parameters.dt)]),
+                gained: gained * parameters.dt,
             });
             step.infos.push(BodyInfo {
                 entity,
@@ -357,8 +368,7 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
 }
 
 /// Moves bodies back to where they stop, with the velocities that they have there: the next step then resolves a true contact at a
-/// true pose. Gravity has not acted on them for the rest of the step, as far as it has shown in their velocity at all: left in, it would feed
-/// bodies that rock to and fro, and so would taking it from what a contact holds up.
+/// true pose. Gravity has not acted on them for the rest of the step: left in, it would feed bodies that rock to and fro.
 ///
 /// Those whose motion has ended elsewhere than rapier's are moved there.
 fn stop_bodies(step: &MedialStep, astray: &[u32], world: u32, dt: f32, context: ContextItem) {
@@ -379,14 +389,19 @@ fn stop_bodies(step: &MedialStep, astray: &[u32], world: u32, dt: f32, context: 
         let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
         if let Some(body) = collider.parent().and_then(|parent| bodies.bodies.get_mut(parent)) {
             body.set_position(stop.pose * local.inverse(), true);
-            // Nor has it acted along locked axes at all.
-            let free = Vec3::select(body.mass_properties().effective_inv_mass.cmpgt(Vec3::ZERO), Vec3::ONE, Vec3::ZERO);
-            let fall = free * configuration.gravity * body.gravity_scale() * dt;
-            let gained = (body.linvel() - step.infos[stop.body as usize].linear).dot(fall) / fall.length_squared();
-            let shown = if gained > 0.0 { gained.min(1.0) } else { 0.0 };
-            body.set_linvel(body.linvel() - fall * shown * (1.0 - stop.fraction), true);
+            let gained = gained(body, step.infos[stop.body as usize].linear, configuration.gravity * dt);
+            body.set_linvel(body.linvel() - gained * (1.0 - stop.fraction), true);
         }
     }
+}
+
+/// The velocity that a body has gained by a fall from the velocity it had, as far as that shows in its own at all: what a contact holds up has gained
+/// none, nor has any along locked axes.
+fn gained(body: &RapierBody, before: Vec3, fall: Vec3) -> Vec3 {
+    let free = Vec3::select(body.mass_properties().effective_inv_mass.cmpgt(Vec3::ZERO), Vec3::ONE, Vec3::ZERO);
+    let fall = free * fall * body.gravity_scale();
+    let shown = (body.linvel() - before).dot(fall) / fall.length_squared();
+    if shown > 0.0 { fall * shown.min(1.0) } else { Vec3::ZERO }
 }
 
 /// The manifolds of a world's pairs under the keys that the dispatcher will look them up by.
@@ -404,7 +419,7 @@ fn table_entries<'a>(
         let first = shape1?.as_shape::<MedialShape>()?;
         let second = SecondKey::of(shape2?);
         let pose12 = step.final_pose12(pair);
-        let key = PairKey::new(first.key, second, &pose12, step.input.prediction);
+        let key = PairKey::new(first.key, second, &pose12, pair.reach);
         Some((key, step.output.manifolds[pair.manifolds.clone()].to_vec()))
     })
 }

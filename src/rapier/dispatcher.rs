@@ -23,8 +23,8 @@ use super::{
 use crate::{
     geometry::Pose3,
     pipeline::{
-        Manifold, Second, Shape,
-        contact::{self, Contact, Reach},
+        Manifold, Reach, Second, Shape,
+        contact::{self, Contact},
     },
 };
 
@@ -78,16 +78,9 @@ impl<'a> Pair<'a> {
 
     fn manifolds(&self, prediction: f32, table: &ContactTable) -> Vec<Manifold> {
         let second = SecondKey::of(self.other);
-        let key = PairKey::new(self.first.key, second, &self.pose12, prediction);
-        let reach = Reach { prediction, length_unit: table.length_unit() };
-        let mut manifolds = table
-            .get(&key)
-            .unwrap_or_else(|| self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, reach)));
-        let trusted = table.trusted_distance(self.first.key, second, prediction);
-        if trusted < prediction {
-            manifolds.retain_mut(|manifold| manifold.keep_within(trusted));
-        }
-        manifolds
+        let reach = table.reach(self.first.key, second, prediction);
+        let known = table.get(&PairKey::new(self.first.key, second, &self.pose12, reach.prediction));
+        known.unwrap_or_else(|| self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, reach)))
     }
 
     fn nearest(&self, max_distance: f32, table: &ContactTable) -> Option<Contact> {

@@ -34,7 +34,7 @@ mod detect;
 mod dispatcher;
 mod hooks;
 mod joints;
-mod pace;
+mod motion;
 mod parts;
 mod points;
 mod primitive;

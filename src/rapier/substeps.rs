@@ -12,9 +12,10 @@ use bevy_rapier3d::{
     rapier::geometry::Collider,
 };
 
-use super::pace::pace;
 use crate::{
     constants::{MAX_SUBSTEPS, SUBSTEP_WAY},
+    geometry::Sweep,
+    pipeline::{Pace, Pair, Side},
     plugin::MedialStep,
 };
 
@@ -54,4 +55,15 @@ pub(super) fn refine(
             }
         }
     }
+}
+
+/// How far the sides of a pair have gone relative to each other in the last step, in radii of the smaller one.
+fn pace(step: &MedialStep, pair: &Pair) -> f32 {
+    let [pace1, pace2] = [pair.first, pair.second].map(|side| {
+        let Side::Body(body) = side else { return Pace::REST };
+        let Sweep { translation, rotation, .. } = step.input.bodies[body as usize].sweep;
+        Pace { way: translation, rotation, radius: step.solid(side).bounding_sphere().radius }
+    });
+    let radius = |pace: &Pace| if pace.radius > 0.0 { pace.radius } else { f32::INFINITY };
+    pace1.against(&pace2) / radius(&pace1).min(radius(&pace2))
 }

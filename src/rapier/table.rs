@@ -6,10 +6,10 @@ use std::{
 use bevy::prelude::*;
 use bevy_rapier3d::parry::shape::Shape;
 
-use super::{pace::Pace, shape::MedialShape};
+use super::shape::MedialShape;
 use crate::{
     geometry::Pose3,
-    pipeline::{Manifold, contact::Reach},
+    pipeline::{Manifold, Pace, Reach},
 };
 
 /// The manifolds that the last step found, for rapier to fetch by pair and relative pose; and the paces of the bodies.
@@ -110,12 +110,12 @@ impl ContactTable {
         self.read().paces.contains_key(&SecondKey::Medial(key))
     }
 
-    /// Distance in metres up to which the solver is told of a pair's contacts.
-    pub(super) fn trusted_distance(&self, first: u64, second: SecondKey, prediction: f32) -> f32 {
+    /// How far contacts of a pair are looked for, with rapier's prediction distance in metres.
+    pub(super) fn reach(&self, first: u64, second: SecondKey, prediction: f32) -> Reach {
         let table = self.read();
         let [pace1, pace2] =
             [SecondKey::Medial(first), second].map(|key| table.paces.get(&key).copied().unwrap_or(Pace::REST));
-        pace1.trusted_distance(&pace2, Reach { prediction, length_unit: table.length_unit })
+        Reach { prediction, length_unit: table.length_unit }.of_pair(pace1.against(&pace2))
     }
 
     /// Number of pairs.
