@@ -1,8 +1,14 @@
 //! Work on many items, in their order, whatever the number of threads.
 
-use std::sync::{Mutex, PoisonError};
+use std::{
+    sync::{LazyLock, Mutex, PoisonError},
+    thread::available_parallelism,
+};
 
 use bevy::tasks::TaskPool;
+
+/// How many threads there is room for: on one core, two would only take turns.
+static CORES: LazyLock<usize> = LazyLock::new(|| available_parallelism().map_or(1, Into::into));
 
 /// What tasks work with, one for each that runs at a time, kept for those that come later.
 #[derive(Debug)]
@@ -47,7 +53,7 @@ pub(crate) fn gather<S: Default + Send, T: Sync, R: Send + 'static>(
         });
     };
     // Whoever waits works as well. Items take more or less time, so there are several chunks for each.
-    let workers = pool.thread_num() + 1;
+    let workers = (pool.thread_num() + 1).min(*CORES);
     let chunk = items.len().div_ceil(workers * 8).max(least_per_task);
     if workers == 1 || items.len() <= chunk {
         return run(0, items, results);

@@ -318,7 +318,7 @@ pub(super) fn run<'b>(
             searches.extend(affected.iter().map(|&pair| (island, Event { fraction, pair })));
         }
         let run_now = &run;
-        parallel::map(pool, tasks, searches, 8, found, |scratch, _, &(_, Event { fraction, pair })| {
+        parallel::map(pool, tasks, searches, 32, found, |scratch, _, &(_, Event { fraction, pair })| {
             impact_from(input, statics, &pairs[pair], run_now.stops, fraction, &run_now.results[pair], scratch)
         });
         for (&(island, Event { pair, .. }), found) in searches.iter().zip(found.drain(..)) {

@@ -1,13 +1,13 @@
 //! The step of the pipeline around rapier's: poses before it, the motion that it has solved, and what comes of that.
 
-use std::{collections::HashMap, sync::Arc, time::Duration};
+use std::{sync::Arc, time::Duration};
 
 use bevy::{
     ecs::{
         query::QueryData,
         system::{StaticSystemParam, SystemParamItem},
     },
-    platform::time::Instant,
+    platform::{collections::HashMap, time::Instant},
     prelude::*,
 };
 use bevy_rapier3d::{

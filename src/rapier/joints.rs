@@ -1,7 +1,6 @@
 //! What joints mean for the step: which bodies do not collide, and which stop together.
 
-use std::collections::HashMap;
-
+use bevy::platform::collections::HashMap;
 use bevy_rapier3d::{
     plugin::context::RapierContextJoints,
     rapier::dynamics::{RigidBodyHandle, RigidBodySet},
