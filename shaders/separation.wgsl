@@ -9,6 +9,8 @@ struct Separation {
     feature: u32,
     // Point of the first surface. That of the second is `distance` along the normal from there.
     point1: vec3f,
+    // How much the normal, tilted by rounding, takes from the distance.
+    loss: f32,
 }
 
 // The search so far: `lower <= distance <= upper`.
@@ -58,6 +60,14 @@ fn separation(first: ptr<function, Hull>, second: ptr<function, Hull>, hint: u32
     return crossing(&best);
 }
 
+// The same along the best of the features' own directions too, which do not tilt by rounding.
+fn refined(first: ptr<function, Hull>, second: ptr<function, Hull>, found: Separation) -> Separation {
+    let sphere1 = (*first).spheres[0];
+    var best = Best(MAX, found.distance, found.normal, found.feature, SpherePair(sphere1, sphere1));
+    look_along_normals(&best, first, second, found.normal);
+    return Separation(best.lower, best.normal, found.feature, found.point1, 0.0);
+}
+
 fn look_along(best: ptr<function, Best>, normal: vec3f, first: ptr<function, Hull>, second: ptr<function, Hull>) {
     let lower = low(second, normal) - high(first, normal);
     if lower > (*best).lower {
@@ -69,14 +79,15 @@ fn look_along(best: ptr<function, Best>, normal: vec3f, first: ptr<function, Hul
 fn witness(best: ptr<function, Best>) -> Separation {
     let sphere1 = (*best).spheres.first;
     let normal = (*best).normal;
-    return Separation((*best).lower, normal, (*best).feature, sphere1.xyz + normal * sphere1.w);
+    let loss = (*best).upper - (*best).lower;
+    return Separation((*best).lower, normal, (*best).feature, sphere1.xyz + normal * sphere1.w, loss);
 }
 
 // The centres cross: the points lie either side of the place where they do.
 fn crossing(best: ptr<function, Best>) -> Separation {
     let middle = ((*best).spheres.first.xyz + (*best).spheres.second.xyz) * 0.5;
     let normal = (*best).normal;
-    return Separation((*best).lower, normal, (*best).feature, middle - normal * (0.5 * (*best).lower));
+    return Separation((*best).lower, normal, (*best).feature, middle - normal * (0.5 * (*best).lower), 0.0);
 }
 
 // How many spheres of either side have to be held against the whole other side. An edge's ends are covered by its cones.

@@ -175,8 +175,9 @@ fn time_of_impact(given1: Moving, given2: Moving, distance: f32) -> TimeOfImpact
     // The last instant at which nothing touches, and until when nothing does.
     var here: Instant;
     var cleared = 0.0;
-    // Next trial step, once there are any.
+    // Next trial step, once there are any, and whether it is to be halved if it is in vain.
     var step = 0.0;
+    var halve = false;
     var next = 0.0;
     var rounds = 0u;
     while rounds < MAX_ROUNDS {
@@ -190,25 +191,49 @@ fn time_of_impact(given1: Moving, given2: Moving, distance: f32) -> TimeOfImpact
             if now.separation.distance <= distance + CONTACT_ROUNDING * extents {
                 return TimeOfImpact(OVERLAPPING, 0.0, rounds, now.separation);
             }
+        } else if abs(now.separation.distance - distance) <= 4.0 * CONTACT_ROUNDING * extents
+            && now.separation.loss > 0.5 * TOUCH_ROUNDING * extents {
+            // So near, a tilted normal would end the search too early.
+            var hull1 = now.first;
+            var hull2 = now.second;
+            now.separation = refined(&hull1, &hull2, now.separation);
         }
-        let touches = now.separation.distance <= touching;
+        let before = here.separation.distance;
+        let after = now.separation.distance;
         if rounds <= MAX_ADVANCES {
-            if touches && rounds > 1u {
+            if after <= touching && rounds > 1u {
                 return TimeOfImpact(HIT, next, rounds, now.separation);
             }
             here = now;
             cleared = cleared_until(&first, &second, &here, distance);
-        } else if !touches && clear_between(&here, &now, distance) {
-            here = now;
-            if next >= 1.0 {
-                return TimeOfImpact(SEPARATED, 1.0, rounds, here.separation);
-            }
-            cleared = cleared_until(&first, &second, &here, distance);
-            step *= 2.0;
-        } else if step <= shortest {
-            return TimeOfImpact(HIT, min(cleared, next), rounds, here.separation);
         } else {
-            step *= 0.5;
+            // The part of the step after which the distance is the one aimed at, were it to go on steadily.
+            let part = (before - 0.5 * (distance + touching)) / (before - after);
+            let clear = after > distance && clear_between(&here, &now, distance);
+            if clear && after <= touching {
+                return TimeOfImpact(HIT, next, rounds, now.separation);
+            } else if clear {
+                here = now;
+                if next >= 1.0 {
+                    return TimeOfImpact(SEPARATED, 1.0, rounds, here.separation);
+                }
+                cleared = cleared_until(&first, &second, &here, distance);
+                var rest = 2.0;
+                if after < before {
+                    rest = min(part - 1.0, 2.0);
+                }
+                step = max(step * rest, SHORTEST_TRIAL * shortest);
+                halve = false;
+            } else if step <= shortest {
+                return TimeOfImpact(HIT, min(cleared, next), rounds, here.separation);
+            } else {
+                if halve || after > touching {
+                    step *= 0.5;
+                } else {
+                    step *= clamp(part, 0.1, 0.9);
+                }
+                halve = !halve;
+            }
         }
         if cleared > 1.0 {
             return TimeOfImpact(SEPARATED, cleared, rounds, here.separation);
@@ -219,9 +244,10 @@ fn time_of_impact(given1: Moving, given2: Moving, distance: f32) -> TimeOfImpact
         }
         if rounds == MAX_ADVANCES {
             shortest = max(TIME_TOLERANCE * extents / fastest(&first, &second), EPSILON);
-            step = 4.0 * max(shortest, cleared - here.fraction);
+            step = FIRST_TRIAL * max(shortest, cleared - here.fraction);
         }
         next = min(here.fraction + step, 1.0);
+        step = next - here.fraction;
     }
     return TimeOfImpact(ITERATION_LIMIT, here.fraction, rounds, here.separation);
 }

@@ -18,8 +18,15 @@ pub const TIME_TOLERANCE: f32 = 2.0e-5;
 /// Squared sine of the angle between two edges below which a closed form inside is not trusted alone: the boundary is searched too.
 pub const ILL_CONDITIONED: f32 = 1.0e-3;
 
-/// Rounds of conservative advancement before the search takes trial steps. All but grazing and sliding pairs are done by then.
-pub const MAX_ADVANCES: u32 = 12;
+/// Rounds of conservative advancement before the search takes trial steps. Most pairs are done by then; those that graze or slide come near by
+/// ever smaller steps.
+pub const MAX_ADVANCES: u32 = 6;
+
+/// The first trial step, in steps of the last advance. Too long, and it is shortened at the cost of a round.
+pub const FIRST_TRIAL: f32 = 16.0;
+
+/// A trial step is no shorter than so many of [`TIME_TOLERANCE`], unless a longer one was in vain.
+pub const SHORTEST_TRIAL: f32 = 4.0;
 
 /// The same where many pairs are searched side by side, and a round costs less.
 pub const MAX_LANE_ADVANCES: f32 = 20.0;
@@ -52,10 +59,6 @@ pub const MAX_CULLING_CHORDS: u32 = 128;
 
 /// Greatest number of chords along which many primitives are looked at at once. Along more, the look takes longer than what it saves.
 pub const MAX_PARTING_CHORDS: usize = 16;
-
-/// How many directions that parted some primitives are tried on others. Fewer, and more distances are computed; more, and those that touch
-/// take longer.
-pub const PARTING_DIRECTIONS: usize = 6;
 
 /// How many primitives are looked at one by one. Fewer, and looking at all at once takes longer than what it saves.
 pub const FEW_PRIMITIVES: usize = 8;

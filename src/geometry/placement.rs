@@ -1,27 +1,32 @@
-use glam::{Mat3, Vec3};
+use glam::{Mat3A, Vec3, Vec3A};
 use glamx::Pose3;
 
 /// A pose as a matrix, for placing many points.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
-    /// Rotation.
-    pub rotation: Mat3,
-    /// Translation.
-    pub translation: Vec3,
+    rotation: Mat3A,
+    translation: Vec3A,
 }
 
 impl Placement {
     /// Where things are already.
-    pub const IDENTITY: Placement = Placement { rotation: Mat3::IDENTITY, translation: Vec3::ZERO };
+    pub const IDENTITY: Placement = Placement { rotation: Mat3A::IDENTITY, translation: Vec3A::ZERO };
 
     /// The point in the parent frame.
+    #[inline]
     pub fn point(&self, point: Vec3) -> Vec3 {
-        self.rotation * point + self.translation
+        (self.rotation * Vec3A::from(point) + self.translation).into()
+    }
+
+    /// The vector in the parent frame.
+    #[inline]
+    pub fn vector(&self, vector: Vec3) -> Vec3 {
+        self.rotation * vector
     }
 }
 
 impl From<Pose3> for Placement {
     fn from(pose: Pose3) -> Self {
-        Self { rotation: Mat3::from_quat(pose.rotation), translation: pose.translation }
+        Self { rotation: Mat3A::from_quat(pose.rotation), translation: pose.translation.into() }
     }
 }

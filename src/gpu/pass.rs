@@ -18,6 +18,8 @@ pub(super) fn shader(files: &[&str]) -> String {
         ("CONTACT_ROUNDING", constants::CONTACT_ROUNDING),
         ("TOUCH_ROUNDING", constants::TOUCH_ROUNDING),
         ("TIME_TOLERANCE", constants::TIME_TOLERANCE),
+        ("FIRST_TRIAL", constants::FIRST_TRIAL),
+        ("SHORTEST_TRIAL", constants::SHORTEST_TRIAL),
         ("CHORD_TOLERANCE", constants::CULLING_CHORD_TOLERANCE),
         ("ILL_CONDITIONED", constants::ILL_CONDITIONED),
         ("EPSILON", f32::EPSILON),

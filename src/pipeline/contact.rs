@@ -6,11 +6,12 @@
 use std::cmp::Ordering;
 
 use bevy::platform::collections::HashSet;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use super::{
     ConvexParts, Core, Hull, Part, Parts, Reach, Shape,
-    near::{self, Directions, near_part, near_shape},
+    directions::Directions,
+    near::{self, near_part, near_shape},
     reduce::reduce,
     seams,
     thin::{self, thin},
@@ -182,21 +183,22 @@ pub(super) fn of_shapes(
 ) {
     let to_second = Placement::from(pose12.inverse());
     let to_first = Placement::from(*pose12);
-    let mut directions = Directions::new(Vec3::Y);
+    let mut directions = Directions::default();
     settled.iter_mut().for_each(HashSet::clear);
     let mut collect = |[primitive1, primitive2]: [u32; 2], hull: Hull| {
         let mut push = |s: &Separation| {
             contacts.push(Contact {
                 point1: to_first.point(s.point1),
                 point2: s.point2,
-                normal1: to_first.rotation * s.normal,
+                normal1: to_first.vector(s.normal),
                 distance: s.distance,
                 primitive1,
                 primitive2,
             });
         };
         with_spheres!(hull, |first| with_spheres!(shape2.hull(primitive2), |second| {
-            if !directions.are_apart(&first, &second, prediction) {
+            let gaps = directions.low(&second) - directions.high(&first);
+            if !gaps.cmpgt(Vec4::splat(prediction)).any() {
                 let [settled1, settled2] = &mut *settled;
                 let spheres1 = SharedSpheres::new(shape1, primitive1, primitive2, settled1);
                 let spheres2 = SharedSpheres::new(shape2, primitive2, primitive1, settled2);
@@ -252,7 +254,7 @@ fn collect_part(
             contacts.push(Contact {
                 point1: to_first.point(s.point1),
                 point2: part.pose.transform_point(s.point2 - s.normal * part.rounding),
-                normal1: to_first.rotation * s.normal,
+                normal1: to_first.vector(s.normal),
                 distance: s.distance - part.rounding,
                 primitive1,
                 primitive2: part.id,

@@ -1,6 +1,6 @@
 //! The first impact of a pair within the step.
 
-use std::slice;
+use std::{slice, time::Duration};
 
 use glam::Vec3;
 use smallvec::SmallVec;
@@ -8,7 +8,6 @@ use smallvec::SmallVec;
 use super::{
     Impact, Scratch, Side, Statics, StepInput,
     broad_phase::BodyPair,
-    laps,
     mid_phase::{self, Candidates, OwnBoxes, PrimitivePair},
     motion::{Facing, Motions, PairMotion, with_sides},
     moving_boxes::{BoxCache, TimedBoxes},
@@ -84,7 +83,14 @@ struct SearchBuffers {
 /// motion is less than a slop itself: a pile that settles must come to rest.
 ///
 /// What slides over a seam takes the overlap that it has along to the next part. Where bodies spin or go far, the step is searched in parts.
-pub(super) fn first_impact(question: &Question, mut motions: Motions, scratch: &mut Scratch) -> ImpactResult {
+///
+/// `lap`: a clock for culling and searching.
+pub(super) fn first_impact(
+    question: &Question,
+    mut motions: Motions,
+    scratch: &mut Scratch,
+    mut lap: impl FnMut() -> Duration,
+) -> ImpactResult {
     let Question { input, known, slack, near, normal, .. } = *question;
     let slop = motions.iter().map(|motion| motion.slop).fold(0.0, f32::max);
     let result = ImpactResult { slop, near, normal, ..Default::default() };
@@ -98,7 +104,6 @@ pub(super) fn first_impact(question: &Question, mut motions: Motions, scratch: &
         laps: [culling, searching],
         ..
     } = scratch;
-    let mut lap = laps();
     buffers.overlaps.clear();
     let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
     let mut search = Search { result, carried: 0.0, met: None, buffers };
@@ -223,7 +228,7 @@ impl Search<'_> {
             let many = candidates.len() > FEW_PRIMITIVES;
             let mut parting = if many { Parting::new(motion, chords, direction, room) } else { None };
             for &pair in candidates {
-                if parting.as_mut().is_some_and(|parting| parting.is_apart(pair)) {
+                if parting.as_ref().is_some_and(|parting| parting.is_apart(pair)) {
                     continue;
                 }
                 let start = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {

@@ -1,5 +1,7 @@
 //! When two bodies touch first, asked of one pair by itself.
 
+use std::time::Duration;
+
 use glam::Vec3;
 
 use super::{
@@ -36,7 +38,7 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
         near: 0.0,
         normal: Vec3::ZERO,
     };
-    first_impact(&question, motions, &mut Scratch::default()).impact
+    first_impact(&question, motions, &mut Scratch::default(), || Duration::ZERO).impact
 }
 
 /// In how many parts of equal length [`first_touch`] searches the way of two bodies, one after the other.

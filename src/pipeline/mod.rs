@@ -16,6 +16,7 @@
 
 mod broad_phase;
 pub mod contact;
+mod directions;
 mod first_impact;
 mod first_touch;
 mod input;

@@ -152,7 +152,10 @@ impl MovingBox {
 
     /// The part of its way between two times.
     fn between(&self, times: [f32; 2]) -> Self {
-        let at = |[start, end]: [Vec3A; 2]| times.map(|time| start + (end - start) * time);
+        let at = |[start, end]: [Vec3A; 2]| {
+            let way = end - start;
+            [start + way * times[0], start + way * times[1]]
+        };
         Self { min: at(self.min), max: at(self.max) }
     }
 
@@ -178,14 +181,18 @@ impl MovingBox {
     #[inline]
     pub fn meets(&self, other: &Self, offset: Vec3A, reach: f32) -> bool {
         let reach = Vec3A::splat(reach);
-        let [starts, ends] = [0, 1].map(|time| self.gaps(other, offset, time).map(|gap| gap - reach));
+        let [starts, ends] = [self.gaps(other, offset, 0), self.gaps(other, offset, 1)];
         let apart = starts[0].min(ends[0]).max(starts[1].min(ends[1]));
-        if apart.cmpgt(Vec3A::ZERO).any() {
+        if apart.cmpgt(reach).any() {
             return false;
+        }
+        if starts[0].max(starts[1]).cmple(reach).all() || ends[0].max(ends[1]).cmple(reach).all() {
+            return true;
         }
         // Along each axis by itself they meet. A gap that is there at the start only ends, one at the end begins.
         let (mut enter, mut leave) = (Vec3A::ZERO, Vec3A::ONE);
         for (start, end) in starts.into_iter().zip(ends) {
+            let (start, end) = (start - reach, end - reach);
             let crossing = start / (start - end);
             enter = Vec3A::select(start.cmpgt(Vec3A::ZERO), enter.max(crossing), enter);
             leave = Vec3A::select(end.cmpgt(Vec3A::ZERO), leave.min(crossing), leave);

@@ -33,7 +33,7 @@ pub(super) fn impacts(
         let times = [Some([0.0, 1.0]); 2];
         let near = if pair.stops { input.known([pair.first, pair.second]) } else { 0.0 };
         let question = Question { input, statics, pair, known, times, slack: 0.0, near, normal: Vec3::ZERO };
-        first_impact(&question, motions, scratch)
+        first_impact(&question, motions, scratch, laps())
     });
 }
 
@@ -65,6 +65,9 @@ pub(super) fn manifolds(
             second => contact::find_with(shape1, second, &pose12, reach, contacts, buffers),
         }
         *finding += lap();
+        if contacts.is_empty() {
+            return;
+        }
         reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push((i, manifold)));
         *reducing += lap();
     });

@@ -1,14 +1,7 @@
 //! Primitives that are near each other at an instant.
 
-use arrayvec::ArrayVec;
-use glam::Vec3;
-
 use super::{Hull, Part, Shape};
-use crate::{
-    constants::PARTING_DIRECTIONS,
-    geometry::{Aabb, Box3A, Placement, Pose3, Sphere},
-    query::Convex,
-};
+use crate::geometry::{Aabb, Box3A, Placement, Pose3};
 
 /// Room for the primitives that are near.
 #[derive(Debug, Default)]
@@ -84,35 +77,4 @@ fn find_in_reach(shape: &Shape, reach: &Aabb, found: &mut Vec<u32>) {
     found.clear();
     shape.bvh().overlapping(&unscaled, |primitive| found.push(primitive));
     found.sort_unstable();
-}
-
-/// Directions along which some primitives of a pair are far from each other: most others are as well.
-pub(super) struct Directions {
-    /// The latest that was of use comes first.
-    known: ArrayVec<Vec3, PARTING_DIRECTIONS>,
-}
-
-impl Directions {
-    /// `likely`: a unit vector from the first side to the second.
-    pub fn new(likely: Vec3) -> Self {
-        Self { known: ArrayVec::from_iter([likely]) }
-    }
-
-    /// True if there is a known direction along which the gap of two primitives is larger than `reach` metres.
-    pub fn are_apart<const N: usize, B: Convex>(&mut self, first: &[Sphere; N], second: &B, reach: f32) -> bool {
-        let apart = |&direction: &Vec3| second.low(direction) + first.low(-direction) > reach;
-        let found = self.known.iter().position(apart);
-        if let Some(i) = found {
-            self.known[..=i].rotate_right(1);
-        }
-        found.is_some()
-    }
-
-    /// Remembers a unit vector from a first side to a second.
-    pub fn learn(&mut self, direction: Vec3) {
-        if self.known.is_full() {
-            self.known.pop();
-        }
-        self.known.insert(0, direction);
-    }
 }

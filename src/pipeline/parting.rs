@@ -1,15 +1,15 @@
 //! A cheap look at many primitives: along a direction in which some of two bodies are apart, most others are as well.
 
-use arrayvec::ArrayVec;
-use glam::{Vec3, Vec4};
+use glam::{BVec4A, Vec3, Vec4};
 
 use super::{
     Core, Part, Shape,
+    directions::Directions,
     motion::{Facing, PairMotion},
     with_spheres,
 };
 use crate::{
-    constants::{CONTACT_ROUNDING, MAX_PARTING_CHORDS, PARTING_DIRECTIONS},
+    constants::{CONTACT_ROUNDING, MAX_PARTING_CHORDS},
     geometry::{Placement, Primitive, Sphere},
     query::{Chords, Convex, Cuboid, Support},
 };
@@ -18,37 +18,27 @@ use crate::{
 pub(super) struct Parting<'a> {
     first: Placed<'a>,
     second: Second<'a>,
-    rounding: f32,
-    touch: f32,
-    /// The latest that was of use comes first.
-    directions: ArrayVec<Direction, PARTING_DIRECTIONS>,
+    /// Gaps that count, in metres: at the start of the motion, and later.
+    least: [f32; 2],
+    directions: Directions,
 }
 
 /// Room for the spheres of either side.
 #[derive(Debug, Default)]
-pub(super) struct Room([Vec<Vec4>; 2]);
+pub(super) struct Room([Vec<Sphere>; 2]);
 
 /// The spheres of a shape wherever a chord begins or ends.
 struct Placed<'a> {
     primitives: &'a [Primitive],
-    /// Centre and radius, sphere by sphere, each instant by instant.
-    spheres: &'a [Vec4],
+    /// Sphere by sphere, each instant by instant.
+    spheres: &'a [Sphere],
     instants: usize,
 }
 
 enum Second<'a> {
-    /// The fourth components are the negative radii.
     Shape(Placed<'a>),
-    /// It rests in the frame of the chords.
-    Part(&'a Part<'a>),
-}
-
-#[derive(Clone, Copy)]
-struct Direction {
-    /// A unit vector, and 1.
-    vector: Vec4,
-    /// How far a part reaches against it.
-    low: f32,
+    /// It rests in the frame of the chords, and reaches so far against each direction.
+    Part(&'a Part<'a>, Vec4),
 }
 
 impl<'a> Parting<'a> {
@@ -60,66 +50,48 @@ impl<'a> Parting<'a> {
         }
         let growth = chords.deviation() + motion.facing.rounding();
         let Room([room1, room2]) = room;
-        let first = Placed::new(motion.shape1, placements.iter().map(|p| &p[0]), |radius| radius + growth, room1);
+        let first = Placed::new(motion.shape1, placements.iter().map(|p| &p[0]), growth, room1);
         let second = match &motion.facing {
-            Facing::Shape(shape) => {
-                Second::Shape(Placed::new(shape, placements.iter().map(|p| &p[1]), |radius| -radius, room2))
-            }
-            Facing::Part(part) => Second::Part(part),
+            Facing::Shape(shape) => Second::Shape(Placed::new(shape, placements.iter().map(|p| &p[1]), 0.0, room2)),
+            Facing::Part(part) => Second::Part(part, Vec4::ZERO),
         };
         let extent = match &second {
             Second::Shape(placed) => placed.extent(),
-            Second::Part(part) => part.aabb().extent_squared().sqrt(),
+            Second::Part(part, _) => part.aabb().extent_squared().sqrt(),
         };
         let rounding = CONTACT_ROUNDING * first.extent().max(extent);
-        let mut parting = Self { first, second, rounding, touch: motion.touch, directions: ArrayVec::new() };
+        let least = [rounding.max(motion.touch), rounding];
+        let mut parting = Self { first, second, least, directions: Directions::default() };
         parting.learn(direction);
         Some(parting)
     }
 
     /// Remembers a direction: where a pair was apart, others may be.
     pub fn learn(&mut self, direction: Vec3) {
-        let direction = self.direction(direction);
-        if self.directions.is_full() {
-            self.directions.pop();
-        }
-        self.directions.insert(0, direction);
-    }
-
-    fn direction(&self, direction: Vec3) -> Direction {
-        let low = match &self.second {
-            Second::Shape(_) => 0.0,
-            Second::Part(part) => match &part.core {
+        let lane = self.directions.learn(direction);
+        if let Second::Part(part, low) = &mut self.second {
+            low[lane] = match &part.core {
                 Core::Cuboid(half) => Cuboid { half: *half }.low(direction),
                 Core::Hull(hull) => with_spheres!(hull, |spheres| spheres.low(direction)),
                 Core::Support(shape) => Support(&**shape).low(direction),
-            },
-        };
-        Direction { vector: direction.extend(1.0), low }
+            };
+        }
     }
 
     /// True if two primitives stay apart along a direction that is known, all the way, and do not begin it in touch: what does is looked at,
     /// or it would depend on the order of the pairs which of them are.
-    pub fn is_apart(&mut self, pair: [u32; 2]) -> bool {
-        let found = (0..self.directions.len()).find(|&i| self.is_apart_along(pair, &self.directions[i]));
-        if let Some(i) = found {
-            self.directions[..=i].rotate_right(1);
-        }
-        found.is_some()
-    }
-
+    ///
     /// Spheres move on lines between the instants, so the gap of any two is least at one of them.
-    fn is_apart_along(&self, [first, second]: [u32; 2], direction: &Direction) -> bool {
+    pub fn is_apart(&self, [first, second]: [u32; 2]) -> bool {
+        let mut apart = BVec4A::TRUE;
         (0..self.first.instants).all(|instant| {
-            let least = if instant == 0 { self.rounding.max(self.touch) } else { self.rounding };
-            let high = self.first.reaches(first, instant, direction.vector).fold(f32::NEG_INFINITY, f32::max);
+            let high = self.directions.high(self.first.at(first, instant));
             let low = match &self.second {
-                Second::Shape(placed) => {
-                    placed.reaches(second, instant, direction.vector).fold(f32::INFINITY, f32::min)
-                }
-                Second::Part(_) => direction.low,
+                Second::Shape(placed) => self.directions.low(placed.at(second, instant)),
+                Second::Part(_, low) => *low,
             };
-            low - high > least
+            apart &= (low - high).cmpgt(Vec4::splat(self.least[instant.min(1)]));
+            apart.any()
         })
     }
 }
@@ -128,27 +100,28 @@ impl<'a> Placed<'a> {
     fn new<'p>(
         shape: &'a Shape,
         placements: impl ExactSizeIterator<Item = &'p Placement> + Clone,
-        radius: impl Fn(f32) -> f32,
-        spheres: &'a mut Vec<Vec4>,
+        growth: f32,
+        spheres: &'a mut Vec<Sphere>,
     ) -> Self {
         let instants = placements.len();
         spheres.clear();
         for sphere in shape.axis.spheres() {
-            let Sphere { center, radius: unsigned } = sphere.scaled(shape.scale);
-            spheres.extend(placements.clone().map(|placement| placement.point(center).extend(radius(unsigned))));
+            let Sphere { center, radius } = sphere.scaled(shape.scale);
+            spheres.extend(placements.clone().map(|placement| Sphere::new(placement.point(center), radius + growth)));
         }
         Self { primitives: shape.axis.primitives(), spheres, instants }
     }
 
-    /// How far the spheres of a primitive reach along a direction.
-    fn reaches(&self, primitive: u32, instant: usize, direction: Vec4) -> impl Iterator<Item = f32> {
+    /// The spheres of a primitive at an instant.
+    fn at(&self, primitive: u32, instant: usize) -> impl Iterator<Item = &Sphere> {
         let indices = self.primitives[primitive as usize].indices();
-        indices.iter().map(move |&sphere| self.spheres[sphere as usize * self.instants + instant].dot(direction))
+        indices.iter().map(move |&sphere| &self.spheres[sphere as usize * self.instants + instant])
     }
 
     /// The largest coordinate or radius.
     fn extent(&self) -> f32 {
-        self.spheres.iter().fold(Vec4::ZERO, |most, sphere| most.max(sphere.abs())).max_element()
+        let most = |s: &Sphere| s.center.abs().max_element().max(s.radius);
+        self.spheres.iter().map(most).fold(0.0, f32::max)
     }
 }
 

@@ -16,7 +16,7 @@
 //! that tumble along each other at high speed stop again and again, wherever their overlap has grown by a slop: they come through it with
 //! the right momentum, and late.
 
-use std::{cmp::Ordering, collections::BinaryHeap};
+use std::{cmp::Ordering, collections::BinaryHeap, time::Duration};
 
 use arrayvec::ArrayVec;
 use bevy::tasks::TaskPool;
@@ -521,7 +521,8 @@ fn impact_from(
     // What was apart at the start the solver may not know, wherever it has come to by now.
     let near = if before.in_touch { before.near } else { 0.0 };
     let question = Question { input, statics, pair, known: None, times, slack, near, normal: before.normal };
-    let mut found = first_impact(&question, motions, scratch);
+    // What searches from impacts on take is not told apart.
+    let mut found = first_impact(&question, motions, scratch, || Duration::ZERO);
     if let Some(impact) = &mut found.impact {
         impact.fraction = fraction + (1.0 - fraction) * impact.fraction;
     }

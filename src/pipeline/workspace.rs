@@ -104,8 +104,6 @@ impl Workspace {
         let stops = stop::run(input, statics, pairs, impacts, stop, tasks, pool);
         output.times.stop = lap();
 
-        // What searches from impacts on took is part of that.
-        split(Duration::ZERO, tasks);
         narrow_phase::manifolds(input, statics, pairs, stops, tasks, manifolds, pool);
         let [contacts, reduction] = split(lap(), tasks);
         output.times.narrow += contacts;

@@ -1,17 +1,17 @@
-//! Times of impact of many pairs at once, sixteen side by side.
+//! Times of impact of many pairs at once, eight side by side.
 
-use fearless_simd::{Level, Simd, dispatch, f32x16, f64x8, mask32x16, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x8, f64x4, mask32x8, prelude::*};
 
 use super::{
     nearest::{Edge, Face},
     number::{Ball, Number, Vector},
     separation::edges,
-    time_of_impact::{Moving, TimeOfImpactStatus, time_of_impact},
+    time_of_impact::{Moving, TimeOfImpactStatus, time_of_impact_from},
 };
 use crate::constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING};
 
-/// Pairs side by side.
-const LANES: usize = 16;
+/// Pairs side by side: as many as the vectors of most machines hold. With more, what is computed with does not fit into registers.
+const LANES: usize = 8;
 
 /// Two moving primitives.
 pub type MovingPair<const N: usize, const M: usize> = (Moving<N>, Moving<M>);
@@ -88,16 +88,21 @@ fn run<S: Simd, const N: usize, const M: usize>(
                 let status = if fraction == 0.0 { TimeOfImpactStatus::Overlapping } else { TimeOfImpactStatus::Hit };
                 touches[index] = Touch { status, fraction };
             } else if ends.unclear & (1 << lane) != 0 {
-                touches[index] = alone(&pairs[index], max_fraction);
+                touches[index] = alone(&pairs[index], fraction, lanes.rounds[lane] as u32, max_fraction);
             }
         }
     }
 }
 
-/// The search anew, by the scalar kernel.
+/// The search from where it is after some rounds, by the scalar kernel.
 #[inline(never)]
-fn alone<const N: usize, const M: usize>((first, second): &MovingPair<N, M>, max_fraction: f32) -> Touch {
-    let found = time_of_impact(first, second, max_fraction);
+fn alone<const N: usize, const M: usize>(
+    (first, second): &MovingPair<N, M>,
+    cleared: f32,
+    rounds: u32,
+    max_fraction: f32,
+) -> Touch {
+    let found = time_of_impact_from(first, second, cleared, rounds, max_fraction);
     let fraction = if found.status == TimeOfImpactStatus::Separated { max_fraction } else { found.fraction };
     Touch { status: found.status, fraction }
 }
@@ -110,7 +115,7 @@ struct Ends {
     unclear: u64,
 }
 
-/// Sixteen spheres on their way.
+/// Eight spheres on their way.
 #[derive(Clone, Copy)]
 struct Spheres {
     /// Centres at the start of the step relative to the first sphere of the first side there, in f64: sums and products of the f32 input are all
@@ -118,50 +123,51 @@ struct Spheres {
     start: [[f64; LANES]; 3],
     /// Displacements over the step relative to that sphere's.
     motion: [[f64; LANES]; 3],
+    /// The same, rounded.
+    velocity: [[f32; LANES]; 3],
     radius: [f32; LANES],
 }
 
 impl Spheres {
-    const ZERO: Self = Self { start: [[0.0; LANES]; 3], motion: [[0.0; LANES]; 3], radius: [0.0; LANES] };
+    const ZERO: Self =
+        Self { start: [[0.0; LANES]; 3], motion: [[0.0; LANES]; 3], velocity: [[0.0; LANES]; 3], radius: [0.0; LANES] };
 
     #[inline(always)]
     fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
         for axis in 0..3 {
             self.start[axis][lane] = from.start[axis][from_lane];
             self.motion[axis][lane] = from.motion[axis][from_lane];
+            self.velocity[axis][lane] = from.velocity[axis][from_lane];
         }
         self.radius[lane] = from.radius[from_lane];
     }
 
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, [early, late]: [f64x8<S>; 2]) -> Ball<f32x16<S>> {
+    fn at<S: Simd>(&self, simd: S, [early, late]: [f64x4<S>; 2]) -> Ball<f32x8<S>> {
         let [x, y, z] = each(
             #[inline(always)]
             |axis| {
                 let (start, motion) = (halves(simd, &self.start[axis]), halves(simd, &self.motion[axis]));
-                simd.narrow_f64x8(start[0] + motion[0] * early, start[1] + motion[1] * late)
+                simd.narrow_f64x4(start[0] + motion[0] * early, start[1] + motion[1] * late)
             },
         );
-        Ball { center: Vector { x, y, z }, radius: f32x16::load_array(simd, self.radius) }
+        Ball { center: Vector { x, y, z }, radius: f32x8::load_array(simd, self.radius) }
     }
 
     #[inline(always)]
-    fn motion<S: Simd>(&self, simd: S) -> Vector<f32x16<S>> {
+    fn velocity<S: Simd>(&self, simd: S) -> Vector<f32x8<S>> {
         let [x, y, z] = each(
             #[inline(always)]
-            |axis| {
-                let [early, late] = halves(simd, &self.motion[axis]);
-                simd.narrow_f64x8(early, late)
-            },
+            |axis| f32x8::load_array(simd, self.velocity[axis]),
         );
         Vector { x, y, z }
     }
 }
 
 #[inline(always)]
-fn halves<S: Simd>(simd: S, numbers: &[f64; LANES]) -> [f64x8<S>; 2] {
+fn halves<S: Simd>(simd: S, numbers: &[f64; LANES]) -> [f64x4<S>; 2] {
     let (a, b) = numbers.split_at(LANES / 2);
-    [f64x8::from_slice(simd, a), f64x8::from_slice(simd, b)]
+    [f64x4::from_slice(simd, a), f64x4::from_slice(simd, b)]
 }
 
 /// An array of what `make` gives for each index: `std::array::from_fn`, inlined for certain.
@@ -174,8 +180,9 @@ fn each<T: Copy, const N: usize>(make: impl Fn(usize) -> T) -> [T; N] {
     made
 }
 
-/// Sixteen pairs on their way.
+/// Eight pairs on their way.
 struct Lanes<const N: usize, const M: usize> {
+    /// Of the first of them only the radius counts: it is at the origin.
     first: [Spheres; N],
     second: [Spheres; M],
     /// Extents of both sides.
@@ -196,7 +203,7 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         }
     }
 
-    /// Puts up to sixteen pairs at their start.
+    /// Puts up to eight pairs at their start.
     #[inline(always)]
     fn load<S: Simd>(&mut self, simd: S, pairs: &[MovingPair<N, M>]) {
         let mut first = [[[0.0; LANES]; 7]; N];
@@ -206,11 +213,12 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
             transpose(&mut second, lane, &pair.1);
         }
         let origin = first[0];
-        for (into, from) in [(&mut self.first[..], &first[..]), (&mut self.second[..], &second[..])] {
+        self.first[0].radius = origin[3];
+        for (into, from) in [(&mut self.first[1..], &first[1..]), (&mut self.second[..], &second[..])] {
             for (into, from) in into.iter_mut().zip(from) {
                 for axis in 0..3 {
-                    into.start[axis] = difference(simd, from[axis], origin[axis]);
-                    into.motion[axis] = difference(simd, from[4 + axis], origin[4 + axis]);
+                    into.start[axis] = difference(simd, from[axis], origin[axis]).0;
+                    (into.motion[axis], into.velocity[axis]) = difference(simd, from[4 + axis], origin[4 + axis]);
                 }
                 into.radius = from[3];
             }
@@ -222,7 +230,8 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
 
     #[inline(always)]
     fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
-        for (into, from) in self.first.iter_mut().zip(&from.first) {
+        self.first[0].radius[lane] = from.first[0].radius[from_lane];
+        for (into, from) in self.first[1..].iter_mut().zip(&from.first[1..]) {
             into.copy(lane, from, from_lane);
         }
         for (into, from) in self.second.iter_mut().zip(&from.second) {
@@ -236,12 +245,12 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
     }
 
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, fraction: f32x16<S>) -> ([Ball<f32x16<S>>; N], [Ball<f32x16<S>>; M]) {
-        let (early, late) = simd.widen_f32x16(fraction);
+    fn at<S: Simd>(&self, simd: S, fraction: f32x8<S>) -> ([Ball<f32x8<S>>; N], [Ball<f32x8<S>>; M]) {
+        let (early, late) = simd.widen_f32x8(fraction);
         (
             each(
                 #[inline(always)]
-                |i| self.first[i].at(simd, [early, late]),
+                |i| if i == 0 { self.origin(simd) } else { self.first[i].at(simd, [early, late]) },
             ),
             each(
                 #[inline(always)]
@@ -250,23 +259,30 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         )
     }
 
+    /// The first sphere of the first side.
+    #[inline(always)]
+    fn origin<S: Simd>(&self, simd: S) -> Ball<f32x8<S>> {
+        let zero = f32x8::splat(simd, 0.0);
+        Ball { center: Vector { x: zero, y: zero, z: zero }, radius: f32x8::load_array(simd, self.first[0].radius) }
+    }
+
     /// Goes as far as two directions show that nothing touches: that between the middles of both sides at the start, and that when the middles are
     /// nearest to each other. A bit for each pair that stays apart.
     #[inline(always)]
     fn depart<S: Simd>(&mut self, simd: S, max_fraction: f32) -> u64 {
-        let zero = f32x16::splat(simd, 0.0);
+        let zero = f32x8::splat(simd, 0.0);
         let (first, second) = self.at(simd, zero);
-        let from = middle(&second) - middle(&first);
-        let (last1, last2) = self.at(simd, zero.like(max_fraction));
-        let way = middle(&last2) - middle(&last1) - from;
+        let from = middle(&second, |ball| ball.center) - middle(&first, |ball| ball.center);
+        let velocity = |spheres: &Spheres| spheres.velocity(simd);
+        let way = (middle(&self.second, velocity) - middle(&self.first, velocity)) * zero.like(max_fraction);
         let nearest = from + way * (-(from.dot(way)) / way.length_squared()).saturate();
-        let [extent1, extent2] = self.extents.map(|extent| f32x16::load_array(simd, extent));
+        let [extent1, extent2] = self.extents.map(|extent| f32x8::load_array(simd, extent));
         let rounding = (extent1 + extent2 + from.length() + way.length()) * zero.like(CONTACT_ROUNDING);
         let mut cleared = zero;
         for direction in [from, nearest] {
             let normal = direction * (zero.like(1.0) / direction.length());
             let (gap, until) = self.cleared(simd, &first, &second, normal, rounding);
-            cleared = cleared.greater(f32x16::select(zero.less(gap), until, zero));
+            cleared = cleared.greater(f32x8::select(zero.less(gap), until, zero));
         }
         self.fraction = cleared.into();
         zero.like(max_fraction).less(cleared).to_bitmask()
@@ -278,52 +294,58 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
     fn cleared<S: Simd>(
         &self,
         simd: S,
-        first: &[Ball<f32x16<S>>; N],
-        second: &[Ball<f32x16<S>>; M],
-        normal: Vector<f32x16<S>>,
-        rounding: f32x16<S>,
-    ) -> (f32x16<S>, f32x16<S>) {
+        first: &[Ball<f32x8<S>>; N],
+        second: &[Ball<f32x8<S>>; M],
+        normal: Vector<f32x8<S>>,
+        rounding: f32x8<S>,
+    ) -> (f32x8<S>, f32x8<S>) {
+        let zero = rounding.like(0.0);
         let high: [_; N] = each(
             #[inline(always)]
-            |i| (first[i].center.dot(normal) + first[i].radius + rounding, self.first[i].motion(simd).dot(normal)),
+            |i| {
+                let reach = first[i].radius + rounding;
+                if i == 0 {
+                    return (reach, zero);
+                }
+                (first[i].center.dot(normal) + reach, self.first[i].velocity(simd).dot(normal))
+            },
         );
-        let zero = rounding.like(0.0);
         let mut least = rounding.like(f32::INFINITY);
         let mut until = least;
         for (ball, moving) in second.iter().zip(&self.second) {
             let low = ball.center.dot(normal) - ball.radius;
-            let low_motion = moving.motion(simd).dot(normal);
+            let low_motion = moving.velocity(simd).dot(normal);
             for (high, high_motion) in high {
                 let (gap, closing) = (low - high, high_motion - low_motion);
                 least = least.lesser(gap);
                 let time = zero.greater(gap) / closing;
-                until = f32x16::select(zero.less(closing), until.lesser(time), until);
+                until = f32x8::select(zero.less(closing), until.lesser(time), until);
             }
         }
         let sound = rounding.like(0.5).less(normal.length_squared());
-        (f32x16::select(sound, least, zero), f32x16::select(sound, until, zero))
+        (f32x8::select(sound, least, zero), f32x8::select(sound, until, zero))
     }
 
     /// One round of conservative advancement.
     #[inline(always)]
     fn advance<S: Simd>(&mut self, simd: S, max_fraction: f32) -> Ends {
-        let fraction = f32x16::load_array(simd, self.fraction);
+        let fraction = f32x8::load_array(simd, self.fraction);
         let (first, second) = self.at(simd, fraction);
         let (upper, normal) = nearest(&first, &second);
         let zero = upper.like(0.0);
         let (lower, until) = self.cleared(simd, &first, &second, normal, zero);
-        let [extent1, extent2] = self.extents.map(|extent| f32x16::load_array(simd, extent));
-        let tolerance = f32x16::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
+        let [extent1, extent2] = self.extents.map(|extent| f32x8::load_array(simd, extent));
+        let tolerance = f32x8::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
         let touching = extent1.greater(extent2) * tolerance;
         let near = lower.at_most(touching);
         let touch = upper.at_most(touching);
         let next = fraction + until;
         let apart = zero.like(max_fraction).less(next);
-        let rounds = f32x16::load_array(simd, self.rounds) + zero.like(1.0);
+        let rounds = f32x8::load_array(simd, self.rounds) + zero.like(1.0);
         let many = zero.like(MAX_LANE_ADVANCES).at_most(rounds);
         self.rounds = rounds.into();
-        self.fraction = f32x16::select(touch | near, fraction, next).into();
-        let [touch, near, apart, many] = [touch, near, apart, many].map(mask32x16::to_bitmask);
+        self.fraction = f32x8::select(touch | near, fraction, next).into();
+        let [touch, near, apart, many] = [touch, near, apart, many].map(mask32x8::to_bitmask);
         Ends { touch, unclear: near | (many & !apart), apart }
     }
 }
@@ -339,25 +361,28 @@ fn transpose<const N: usize>(into: &mut [[[f32; LANES]; 7]; N], lane: usize, mov
     }
 }
 
+/// A difference, all but exact and rounded.
 #[inline(always)]
-fn difference<S: Simd>(simd: S, a: [f32; LANES], b: [f32; LANES]) -> [f64; LANES] {
-    let [a, b] = [a, b].map(|numbers| simd.widen_f32x16(f32x16::load_array(simd, numbers)));
+fn difference<S: Simd>(simd: S, a: [f32; LANES], b: [f32; LANES]) -> ([f64; LANES], [f32; LANES]) {
+    let a = simd.widen_f32x8(f32x8::load_array(simd, a));
+    let b = simd.widen_f32x8(f32x8::load_array(simd, b));
+    let (early, late) = (a.0 - b.0, a.1 - b.1);
     let mut difference = [0.0; LANES];
-    let (early, late) = difference.split_at_mut(LANES / 2);
-    (a.0 - b.0).store_slice(early);
-    (a.1 - b.1).store_slice(late);
-    difference
+    let halves = difference.split_at_mut(LANES / 2);
+    early.store_slice(halves.0);
+    late.store_slice(halves.1);
+    (difference, simd.narrow_f64x4(early, late).into())
 }
 
 /// As [`Convex::extent`](super::Convex::extent).
 #[inline(always)]
-fn extent<S: Simd, const N: usize>(simd: S, spheres: &[[[f32; LANES]; 7]; N]) -> f32x16<S> {
-    let balls: [Ball<f32x16<S>>; N] = each(
+fn extent<S: Simd, const N: usize>(simd: S, spheres: &[[[f32; LANES]; 7]; N]) -> f32x8<S> {
+    let balls: [Ball<f32x8<S>>; N] = each(
         #[inline(always)]
         |i| {
             let [x, y, z, radius] = each(
                 #[inline(always)]
-                |k| f32x16::load_array(simd, spheres[i][k]),
+                |k| f32x8::load_array(simd, spheres[i][k]),
             );
             Ball { center: Vector { x, y, z }, radius }
         },
@@ -371,14 +396,14 @@ fn extent<S: Simd, const N: usize>(simd: S, spheres: &[[[f32; LANES]; 7]; N]) ->
     Number::sqrt(spread) + radius
 }
 
-/// The middle of a primitive's centres.
+/// The mean of a primitive's spheres' vectors.
 #[inline(always)]
-fn middle<R: Number, const N: usize>(balls: &[Ball<R>; N]) -> Vector<R> {
-    let mut sum = balls[0].center;
-    for ball in &balls[1..] {
-        sum = sum + ball.center;
+fn middle<T, R: Number, const N: usize>(spheres: &[T; N], vector: impl Fn(&T) -> Vector<R>) -> Vector<R> {
+    let mut sum = vector(&spheres[0]);
+    for sphere in &spheres[1..] {
+        sum = sum + vector(sphere);
     }
-    sum * balls[0].radius.like(1.0 / N as f32)
+    sum * sum.x.like(1.0 / N as f32)
 }
 
 /// The least distance of two primitives, or more, and the unit direction from the first to the second where they are that near.

@@ -1,8 +1,8 @@
-//! Numbers of which formulas are made: one f32, or sixteen side by side that never look at each other.
+//! Numbers of which formulas are made: one f32, or eight side by side that never look at each other.
 
 use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
 
-use fearless_simd::{Select, Simd, f32x16, mask32x16, prelude::*};
+use fearless_simd::{Select, Simd, f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
 use crate::geometry::Sphere;
@@ -81,8 +81,8 @@ impl Number for f32 {
     }
 }
 
-impl<S: Simd> Number for f32x16<S> {
-    type Mask = mask32x16<S>;
+impl<S: Simd> Number for f32x8<S> {
+    type Mask = mask32x8<S>;
 
     #[inline(always)]
     fn like(self, value: f32) -> Self {
@@ -96,21 +96,21 @@ impl<S: Simd> Number for f32x16<S> {
 
     #[inline(always)]
     fn abs(self) -> Self {
-        self.token().abs_f32x16(self)
+        self.token().abs_f32x8(self)
     }
 
     #[inline(always)]
-    fn less(self, other: Self) -> mask32x16<S> {
+    fn less(self, other: Self) -> mask32x8<S> {
         self.simd_lt(other)
     }
 
     #[inline(always)]
-    fn at_most(self, other: Self) -> mask32x16<S> {
+    fn at_most(self, other: Self) -> mask32x8<S> {
         self.simd_le(other)
     }
 
     #[inline(always)]
-    fn select(mask: mask32x16<S>, this: Self, other: Self) -> Self {
+    fn select(mask: mask32x8<S>, this: Self, other: Self) -> Self {
         mask.select(this, other)
     }
 }

@@ -29,6 +29,13 @@ pub struct Separation {
     pub feature: usize,
 }
 
+impl Separation {
+    /// How much the normal, tilted by rounding, takes from the distance, in metres.
+    pub(super) fn loss(&self) -> f32 {
+        (self.point2 - self.point1).dot(self.normal) - self.distance
+    }
+}
+
 /// The second side of a pair: a primitive or a box.
 pub trait Convex: Copy {
     /// Least of `n . x` over the shape.
@@ -97,6 +104,18 @@ pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hi
     second.normals(first, apart, &mut look);
     // Apart, the centres do not cross, however coarse coordinates far from the origin are.
     if best.lower > 0.0 || best.lower >= best.upper - 2.0 * rounding { best.witness() } else { best.crossing() }
+}
+
+/// The same along the best of the features' own directions too, which do not tilt by rounding.
+pub(super) fn refined<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, found: Separation) -> Separation {
+    let mut best = found;
+    second.normals(first, found.normal, &mut |normal| {
+        let distance = second.low(normal) - high(first, normal);
+        if distance > best.distance {
+            best = Separation { distance, normal, ..best };
+        }
+    });
+    best
 }
 
 /// The search so far: `lower <= distance <= upper`.

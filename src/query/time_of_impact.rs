@@ -3,11 +3,14 @@
 use glam::{DVec3, Vec3};
 
 use super::{
-    separation::{Convex, Cuboid, Separation, separation},
+    number::Number,
+    separation::{Convex, Cuboid, Separation, refined, separation},
     support::Support,
 };
 use crate::{
-    constants::{CONTACT_ROUNDING, MAX_ADVANCES, MAX_ROUNDS, TIME_TOLERANCE, TOUCH_ROUNDING},
+    constants::{
+        CONTACT_ROUNDING, FIRST_TRIAL, MAX_ADVANCES, MAX_ROUNDS, SHORTEST_TRIAL, TIME_TOLERANCE, TOUCH_ROUNDING,
+    },
     geometry::Sphere,
 };
 
@@ -64,6 +67,9 @@ pub trait MovingConvex {
     /// Calls `visit` with a lower bound of the support plane, for each thing that can be lowest, while direction and shape go from the first
     /// to the second.
     fn lows(shapes: [&Self::Shape; 2], normals: [Vec3; 2], visit: impl FnMut(Quadratic));
+
+    /// The shape's extent at the start of the step.
+    fn extent_at_start(&self) -> f32;
 
     /// Fastest displacement relative to `motion`.
     fn fastest(&self, motion: Vec3) -> f32;
@@ -130,6 +136,11 @@ impl<const M: usize> MovingConvex for Moving<M> {
     }
 
     #[inline]
+    fn extent_at_start(&self) -> f32 {
+        self.start.extent()
+    }
+
+    #[inline]
     fn fastest(&self, motion: Vec3) -> f32 {
         self.motion.iter().map(|m| m.distance_squared(motion)).fold(0.0, f32::max).sqrt()
     }
@@ -160,6 +171,11 @@ macro_rules! at_rest {
             fn lows([shape, _]: [&Self; 2], normals: [Vec3; 2], mut visit: impl FnMut(Quadratic)) {
                 let [first, last] = normals.map(|n| shape.low(n));
                 visit(Quadratic([first, last - first, 0.0]));
+            }
+
+            #[inline]
+            fn extent_at_start(&self) -> f32 {
+                self.extent()
             }
 
             #[inline]
@@ -204,6 +220,16 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         Instant { fraction, first, second, separation }
     }
 
+    /// The same during a search. Near the target a tilted normal would end it too early.
+    fn look(&self, fraction: f32, feature: usize, extent: f32) -> Instant<N, B::Shape> {
+        let mut now = self.at(fraction, feature);
+        let is_near = (now.separation.distance - self.target).abs() <= 4.0 * CONTACT_ROUNDING * extent;
+        if is_near && now.separation.loss() > 0.5 * TOUCH_ROUNDING * extent {
+            now.separation = refined(&now.first, &now.second, now.separation);
+        }
+        now
+    }
+
     /// For every pair of spheres how far its gap along the instant's normal exceeds the target, and how much of it closes over the step.
     #[inline]
     fn gaps(&self, now: &Instant<N, B::Shape>, mut visit: impl FnMut(f32, f32)) {
@@ -225,7 +251,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         let mut root = f32::INFINITY;
         self.gaps(now, |gap, closing| {
             if closing > 0.0 {
-                root = root.min(gap.max(0.0) / closing);
+                root = root.lesser(gap.greater(0.0) / closing);
             }
         });
         now.fraction + root
@@ -248,10 +274,9 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         clear
     }
 
-    /// The search of [`time_of_impact`].
-    fn advance(&self, start: Instant<N, B::Shape>, max_fraction: f32) -> TimeOfImpact {
-        let extent = start.first.extent().max(start.second.extent());
-        let mut rounds = 1;
+    /// The search of [`time_of_impact`], from an instant up to which nothing touches, after so many rounds.
+    fn advance(&self, start: Instant<N, B::Shape>, mut rounds: u32, max_fraction: f32) -> TimeOfImpact {
+        let extent = self.first.extent_at_start().max(self.second.extent_at_start());
         let result = |status, fraction, now: &Instant<N, B::Shape>, rounds| {
             let mut contact = now.separation;
             let origin = self.second.origin(f64::from(now.fraction), self.first.center(0, f64::from(now.fraction)));
@@ -260,7 +285,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
             }
             TimeOfImpact { status, fraction, contact, rounds }
         };
-        if start.separation.distance <= self.target + CONTACT_ROUNDING * extent {
+        if start.fraction == 0.0 && start.separation.distance <= self.target + CONTACT_ROUNDING * extent {
             return result(TimeOfImpactStatus::Overlapping, 0.0, &start, rounds);
         }
         let touching = self.target + TOUCH_ROUNDING * extent;
@@ -270,7 +295,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
             if cleared > max_fraction {
                 return result(TimeOfImpactStatus::Separated, cleared, &here, rounds);
             }
-            let next = self.at(cleared, here.separation.feature);
+            let next = self.look(cleared, here.separation.feature, extent);
             rounds += 1;
             if next.separation.distance <= touching {
                 return result(TimeOfImpactStatus::Hit, cleared, &next, rounds);
@@ -281,23 +306,37 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
 
         let fastest = self.first.motion.iter().map(|&m| self.second.fastest(m)).fold(0.0, f32::max);
         let shortest = (TIME_TOLERANCE * extent / fastest).max(f32::EPSILON);
-        let mut step = 4.0 * shortest.max(cleared - here.fraction);
+        let aim = 0.5 * (self.target + touching);
+        let mut step = FIRST_TRIAL * shortest.max(cleared - here.fraction);
+        let mut halve = false;
         while cleared <= max_fraction {
-            let there = self.at((here.fraction + step).min(max_fraction), here.separation.feature);
+            if rounds >= MAX_ROUNDS {
+                return result(TimeOfImpactStatus::IterationLimit, here.fraction, &here, rounds);
+            }
+            let next = (here.fraction + step).min(max_fraction);
+            step = next - here.fraction;
+            let there = self.look(next, here.separation.feature, extent);
             rounds += 1;
-            if there.separation.distance > touching && self.clear_between(&here, &there) {
-                if there.fraction >= max_fraction {
+            let [before, after] = [&here, &there].map(|instant| instant.separation.distance);
+            // After this part of the step the distance would be the one aimed at, did it shrink steadily.
+            let part = (before - aim) / (before - after);
+            if after > self.target && self.clear_between(&here, &there) {
+                if after <= touching {
+                    return result(TimeOfImpactStatus::Hit, next, &there, rounds);
+                } else if next >= max_fraction {
                     break;
                 }
                 here = there;
                 cleared = self.cleared_until(&here);
-                step *= 2.0;
+                let rest = if after < before { part - 1.0 } else { f32::INFINITY };
+                step = (step * rest.min(2.0)).max(SHORTEST_TRIAL * shortest);
+                halve = false;
             } else if step <= shortest {
-                return result(TimeOfImpactStatus::Hit, cleared.min(there.fraction), &here, rounds);
-            } else if rounds >= MAX_ROUNDS {
-                return result(TimeOfImpactStatus::IterationLimit, here.fraction, &here, rounds);
+                return result(TimeOfImpactStatus::Hit, cleared.min(next), &here, rounds);
             } else {
-                step *= 0.5;
+                // Steps that only ever come down to the same side would take many rounds.
+                step *= if halve || after > touching { 0.5 } else { part.clamp(0.1, 0.9) };
+                halve = !halve;
             }
         }
         result(TimeOfImpactStatus::Separated, max_fraction, &here, rounds)
@@ -312,15 +351,26 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
 ///
 /// A pair that only grazes, or that tilts while its faces slide along each other, gets there by ever smaller steps. After
 /// [`MAX_ADVANCES`] of them the search takes trial steps of its own: the direction of least distance at the start of a step, turned
-/// steadily into that at its end, proves that nothing touches in between if it keeps a gap. Then the next step is longer, else it is
-/// halved.
+/// steadily into that at its end, proves that nothing touches in between if it keeps a gap. The next step goes to where the distance, did it shrink on
+/// as in the last one, would be nothing, and is twice as long at most; one in vain is shortened likewise, or halved.
 pub fn time_of_impact<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
     max_fraction: f32,
 ) -> TimeOfImpact {
+    time_of_impact_from(first, second, 0.0, 0, max_fraction)
+}
+
+/// The same where it is known that nothing touches until `cleared`, which took so many rounds.
+pub(super) fn time_of_impact_from<const N: usize, B: MovingConvex>(
+    first: &Moving<N>,
+    second: &B,
+    cleared: f32,
+    rounds: u32,
+    max_fraction: f32,
+) -> TimeOfImpact {
     let pair = Pair { first, second, target: 0.0 };
-    pair.advance(pair.at(0.0, 0), max_fraction)
+    pair.advance(pair.at(cleared, 0), rounds + 1, max_fraction)
 }
 
 /// How they lie to each other at the start, relative to the origin there, and whether nothing can touch until `max_fraction`.
@@ -350,5 +400,5 @@ pub(super) fn time_of_depth<const N: usize, B: MovingConvex>(
         }
         None => pair.at(0.0, 0),
     };
-    pair.advance(start, max_fraction)
+    pair.advance(start, 1, max_fraction)
 }
