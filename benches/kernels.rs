@@ -4,7 +4,8 @@
 //! - time of impact of the pairs of a file, for each of its kinds and categories, where the file is there:
 //!   `../shared/pairs/moving_pairs.txt`, or what `MOVING_PAIRS` names, in the form of `examples/pairs.rs`;
 //! - rays against each kind of primitive, of which the share that hits is printed;
-//! - building a hierarchy over the primitives of each model, and two of it against each other.
+//! - building a hierarchy over the primitives of each model, and two of it against each other;
+//! - products and sums of f32, as many as a core can do.
 
 #[path = "common/pairs.rs"]
 mod pairs;
@@ -20,6 +21,7 @@ use bevy_medial::{
     scenes::load_models,
 };
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*};
 use glam::{DVec3, Vec3};
 use pairs::{Pair, Primitive, Second};
 
@@ -233,5 +235,37 @@ fn hierarchies(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, kernels, file, rays, hierarchies);
+/// What a core does at best with eight numbers side by side. Products and sums are apart: fused, their bits would depend on the machine.
+fn rate(criterion: &mut Criterion) {
+    const ROUNDS: usize = 1000;
+    /// So many that none waits for the one before, and few enough for the registers.
+    const CHAINS: usize = 10;
+    #[inline(always)]
+    fn chains<S: Simd>(simd: S, start: f32) -> f32 {
+        let (factor, summand) = (f32x8::splat(simd, 0.999), f32x8::splat(simd, 0.001));
+        let mut chains = [summand; CHAINS];
+        for (i, chain) in chains.iter_mut().enumerate() {
+            *chain = f32x8::splat(simd, start + i as f32);
+        }
+        for _ in 0..ROUNDS {
+            for chain in &mut chains {
+                *chain = *chain * factor + summand;
+            }
+        }
+        let mut sum = chains[0];
+        for chain in &chains[1..] {
+            sum = sum + *chain;
+        }
+        <[f32; 8]>::from(sum).iter().sum()
+    }
+    let level = Level::new();
+    let mut group = criterion.benchmark_group("rate");
+    group.throughput(Throughput::Elements((2 * 8 * CHAINS * ROUNDS) as u64));
+    group.bench_function(BenchmarkId::from_parameter("products and sums"), |bencher| {
+        bencher.iter(|| dispatch!(level, simd => chains(simd, black_box(1.0))));
+    });
+    group.finish();
+}
+
+criterion_group!(benches, kernels, file, rays, hierarchies, rate);
 criterion_main!(benches);
