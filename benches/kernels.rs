@@ -254,7 +254,7 @@ fn rate(criterion: &mut Criterion) {
         }
         let mut sum = chains[0];
         for chain in &chains[1..] {
-            sum = sum + *chain;
+            sum += *chain;
         }
         <[f32; 8]>::from(sum).iter().sum()
     }
