@@ -2,7 +2,7 @@
 
 use bevy_medial::{
     geometry::Sphere,
-    query::{Moving, MovingPair, TimeOfImpactStatus, Touch, times_of_impact},
+    query::{Moving, MovingPair, TimeOfImpactStatus, Touch, time_of_impact, times_of_impact},
 };
 use glam::Vec3;
 
@@ -170,4 +170,27 @@ fn broken_pairs_stay_alone() {
     let alone = times_of_impact(&[good], 1.0)[0];
     assert_eq!(alone.status, TimeOfImpactStatus::Hit);
     assert!(times_of_impact(&pairs, 1.0).iter().skip(1).step_by(2).all(|touch| *touch == alone));
+}
+
+fn moving<const N: usize>(spheres: [[f32; 7]; N]) -> Moving<N> {
+    Moving {
+        start: spheres.map(|[x, y, z, radius, ..]| Sphere::new(Vec3::new(x, y, z), radius)),
+        motion: spheres.map(|[.., x, y, z]| Vec3::new(x, y, z)),
+    }
+}
+
+/// A cone that grows on its way: what counts as rounding is that of its size at the start, wherever the search is taken up.
+#[test]
+fn a_cone_that_grows_on_its_way_is_not_grazed_early() {
+    let ball = moving([[-0.06986772, 0.055131763, -0.1585026, 0.07863786, 0.2006373, 0.017922811, 0.15733033]]);
+    let cone = moving([
+        [0.3831666, 0.09043917, 0.12956569, 0.05472606, -0.21996316, 0.44477, 0.10403721],
+        [0.37323847, 0.10492098, 0.140525, 0.028565371, -0.64904517, -0.26999542, -0.21687496],
+    ]);
+    let single = time_of_impact(&ball, &cone, 1.0);
+    let single = Touch { status: single.status, fraction: single.fraction };
+    for touch in [single, times_of_impact(&[(ball, cone)], 1.0)[0]] {
+        assert_eq!(touch.status, TimeOfImpactStatus::Hit);
+        assert!((touch.fraction - 0.6626555).abs() < 1e-4, "{touch:?}");
+    }
 }
