@@ -191,8 +191,8 @@ fn time_of_impact(given1: Moving, given2: Moving, distance: f32) -> TimeOfImpact
             if now.separation.distance <= distance + CONTACT_ROUNDING * extents {
                 return TimeOfImpact(OVERLAPPING, 0.0, rounds, now.separation);
             }
-        } else if abs(now.separation.distance - distance) <= 4.0 * CONTACT_ROUNDING * extents
-            && now.separation.loss > 0.5 * TOUCH_ROUNDING * extents {
+        } else if abs(now.separation.distance - distance) <= NEAR_TOUCH * extents
+            && now.separation.loss > TILT_ROUNDING * extents {
             // So near, a tilted normal would end the search too early.
             var hull1 = now.first;
             var hull2 = now.second;

@@ -12,6 +12,13 @@ pub const CONTACT_ROUNDING: f32 = 3.0e-6;
 /// of depth `d` comes early by as much as it takes to sink by this, which grows as `d` shrinks.
 pub const TOUCH_ROUNDING: f32 = 7.0e-7;
 
+/// How near to the distance looked for, per metre of the extent, a search makes sure of its normal: the distance along one that rounding has tilted is
+/// too small, and would end it early. Larger, and more looks cost twice.
+pub const NEAR_TOUCH: f32 = 4.0 * CONTACT_ROUNDING;
+
+/// How much, per metre of the extent, a tilted normal may take from the distance there: less than what counts as touching.
+pub const TILT_ROUNDING: f32 = 0.5 * TOUCH_ROUNDING;
+
 /// Shortest trial step of the time of impact, in extents travelled by the fastest vertex: grazing hits are early by less.
 pub const TIME_TOLERANCE: f32 = 2.0e-5;
 

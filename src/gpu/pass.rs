@@ -17,6 +17,8 @@ pub(super) fn shader(files: &[&str]) -> String {
     let numbers = [
         ("CONTACT_ROUNDING", constants::CONTACT_ROUNDING),
         ("TOUCH_ROUNDING", constants::TOUCH_ROUNDING),
+        ("NEAR_TOUCH", constants::NEAR_TOUCH),
+        ("TILT_ROUNDING", constants::TILT_ROUNDING),
         ("TIME_TOLERANCE", constants::TIME_TOLERANCE),
         ("FIRST_TRIAL", constants::FIRST_TRIAL),
         ("SHORTEST_TRIAL", constants::SHORTEST_TRIAL),

@@ -90,8 +90,11 @@ pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hi
             best.feature = k;
             best.spheres = (sphere1, sphere2);
             if length > 0.0 {
-                best.look_along(apart / length, first, second);
-                if best.lower >= upper - rounding {
+                let normal = apart / length;
+                let lower = best.look_along(normal, first, second);
+                // Far apart, the distance itself is no more exact, and other directions only seem better.
+                if lower >= upper - rounding.max(2.0 * f32::EPSILON * length) {
+                    (best.lower, best.normal) = (lower, normal);
                     return best.witness();
                 }
             }
@@ -99,9 +102,10 @@ pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hi
     }
     let apart = best.spheres.1.center - best.spheres.0.center;
     let apart = if apart == Vec3::ZERO { second.origin() - first.origin() } else { apart };
-    let mut look = |normal| best.look_along(normal, first, second);
-    look(apart.try_normalize().unwrap_or(Vec3::Y));
-    second.normals(first, apart, &mut look);
+    best.look_along(apart.try_normalize().unwrap_or(Vec3::Y), first, second);
+    second.normals(first, apart, &mut |normal| {
+        best.look_along(normal, first, second);
+    });
     // Apart, the centres do not cross, however coarse coordinates far from the origin are.
     if best.lower > 0.0 || best.lower >= best.upper - 2.0 * rounding { best.witness() } else { best.crossing() }
 }
@@ -128,13 +132,15 @@ struct Best {
 }
 
 impl Best {
+    /// Returns how far they are apart along a direction.
     #[inline]
-    fn look_along<const N: usize, B: Convex>(&mut self, normal: Vec3, first: &[Sphere; N], second: &B) {
+    fn look_along<const N: usize, B: Convex>(&mut self, normal: Vec3, first: &[Sphere; N], second: &B) -> f32 {
         let lower = second.low(normal) - high(first, normal);
         if lower > self.lower {
             self.lower = lower;
             self.normal = normal;
         }
+        lower
     }
 
     fn witness(&self) -> Separation {
@@ -205,6 +211,8 @@ fn face_normals<const N: usize>(spheres: &[Sphere; N], towards: Vec3) -> Option<
         let across = towards.reject_from(u);
         let across =
             if across.length_squared() > 1e-12 * towards.length_squared() { across } else { u.any_orthogonal_vector() };
+        // Once more: of what is all but along the axis, little but rounding is left the first time.
+        let across = across.reject_from(u);
         (across, u * (growth / u.length_squared()))
     } else {
         let v = spheres[2].center - spheres[0].center;
@@ -355,5 +363,40 @@ impl Convex for Cuboid {
                 edge_normals((a1.center - a0.center, a1.radius - a0.radius), (axis, 0.0), visit);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sphere(x: f32, y: f32, z: f32, radius: f32) -> Sphere {
+        Sphere::new(Vec3::new(x, y, z), radius)
+    }
+
+    #[test]
+    fn a_point_on_the_axis_of_a_cone_without_radius_touches_it() {
+        let point = [sphere(0.978_988_77, -0.155_454_08, 1.136_328_6, 0.0)];
+        let cone =
+            [sphere(0.976_103_96, -0.166_572_23, 1.137_034, 0.0), sphere(1.032_398_3, 0.050_387_785, 1.123_266_2, 0.0)];
+        let found = separation(&point, &cone, 0);
+        assert!(found.distance.abs() < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn points_of_a_pair_far_apart_are_across_from_each_other() {
+        let cone = [
+            sphere(-62.815_254, 42.640_427, 160.476_44, 0.017_589_169),
+            sphere(-62.797_565, 42.493_88, 159.864_18, 0.092_462_12),
+        ];
+        let slab = [
+            sphere(62.729_24, -43.130_146, -159.463_7, 0.198_130_67),
+            sphere(62.788_235, -43.364_43, -160.454_1, 0.230_135_96),
+            sphere(62.893_833, -43.148_552, -160.440_05, 0.227_457_63),
+        ];
+        let found = separation(&cone, &slab, 0);
+        let apart = found.point2 - found.point1;
+        assert!(apart.reject_from(found.normal).length() < 1e-3, "{found:?}");
+        assert!((apart.length() - found.distance).abs() < 1e-4, "{found:?}");
     }
 }

@@ -9,7 +9,8 @@ use super::{
 };
 use crate::{
     constants::{
-        CONTACT_ROUNDING, FIRST_TRIAL, MAX_ADVANCES, MAX_ROUNDS, SHORTEST_TRIAL, TIME_TOLERANCE, TOUCH_ROUNDING,
+        CONTACT_ROUNDING, FIRST_TRIAL, MAX_ADVANCES, MAX_ROUNDS, NEAR_TOUCH, SHORTEST_TRIAL, TILT_ROUNDING,
+        TIME_TOLERANCE, TOUCH_ROUNDING,
     },
     geometry::Sphere,
 };
@@ -223,8 +224,8 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
     /// The same during a search. Near the target a tilted normal would end it too early.
     fn look(&self, fraction: f32, feature: usize, extent: f32) -> Instant<N, B::Shape> {
         let mut now = self.at(fraction, feature);
-        let is_near = (now.separation.distance - self.target).abs() <= 4.0 * CONTACT_ROUNDING * extent;
-        if is_near && now.separation.loss() > 0.5 * TOUCH_ROUNDING * extent {
+        let is_near = (now.separation.distance - self.target).abs() <= NEAR_TOUCH * extent;
+        if is_near && now.separation.loss() > TILT_ROUNDING * extent {
             now.separation = refined(&now.first, &now.second, now.separation);
         }
         now
