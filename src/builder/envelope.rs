@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeSet, HashSet};
 
-use bytemuck::cast;
 use glam::DVec3;
 
 use super::{
@@ -171,7 +170,7 @@ impl Envelope {
             let group = &points.groups[at];
             let near = self.near(&group.bound, among, f64::from(limit));
             let gaps: Vec<[f32; BLOCK]> =
-                near.iter().map(|&p| cast(self.hulls[p as usize].distances(&group.middles))).collect();
+                near.iter().map(|&p| self.hulls[p as usize].distances(&group.middles)).collect();
             let mut least = [f32::INFINITY; BLOCK];
             gaps.iter().for_each(|gaps| (0..BLOCK).for_each(|i| least[i] = least[i].min(gaps[i])));
             let mut results = Vec::with_capacity(BLOCK * BLOCK);
@@ -209,7 +208,7 @@ impl Envelope {
             if gap > farthest + block.radius {
                 continue;
             }
-            let distances: [f32; BLOCK] = cast(self.hulls[primitive as usize].distances(&block.points));
+            let distances = self.hulls[primitive as usize].distances(&block.points);
             for i in 0..BLOCK {
                 let nearer = distances[i] < least[i];
                 least[i] = if nearer { distances[i] } else { least[i] };

@@ -2,9 +2,10 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::{DVec3, Vec4};
+use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*};
+use glam::DVec3;
 
-use super::vectors::{Vectors, WIDTH};
+use super::vectors::{Vectors, WIDTH, splat};
 use crate::geometry::Primitive;
 
 /// Points of a block.
@@ -14,7 +15,7 @@ pub(super) const BLOCK: usize = 16;
 pub(super) type Block = [Vectors; BLOCK / WIDTH];
 
 /// A number for each point of a block.
-pub(super) type Distances = [Vec4; BLOCK / WIDTH];
+type Distances<S> = [f32x8<S>; BLOCK / WIDTH];
 
 /// A medial sphere in f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,12 +76,19 @@ impl Hull {
     }
 
     /// Signed distances of a block of points, up to the rounding of an f32.
-    pub fn distances(&self, block: &Block) -> Distances {
-        match self {
-            Hull::Sphere(ball) => Cone::new(*ball, *ball).distances(block),
-            Hull::Cone(cone) => cone.distances(block),
-            Hull::Slab(slab) => slab.distances(block),
-        }
+    pub fn distances(&self, block: &Block) -> [f32; BLOCK] {
+        let mut distances = [0.0; BLOCK];
+        dispatch!(Level::new(), simd => {
+            let found = match self {
+                Hull::Sphere(ball) => Cone::new(*ball, *ball).distances(simd, block),
+                Hull::Cone(cone) => cone.distances(simd, block),
+                Hull::Slab(slab) => slab.distances(simd, block),
+            };
+            for (at, lanes) in found.iter().enumerate() {
+                lanes.store_slice(&mut distances[at * WIDTH..(at + 1) * WIDTH]);
+            }
+        });
+        distances
     }
 
     /// Signed distance, and the weights of the nearest sphere.
@@ -190,20 +198,21 @@ impl Cone {
         Self { from, along, widening, inverse_length_squared, slant }
     }
 
-    fn distances(&self, block: &Block) -> Distances {
-        let (from, along) = (Vectors::splat(self.from.center), Vectors::splat(self.along));
-        let (radius, widening) = (Vec4::splat(self.from.radius as f32), self.widening as f32);
-        let slant = self.slant.clamp(-1e6, 1e6) as f32;
+    #[inline(always)]
+    fn distances<S: Simd>(&self, simd: S, block: &Block) -> Distances<S> {
+        let (from, along) = (splat(simd, self.from.center), splat(simd, self.along));
         // Of a degenerate cone the slant alone decides.
-        let (inverse, lift) =
-            if self.slant.is_finite() { (self.inverse_length_squared as f32, 0.0) } else { (0.0, 1.0) };
-        let mut distances = Distances::default();
+        let (inverse, lift) = if self.slant.is_finite() { (self.inverse_length_squared, 0.0) } else { (0.0, 1.0) };
+        let all = |x: f64| f32x8::splat(simd, x as f32);
+        let (radius, widening) = (all(self.from.radius), all(self.widening));
+        let (slant, inverse, lift) = (all(self.slant.clamp(-1e6, 1e6)), all(inverse), all(lift));
+        let mut distances = [lift; BLOCK / WIDTH];
         for (distance, points) in distances.iter_mut().zip(block) {
-            let offset = *points - from;
+            let offset = points.load(simd) - from;
             let foot = offset.dot(along) * inverse;
-            let height = (offset - along.times(foot)).length() + lift;
-            let t = (foot + height * slant).clamp(Vec4::ZERO, Vec4::ONE);
-            *distance = (offset - along.times(t)).length() - (radius + t * widening);
+            let height = (offset - along * foot).length() + lift;
+            let t = (foot + height * slant).max(0.0).min(1.0);
+            *distance = (offset - along * t).length() - (radius + t * widening);
         }
         distances
     }
@@ -267,23 +276,29 @@ impl Slab {
         }
     }
 
-    fn distances(&self, block: &Block) -> Distances {
-        let [mut least, bc, ac] = self.cones.each_ref().map(|cone| cone.distances(block));
-        least.iter_mut().zip(bc.iter().zip(&ac)).for_each(|(least, (bc, ac))| *least = least.min(*bc).min(*ac));
+    #[inline(always)]
+    fn distances<S: Simd>(&self, simd: S, block: &Block) -> Distances<S> {
+        let [ab, bc, ac] = &self.cones;
+        let (mut least, bc, ac) = (ab.distances(simd, block), bc.distances(simd, block), ac.distances(simd, block));
+        for (least, (bc, ac)) in least.iter_mut().zip(bc.into_iter().zip(ac)) {
+            *least = least.min(bc).min(ac);
+        }
         let Some(slant) = self.slant else { return least };
-        let (from, normal) = (Vectors::splat(self.from.center), Vectors::splat(self.normal));
-        let rows = self.to_weights.map(Vectors::splat);
+        let (from, normal) = (splat(simd, self.from.center), splat(simd, self.normal));
+        let rows = (splat(simd, self.to_weights[0]), splat(simd, self.to_weights[1]));
         // Per distance from the plane: the shift of the weights, and the distance from the shifted sphere's centre.
-        let shift = self.to_weights.map(|row| row.dot(slant) as f32);
-        let stretch = (1.0 + slant.length_squared()).sqrt() as f32;
-        let (radius, widening) = (Vec4::splat(self.from.radius as f32), self.widening.map(|w| w as f32));
+        let [s, t] = self.to_weights.map(|row| row.dot(slant));
+        let stretch = (1.0 + slant.length_squared()).sqrt();
+        let all = |x: f64| f32x8::splat(simd, x as f32);
+        let (shift, stretch) = ((all(s), all(t)), all(stretch));
+        let (radius, widening) = (all(self.from.radius), (all(self.widening[0]), all(self.widening[1])));
         for (least, points) in least.iter_mut().zip(block) {
-            let offset = *points - from;
+            let offset = points.load(simd) - from;
             let height = offset.dot(normal).abs();
-            let (s, t) = (offset.dot(rows[0]) + height * shift[0], offset.dot(rows[1]) + height * shift[1]);
-            let distance = height * stretch - (radius + s * widening[0] + t * widening[1]);
-            let within = s.min(t).min(1.0 - s - t).cmpge(Vec4::ZERO);
-            *least = Vec4::select(within, least.min(distance), *least);
+            let (s, t) = (offset.dot(rows.0) + height * shift.0, offset.dot(rows.1) + height * shift.1);
+            let distance = height * stretch - (radius + s * widening.0 + t * widening.1);
+            let within = s.min(t).min(1.0 - s - t).simd_ge(0.0);
+            *least = within.select(least.min(distance), *least);
         }
         least
     }

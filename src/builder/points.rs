@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-use bytemuck::cast;
 use glam::DVec3;
 
 use super::{
@@ -66,7 +65,7 @@ impl Points {
 
     /// Least signed distance from a primitive that a point of each block may have.
     pub fn gaps(&self, hull: &Hull) -> impl Iterator<Item = f32> {
-        let of_groups = self.groups.iter().flat_map(|group| cast::<_, [f32; BLOCK]>(hull.distances(&group.middles)));
+        let of_groups = self.groups.iter().flat_map(|group| hull.distances(&group.middles));
         of_groups.zip(&self.blocks).map(|(gap, block)| gap - block.radius)
     }
 
@@ -78,7 +77,7 @@ impl Points {
     ) -> impl Iterator<Item = (usize, f64)> {
         let near = self.gaps(hull).enumerate().filter(move |&(block, gap)| passes(self.range(block), gap));
         near.flat_map(|(block, _)| {
-            let distances: [f32; BLOCK] = cast(hull.distances(&self.blocks[block].points));
+            let distances = hull.distances(&self.blocks[block].points);
             self.range(block).zip(distances.map(f64::from))
         })
     }
@@ -87,7 +86,7 @@ impl Points {
 /// The last block is filled up with its last point.
 fn block(points: &[DVec3]) -> Block {
     let at = |i: usize| points[i.min(points.len() - 1)];
-    std::array::from_fn(|quad| Vectors::new(std::array::from_fn(|lane| at(quad * WIDTH + lane))))
+    std::array::from_fn(|part| Vectors::new(std::array::from_fn(|lane| at(part * WIDTH + lane))))
 }
 
 /// A ball around points.

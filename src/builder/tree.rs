@@ -1,14 +1,16 @@
 //! The triangles of the input in a hierarchy: closest points and winding numbers.
 //!
-//! The four children of a node, and the four triangles of a leaf, are looked at in one go: a [`Vec4`] holds one number of each.
+//! The eight children of a node, and the eight triangles of a leaf, are looked at in one go.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
-use glam::{BVec4A, DVec3, Vec4};
+use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8, prelude::*};
+use glam::DVec3;
 
-use super::vectors::{Vectors, WIDTH};
+use super::vectors::{Vectors, WIDTH, splat};
+use crate::query::number::Vector;
 
-/// Four children, each with triangles that follow one another.
+/// Eight children, each with triangles that follow one another.
 struct Node {
     /// Nodes, or from [`LEAF`] on leaves; the same as the last where there are fewer.
     children: [u32; WIDTH],
@@ -19,25 +21,25 @@ struct Node {
     dipole: Vectors,
     middle: Vectors,
     /// Beyond this distance from the middle the dipole stands for the triangles.
-    far_squared: Vec4,
+    far_squared: [f32; WIDTH],
 }
 
 /// Where leaves begin in the numbers of children.
 const LEAF: u32 = 1 << 31;
 
-/// Four triangles, the last one again where there are fewer.
+/// Eight triangles, the last one again where there are fewer.
 struct Leaf {
     corners: [Vectors; 3],
     /// Unit vectors in the plane, out of the edges 01, 12 and 20.
     outward: [Vectors; 3],
-    inverse_lengths_squared: [Vec4; 3],
+    inverse_lengths_squared: [[f32; WIDTH]; 3],
     normal: Vectors,
 }
 
 /// Triangles, sorted so that neighbours in the list are neighbours in space.
 pub(super) struct TriangleTree {
     nodes: Vec<Node>,
-    /// Each holds the next four triangles.
+    /// Each holds the next eight triangles.
     leaves: Vec<Leaf>,
     triangles: Vec<[DVec3; 3]>,
     /// Place of each triangle in the list that the tree was made from.
@@ -47,8 +49,8 @@ pub(super) struct TriangleTree {
 /// How many radii of a child away its dipole is exact enough.
 const FAR: f64 = 2.0;
 
-/// Deep enough for any tree of `u32::MAX` triangles: three children of each level wait.
-const STACK: usize = 64;
+/// Deep enough for any tree of `u32::MAX` triangles: seven children of each level wait.
+const STACK: usize = 80;
 
 impl TriangleTree {
     pub fn new(source: &[[DVec3; 3]]) -> Self {
@@ -67,12 +69,12 @@ impl TriangleTree {
     /// Adds the node of `items`, which start at `from` of the sorted list, and those below it; returns its number.
     fn add_node(&mut self, source: &[[DVec3; 3]], centers: &[DVec3], items: &mut [u32], from: usize) -> u32 {
         let number = self.nodes.len();
-        let mut parts = vec![];
-        let (left, right) = halves(centers, items);
-        for half in [left, right] {
-            let (left, right) = halves(centers, half);
-            parts.extend([left, right].into_iter().filter(|part| !part.is_empty()));
+        let mut parts = vec![items];
+        while parts.len() < WIDTH {
+            let halves = parts.into_iter().flat_map(|part| <[_; 2]>::from(halves(centers, part)));
+            parts = halves.collect();
         }
+        parts.retain(|part| !part.is_empty());
         let bounds: Vec<Bounds> = parts.iter().map(|items| Bounds::new(source, centers, items)).collect();
         self.nodes.push(Node::new(&bounds));
         let mut from = from;
@@ -119,66 +121,80 @@ impl TriangleTree {
     fn nearest(&self, point: DVec3, limit: f64) -> Option<(usize, f32)> {
         let mut best = (limit * limit) as f32;
         let mut found = None;
-        let wide = Vectors::splat(point);
-        let mut stack = [(0, 0.0); STACK];
-        let mut top = usize::from(!self.nodes.is_empty());
-        while top > 0 {
-            top -= 1;
-            let (child, gap) = stack[top];
-            if gap >= best {
-                continue;
-            }
-            if child >= LEAF {
-                let leaf = (child - LEAF) as usize;
-                let squares = self.leaves[leaf].distances_squared(wide);
-                if squares.min_element() < best {
-                    best = squares.min_element();
-                    found = Some(leaf * WIDTH + squares.min_position());
+        dispatch!(Level::new(), simd => {
+            let wide = splat(simd, point);
+            let mut stack = [(0, 0.0); STACK];
+            let mut top = usize::from(!self.nodes.is_empty());
+            while top > 0 {
+                top -= 1;
+                let (child, gap) = stack[top];
+                if gap >= best {
+                    continue;
                 }
-                continue;
-            }
-            let node = &self.nodes[child as usize];
-            let gaps = node.gaps_squared(wide).to_array();
-            // The nearest child is looked at first.
-            let bottom = top;
-            for (child, gap) in node.children.into_iter().zip(gaps).filter(|(_, gap)| *gap < best) {
-                let mut at = top;
-                while at > bottom && stack[at - 1].1 < gap {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
+                if child >= LEAF {
+                    let leaf = (child - LEAF) as usize;
+                    let squares = self.leaves[leaf].distances_squared(simd, wide);
+                    let mut nearer = squares.simd_lt(best).to_bitmask();
+                    while nearer != 0 {
+                        let lane = nearer.trailing_zeros() as usize;
+                        nearer &= nearer - 1;
+                        if squares[lane] < best {
+                            best = squares[lane];
+                            found = Some(leaf * WIDTH + lane);
+                        }
+                    }
+                    continue;
                 }
-                stack[at] = (child, gap);
-                top += 1;
+                let node = &self.nodes[child as usize];
+                let gaps = node.gaps_squared(simd, wide);
+                // The nearest child is looked at first.
+                let bottom = top;
+                let mut near = gaps.simd_lt(best).to_bitmask();
+                while near != 0 {
+                    let lane = near.trailing_zeros() as usize;
+                    near &= near - 1;
+                    let mut at = top;
+                    while at > bottom && stack[at - 1].1 < gaps[lane] {
+                        stack[at] = stack[at - 1];
+                        at -= 1;
+                    }
+                    stack[at] = (node.children[lane], gaps[lane]);
+                    top += 1;
+                }
             }
-        }
+        });
         found.map(|triangle| (triangle, best))
     }
 
     /// How often the triangles wind round `point`: 1 within a closed surface, 0 outside, in between near a hole.
     pub fn winding(&self, point: DVec3) -> f64 {
-        let mut sum = Vec4::ZERO;
-        let wide = Vectors::splat(point);
-        let mut stack = [0; STACK];
-        let mut top = usize::from(!self.nodes.is_empty());
-        while top > 0 {
-            top -= 1;
-            let child = stack[top];
-            if child >= LEAF {
-                let leaf = (child - LEAF) as usize;
-                let count = (self.triangles.len() - leaf * WIDTH).min(WIDTH);
-                let lanes = Vec4::from_array(std::array::from_fn(|lane| if lane < count { 1.0 } else { 0.0 }));
-                sum += self.leaves[leaf].solid_angles(wide) * lanes;
-                continue;
+        dispatch!(Level::new(), simd => {
+            let mut sum = f32x8::splat(simd, 0.0);
+            let wide = splat(simd, point);
+            let mut stack = [0; STACK];
+            let mut top = usize::from(!self.nodes.is_empty());
+            while top > 0 {
+                top -= 1;
+                let child = stack[top];
+                if child >= LEAF {
+                    let leaf = (child - LEAF) as usize;
+                    let count = (self.triangles.len() - leaf * WIDTH).min(WIDTH);
+                    let there = mask32x8::from_bitmask(simd, (1 << count) - 1);
+                    sum += there.select(self.leaves[leaf].solid_angles(simd, wide), f32x8::splat(simd, 0.0));
+                    continue;
+                }
+                let node = &self.nodes[child as usize];
+                let (angles, far) = node.dipoles(simd, wide);
+                sum += angles;
+                let mut near = !far.to_bitmask() & ((1 << WIDTH) - 1);
+                while near != 0 {
+                    stack[top] = node.children[near.trailing_zeros() as usize];
+                    near &= near - 1;
+                    top += 1;
+                }
             }
-            let node = &self.nodes[child as usize];
-            let (angles, far) = node.dipoles(wide);
-            sum += angles;
-            for lane in (0..WIDTH).filter(|&lane| !far.test(lane)) {
-                stack[top] = node.children[lane];
-                top += 1;
-            }
-        }
-        f64::from(sum.element_sum()) / (4.0 * std::f64::consts::PI)
+            f64::from(sum.as_slice().iter().sum::<f32>()) / (4.0 * std::f64::consts::PI)
+        })
     }
 
     /// True within the solid, whichever way its triangles turn.
@@ -250,22 +266,27 @@ impl Node {
             max: lanes(|b| b.max),
             dipole: lanes(|b| b.dipole),
             middle: lanes(|b| b.middle),
-            far_squared: Vec4::from_array(far_squared),
+            far_squared,
         }
     }
 
     /// Squared distances of the boxes.
-    fn gaps_squared(&self, point: Vectors) -> Vec4 {
-        (self.min - point).max(point - self.max).max(Vectors::default()).length_squared()
+    #[inline(always)]
+    fn gaps_squared<S: Simd>(&self, simd: S, point: Vector<f32x8<S>>) -> f32x8<S> {
+        let (below, above) = (self.min.load(simd) - point, point - self.max.load(simd));
+        let (x, y, z) = (below.x.max(above.x), below.y.max(above.y), below.z.max(above.z));
+        let (x, y, z) = (x.max(0.0), y.max(0.0), z.max(0.0));
+        x * x + y * y + z * z
     }
 
     /// The angles under which the children are seen of which the dipole tells, and which those are.
-    fn dipoles(&self, point: Vectors) -> (Vec4, BVec4A) {
-        let away = self.middle - point;
+    #[inline(always)]
+    fn dipoles<S: Simd>(&self, simd: S, point: Vector<f32x8<S>>) -> (f32x8<S>, mask32x8<S>) {
+        let away = self.middle.load(simd) - point;
         let squared = away.length_squared();
-        let far = squared.cmpgt(self.far_squared);
-        let angles = self.dipole.dot(away) / (squared * squared.sqrt());
-        (Vec4::select(far, angles, Vec4::ZERO), far)
+        let far = squared.simd_gt(f32x8::load_array(simd, self.far_squared));
+        let angles = self.dipole.load(simd).dot(away) / (squared * squared.sqrt());
+        (far.select(angles, f32x8::splat(simd, 0.0)), far)
     }
 }
 
@@ -279,28 +300,33 @@ impl Leaf {
         Self {
             corners: std::array::from_fn(|k| Vectors::new(triangles.map(|t| t[k]))),
             outward: std::array::from_fn(|k| Vectors::new(outward(k))),
-            inverse_lengths_squared: std::array::from_fn(|k| Vec4::from_array(inverses(k))),
+            inverse_lengths_squared: std::array::from_fn(inverses),
             normal: Vectors::new(normals),
         }
     }
 
-    fn distances_squared(&self, point: Vectors) -> Vec4 {
-        let mut to_rim = Vec4::INFINITY;
-        let mut beyond = Vec4::NEG_INFINITY;
+    #[inline(always)]
+    fn distances_squared<S: Simd>(&self, simd: S, point: Vector<f32x8<S>>) -> f32x8<S> {
+        let [a, b, c] = &self.corners;
+        let corners = [a.load(simd), b.load(simd), c.load(simd)];
+        let mut to_rim = f32x8::splat(simd, f32::INFINITY);
+        let mut beyond = f32x8::splat(simd, f32::NEG_INFINITY);
         for k in 0..3 {
-            let (a, b) = (self.corners[k], self.corners[(k + 1) % 3]);
-            let (away, along) = (point - a, b - a);
-            let t = (away.dot(along) * self.inverse_lengths_squared[k]).clamp(Vec4::ZERO, Vec4::ONE);
-            to_rim = to_rim.min((away - along.times(t)).length_squared());
-            beyond = beyond.max(away.dot(self.outward[k]));
+            let (away, along) = (point - corners[k], corners[(k + 1) % 3] - corners[k]);
+            let inverse = f32x8::load_array(simd, self.inverse_lengths_squared[k]);
+            let t = (away.dot(along) * inverse).max(0.0).min(1.0);
+            to_rim = to_rim.min((away - along * t).length_squared());
+            beyond = beyond.max(away.dot(self.outward[k].load(simd)));
         }
-        let height = (point - self.corners[0]).dot(self.normal);
-        Vec4::select(beyond.cmplt(Vec4::ZERO), height * height, to_rim)
+        let height = (point - corners[0]).dot(self.normal.load(simd));
+        beyond.simd_lt(0.0).select(height * height, to_rim)
     }
 
-    fn solid_angles(&self, point: Vectors) -> Vec4 {
-        let [a, b, c] = self.corners.map(|corner| corner - point);
-        let [la, lb, lc] = [a, b, c].map(Vectors::length);
+    #[inline(always)]
+    fn solid_angles<S: Simd>(&self, simd: S, point: Vector<f32x8<S>>) -> f32x8<S> {
+        let [a, b, c] = &self.corners;
+        let (a, b, c) = (a.load(simd) - point, b.load(simd) - point, c.load(simd) - point);
+        let [la, lb, lc] = [a.length(), b.length(), c.length()];
         let numerator = a.dot(b.cross(c));
         let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
         2.0 * atan2(numerator, denominator)
@@ -308,13 +334,14 @@ impl Leaf {
 }
 
 /// By a polynomial, up to 1e-4.
-fn atan2(y: Vec4, x: Vec4) -> Vec4 {
+#[inline(always)]
+fn atan2<S: Simd>(y: f32x8<S>, x: f32x8<S>) -> f32x8<S> {
     let (ax, ay) = (x.abs(), y.abs());
-    let a = ax.min(ay) / ax.max(ay).max(Vec4::splat(f32::MIN_POSITIVE));
+    let a = ax.min(ay) / ax.max(ay).max(f32::MIN_POSITIVE);
     let s = a * a;
     let r = ((-0.046_496_475 * s + 0.159_314_22) * s - 0.327_622_76) * s * a + a;
-    let r = Vec4::select(ay.cmpgt(ax), FRAC_PI_2 - r, r);
-    let r = Vec4::select(x.cmplt(Vec4::ZERO), PI - r, r);
+    let r = ay.simd_gt(ax).select(FRAC_PI_2 - r, r);
+    let r = x.simd_lt(0.0).select(PI - r, r);
     r.copysign(y)
 }
 

@@ -14,7 +14,7 @@
 mod alternating;
 mod batch;
 mod nearest;
-mod number;
+pub(crate) mod number;
 mod ray;
 mod rigid;
 mod separation;

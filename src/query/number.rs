@@ -9,7 +9,7 @@ use crate::geometry::Sphere;
 
 /// A number, or several in lanes. Every operation rounds as f32 does, so a lane's results are the same bits on every machine and whatever is
 /// beside it.
-pub(super) trait Number:
+pub(crate) trait Number:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
     /// What comparisons give.
@@ -117,7 +117,7 @@ impl<S: Simd> Number for f32x8<S> {
 
 /// A vector of three numbers.
 #[derive(Clone, Copy)]
-pub(super) struct Vector<R> {
+pub(crate) struct Vector<R> {
     pub x: R,
     pub y: R,
     pub z: R,
