@@ -1,6 +1,6 @@
 //! Times of impact of many pairs at once, eight side by side.
 
-use fearless_simd::{Level, Simd, dispatch, f32x8, f64x4, mask32x8, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x4, f32x8, f64x4, mask32x8, prelude::*};
 
 use super::{
     nearest::{Edge, Face},
@@ -8,7 +8,10 @@ use super::{
     separation::edges,
     time_of_impact::{Moving, TimeOfImpactStatus, time_of_impact_from},
 };
-use crate::constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING};
+use crate::{
+    constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING},
+    geometry::Sphere,
+};
 
 /// Pairs side by side: as many as the vectors of most machines hold. With more, what is computed with does not fit into registers.
 const LANES: usize = 8;
@@ -206,24 +209,28 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
     /// Puts up to eight pairs at their start.
     #[inline(always)]
     fn load<S: Simd>(&mut self, simd: S, pairs: &[MovingPair<N, M>]) {
-        let mut first = [[[0.0; LANES]; 7]; N];
-        let mut second = [[[0.0; LANES]; 7]; M];
-        for (lane, pair) in pairs.iter().enumerate() {
-            transpose(&mut first, lane, &pair.0);
-            transpose(&mut second, lane, &pair.1);
-        }
-        let origin = first[0];
-        self.first[0].radius = origin[3];
+        // The lanes of what is missing are like the last.
+        let pair = |lane: usize| &pairs[lane.min(pairs.len() - 1)];
+        let first = columns(
+            simd,
+            #[inline(always)]
+            |lane| &pair(lane).0,
+        );
+        let second = columns(
+            simd,
+            #[inline(always)]
+            |lane| &pair(lane).1,
+        );
+        let (origin, frame) = first[0];
+        self.first[0].radius = origin.radius.into();
         for (into, from) in [(&mut self.first[1..], &first[1..]), (&mut self.second[..], &second[..])] {
-            for (into, from) in into.iter_mut().zip(from) {
-                for axis in 0..3 {
-                    into.start[axis] = difference(simd, from[axis], origin[axis]).0;
-                    (into.motion[axis], into.velocity[axis]) = difference(simd, from[4 + axis], origin[4 + axis]);
-                }
-                into.radius = from[3];
+            for (into, (ball, motion)) in into.iter_mut().zip(from) {
+                (into.start, _) = differences(simd, ball.center, origin.center);
+                (into.motion, into.velocity) = differences(simd, *motion, frame);
+                into.radius = ball.radius.into();
             }
         }
-        self.extents = [extent(simd, &first).into(), extent(simd, &second).into()];
+        self.extents = [extent(&first).into(), extent(&second).into()];
         self.fraction = [0.0; LANES];
         self.rounds = [0.0; LANES];
     }
@@ -350,50 +357,77 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
     }
 }
 
-/// Puts a primitive into its lane: places, radii and motions of its spheres.
+/// The spheres of eight primitives, and their motions.
 #[inline(always)]
-fn transpose<const N: usize>(into: &mut [[[f32; LANES]; 7]; N], lane: usize, moving: &Moving<N>) {
-    for ((into, sphere), motion) in into.iter_mut().zip(&moving.start).zip(&moving.motion) {
-        let (c, m) = (sphere.center, motion);
-        for (into, number) in into.iter_mut().zip([c.x, c.y, c.z, sphere.radius, m.x, m.y, m.z]) {
-            into[lane] = number;
-        }
-    }
+fn columns<'p, S: Simd, const N: usize>(
+    simd: S,
+    moving: impl Fn(usize) -> &'p Moving<N>,
+) -> [(Ball<f32x8<S>>, Vector<f32x8<S>>); N] {
+    each(
+        #[inline(always)]
+        |i| {
+            let [x, y, z, radius] = transposed(
+                simd,
+                #[inline(always)]
+                |lane| bytemuck::cast(moving(lane).start[i]),
+            );
+            let ball = Ball { center: Vector { x, y, z }, radius };
+            let [x, y, z, _] = transposed(
+                simd,
+                #[inline(always)]
+                |lane| moving(lane).motion[i].extend(0.0).to_array(),
+            );
+            (ball, Vector { x, y, z })
+        },
+    )
 }
 
-/// A difference, all but exact and rounded.
+/// The columns of a matrix of eight rows.
 #[inline(always)]
-fn difference<S: Simd>(simd: S, a: [f32; LANES], b: [f32; LANES]) -> ([f64; LANES], [f32; LANES]) {
-    let a = simd.widen_f32x8(f32x8::load_array(simd, a));
-    let b = simd.widen_f32x8(f32x8::load_array(simd, b));
-    let (early, late) = (a.0 - b.0, a.1 - b.1);
-    let mut difference = [0.0; LANES];
-    let halves = difference.split_at_mut(LANES / 2);
-    early.store_slice(halves.0);
-    late.store_slice(halves.1);
-    (difference, simd.narrow_f64x4(early, late).into())
+fn transposed<S: Simd>(simd: S, row: impl Fn(usize) -> [f32; 4]) -> [f32x8<S>; 4] {
+    let (early, late) = (transposed_from(simd, &row, 0), transposed_from(simd, &row, LANES / 2));
+    each(
+        #[inline(always)]
+        |i| early[i].combine(late[i]),
+    )
+}
+
+/// The same of four, from one on.
+#[inline(always)]
+fn transposed_from<S: Simd>(simd: S, row: &impl Fn(usize) -> [f32; 4], from: usize) -> [f32x4<S>; 4] {
+    let [a, b, c, d] = each(
+        #[inline(always)]
+        |i| f32x4::load_array(simd, row(from + i)),
+    );
+    let (ac, bd) = ((a.zip_low(c), a.zip_high(c)), (b.zip_low(d), b.zip_high(d)));
+    [ac.0.zip_low(bd.0), ac.0.zip_high(bd.0), ac.1.zip_low(bd.1), ac.1.zip_high(bd.1)]
+}
+
+/// A vector of differences, all but exact and rounded.
+#[inline(always)]
+fn differences<S: Simd>(simd: S, a: Vector<f32x8<S>>, b: Vector<f32x8<S>>) -> ([[f64; LANES]; 3], [[f32; LANES]; 3]) {
+    let (mut exact, mut rounded) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+    for (axis, (a, b)) in [(a.x, b.x), (a.y, b.y), (a.z, b.z)].into_iter().enumerate() {
+        let (a, b) = (simd.widen_f32x8(a), simd.widen_f32x8(b));
+        let (early, late) = (a.0 - b.0, a.1 - b.1);
+        let halves = exact[axis].split_at_mut(LANES / 2);
+        early.store_slice(halves.0);
+        late.store_slice(halves.1);
+        rounded[axis] = simd.narrow_f64x4(early, late).into();
+    }
+    (exact, rounded)
 }
 
 /// As [`Convex::extent`](super::Convex::extent).
 #[inline(always)]
-fn extent<S: Simd, const N: usize>(simd: S, spheres: &[[[f32; LANES]; 7]; N]) -> f32x8<S> {
-    let balls: [Ball<f32x8<S>>; N] = each(
-        #[inline(always)]
-        |i| {
-            let [x, y, z, radius] = each(
-                #[inline(always)]
-                |k| f32x8::load_array(simd, spheres[i][k]),
-            );
-            Ball { center: Vector { x, y, z }, radius }
-        },
-    );
-    let first = balls[0];
+fn extent<R: Number, const N: usize>(spheres: &[(Ball<R>, Vector<R>); N]) -> R {
+    let (first, _) = spheres[0];
     let (mut spread, mut radius) = (first.radius.like(0.0), first.radius);
-    for ball in balls {
+    for (ball, _) in spheres {
         spread = spread.greater((ball.center - first.center).length_squared());
         radius = radius.greater(ball.radius);
     }
-    Number::sqrt(spread) + radius
+    spread.sqrt() + radius
 }
 
 /// The mean of a primitive's spheres' vectors.
@@ -484,7 +518,6 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::geometry::Sphere;
 
     /// Random pairs of about unit size, of which some meet.
     fn pairs<const N: usize, const M: usize>() -> Vec<MovingPair<N, M>> {

@@ -28,13 +28,13 @@ pub(crate) trait Number:
 
     fn select(mask: Self::Mask, this: Self, other: Self) -> Self;
 
-    /// The lesser one; `self` where `other` is not a number.
+    /// The lesser one. Which it is of what is not a number differs among machines: a mask has to leave that out.
     #[inline(always)]
     fn lesser(self, other: Self) -> Self {
         Self::select(other.less(self), other, self)
     }
 
-    /// The greater one; `self` where `other` is not a number.
+    /// The greater one; as for the lesser.
     #[inline(always)]
     fn greater(self, other: Self) -> Self {
         Self::select(self.less(other), other, self)
@@ -112,6 +112,16 @@ impl<S: Simd> Number for f32x8<S> {
     #[inline(always)]
     fn select(mask: mask32x8<S>, this: Self, other: Self) -> Self {
         mask.select(this, other)
+    }
+
+    #[inline(always)]
+    fn lesser(self, other: Self) -> Self {
+        other.min(self)
+    }
+
+    #[inline(always)]
+    fn greater(self, other: Self) -> Self {
+        other.max(self)
     }
 }
 
