@@ -5,7 +5,7 @@
 //! ```
 //!
 //! - **rain**: 100, 1,000 and 10,000 deer of about 180 primitives, a metre in size, fall on a ground with boxes, as many of each to the square metre; medians
-//!   over the steps from the first touches on;
+//!   over the steps from the first touches on, on one thread;
 //! - **fall**: 10,000 such bodies that fall and are near nothing;
 //! - **threads**: the steps of 1,000 bodies in the rain once more, on one thread and on two, in turns, least of several;
 //! - **stops**: what it adds to a step of the scene `dinosaur` that bodies stop at impacts, on one thread: the same steps with and without, in turns;
@@ -74,9 +74,8 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
-    // The plugin's own pool: whoever waits for it works as well.
-    let two = pool(1);
-    let one = pool(0);
+    // Whoever waits for a pool works as well.
+    let (one, two) = (pool(0), pool(1));
     let deer = deer()?;
     println!("a deer of {} primitives", deer.axis.primitives().len());
     let (counts, steps): (&[usize], usize) = if args.quick { (&[20, 100], 60) } else { (&[100, 1000, 10_000], 60) };
@@ -88,7 +87,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
 
     let (mut ends, mut recorded) = (Vec::new(), Vec::new());
     for &count in counts {
-        let rain = rain(&deer, count, steps, count == counts[counts.len().min(2) - 1]);
+        let rain = rain(&deer, count, steps, count == counts[counts.len().min(2) - 1], &one);
         let collision = median(rain.steps.iter().map(|step| step.collision.as_secs_f64() * 1e3));
         let pairs = median(rain.steps.iter().map(|step| step.contact_pairs as f64));
         tell("rain: collision", count, collision, "ms");
@@ -243,17 +242,20 @@ fn rainy(deer: &Shape, count: usize) -> App {
     app
 }
 
-fn rain(deer: &Shape, count: usize, steps: usize, record: bool) -> Rain {
+/// The app's steps once more, on a pool.
+fn rain(deer: &Shape, count: usize, steps: usize, record: bool, pool: &TaskPool) -> Rain {
     let mut app = rainy(deer, count);
+    let mut stepper = Stepper::default();
     let mut rain = Rain { steps: Vec::new(), recorded: Vec::new() };
     let progress = ProgressBar::new(steps as u64).with_message(format!("{count} bodies"));
     for number in 0..steps {
         app.update();
         progress.inc(1);
         let step = app.world().resource::<MedialStep>();
-        let contact_pairs = step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count();
+        let output = stepper.step(&step.input, &step.statics, pool);
+        let contact_pairs = output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count();
         if contact_pairs * 2 >= count {
-            rain.steps.push(Step { collision: step.output.times.total(), contact_pairs });
+            rain.steps.push(Step { collision: output.times.total(), contact_pairs });
             if record && number % 4 == 0 {
                 rain.recorded.push((step.input.clone(), step.statics.clone()));
             }

@@ -8,10 +8,7 @@ use super::{
     separation::edges,
     time_of_impact::{Moving, TimeOfImpactStatus, time_of_impact_from},
 };
-use crate::{
-    constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING},
-    geometry::Sphere,
-};
+use crate::constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING};
 
 /// Pairs side by side: as many as the vectors of most machines hold. With more, what is computed with does not fit into registers.
 const LANES: usize = 8;
@@ -518,6 +515,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::geometry::Sphere;
 
     /// Random pairs of about unit size, of which some meet.
     fn pairs<const N: usize, const M: usize>() -> Vec<MovingPair<N, M>> {
