@@ -25,7 +25,7 @@ pub struct BuildOptions {
     /// Largest number of faces; `None`: as for edges.
     pub faces: Option<usize>,
     /// How often a shape is sought, each time from other samples, of which the best is taken, and how often each level of a chain is sought beside
-    /// that which comes of the one before; `None`: the finest one to three times, as time allows, those of few spheres once, others not.
+    /// that which comes of the one before; `None`: the finest one to three times, as time allows, others not.
     pub searches: Option<usize>,
     /// Seed of the surface samples.
     pub seed: u64,
@@ -113,10 +113,6 @@ fn searches(triangles: usize, spheres: usize) -> usize {
     (1 + triangles / TRIANGLES_PER_SEARCH / spheres).min(MOST_SEARCHES)
 }
 
-/// Spheres up to which a level of a chain is sought once beside that which comes of the one before, if nothing is said: where there are few, that
-/// one often leaves out a limb.
-const FEW_SPHERES: usize = 24;
-
 /// A medial mesh of a solid.
 ///
 /// `progress` is told the part of the work that is done, from 0 to 1, by whichever thread does it, and may break it off.
@@ -153,8 +149,8 @@ pub fn build_levels(
         let share = |limit: usize| limit.saturating_mul(spheres) / options.spheres.max(1);
         let (edges, faces) = (options.edges.map(share), options.faces.map(share));
         let options = BuildOptions { spheres, edges, faces, ..*options };
-        let seeds = seeds(&options, options.searches.unwrap_or(usize::from(spheres <= FEW_SPHERES)));
-        let starts: Vec<Start> = once(Start::Finer(Box::new(search))).chain(seeds).collect();
+        let starts: Vec<Start> =
+            once(Start::Finer(Box::new(search))).chain(seeds(&options, options.searches.unwrap_or(0))).collect();
         search = best(&judge, mesh, &options, &starts, progress)?;
         levels.push(search.built(&solid, progress)?);
     }
