@@ -71,15 +71,17 @@ fn protrusion(solid: &Solid, complex: &Complex, [i, j]: [u32; 2]) -> f64 {
     (1..STEPS).map(at).fold(0.0, f64::max)
 }
 
-/// Joins the spheres of each part to a tree, then spends what the limits leave where it helps most.
+/// Joins the spheres of each part to a tree, then spends what the limits leave on some of the pairs that touch, or faces among them.
 pub(super) fn connect(
     complex: &mut Complex,
     parts: &[u32],
     touching: &BTreeSet<[u32; 2]>,
+    candidates: Vec<Primitive>,
     samples: &Samples,
     limits: Limits,
     target: &Target,
 ) {
+    complex.faces.clear();
     let pairs: Vec<[u32; 2]> = touching.iter().copied().collect();
     let protrusions = parallel::map(pairs.len(), 8, |i| protrusion(target.solid, complex, pairs[i]));
     let length = |[i, j]: [u32; 2]| complex.balls[i as usize].center.distance(complex.balls[j as usize].center);
@@ -100,8 +102,6 @@ pub(super) fn connect(
     rest.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     complex.edges.extend(rest.iter().filter(|(_, [i, j])| sets.join(*i, *j)).map(|r| r.1));
     complex.edges.sort_unstable();
-
-    let candidates = touching.iter().map(|&pair| Primitive::Cone(pair)).collect();
     spend(complex, candidates, samples, limits, target);
 }
 

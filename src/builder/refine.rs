@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::{
-    connect::Limits,
+    connect::{self, Limits},
     descent,
     envelope::{Complex, Envelope, Hit},
     exchange::exchange,
@@ -74,6 +74,10 @@ impl Plan {
         (2 + triangles / TRIANGLES_PER_ROUND).clamp(LEAST_ROUNDS, Self::MOST_ROUNDS)
     }
 
+    pub fn limits(&self) -> Limits {
+        Limits { edges: self.edges, faces: self.faces }
+    }
+
     /// How many spheres a round may exchange, at most.
     pub fn most_exchanged(&self) -> usize {
         self.spheres.div_ceil(6)
@@ -128,8 +132,7 @@ impl Change {
             Self::Spheres(count) => exchange(complex, parts, target, samples, plan, count),
             Self::Connectivity => {
                 prune(complex, &State::new(complex, target), samples, target);
-                let limits = Limits { edges: plan.edges, faces: plan.faces };
-                respend(complex, parts, &State::new(complex, target), samples, limits, target);
+                respend(complex, parts, &State::new(complex, target), samples, plan.limits(), target);
             }
         }
         descent::descend(complex, target, plan.steps, descent::ROUGH)
@@ -164,6 +167,12 @@ pub(super) fn refine(
         progress(0.0)?;
     }
     let target = target_for(complex, solid, samples, plan.spacing);
+    let limits = plan.limits();
+    if complex.edges.len() > limits.edges || complex.faces.len() > limits.faces {
+        // Those of a finer shape, less those that merged: some of them are chosen.
+        let touching = complex.edges.iter().copied().collect();
+        connect::connect(complex, parts, &touching, connect::candidates(&touching), samples, limits, &target);
+    }
     let mut cost = descent::descend(complex, &target, 2 * plan.steps, descent::ROUGH);
     let mut count = plan.most_exchanged();
     let mut cycle_start = cost;

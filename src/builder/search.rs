@@ -18,7 +18,7 @@ use super::{
     target::{Penalty, Target},
 };
 use crate::{
-    geometry::Sphere,
+    geometry::{Primitive, Sphere},
     medial_axis::{MAX_SPHERES, MedialAxis},
 };
 
@@ -111,7 +111,8 @@ impl Search {
         let target = refine::target(solid, &coarse, Penalty::new(1e-5), plan.spacing);
         let surplus = complex.balls.len().saturating_sub(spheres);
         let limits = Limits { edges: plan.edges.saturating_add(surplus), faces: plan.faces };
-        connect::connect(&mut complex, &clusters.parts, &touching, &coarse, limits, &target);
+        let cones = touching.iter().map(|&pair| Primitive::Cone(pair)).collect();
+        connect::connect(&mut complex, &clusters.parts, &touching, cones, &coarse, limits, &target);
         let (coarse, fine) = (coarse.into(), fine.into());
         let (parts, verdict) = (clusters.parts, Verdict::UNKNOWN);
         let search = Self { coarse, fine, complex, parts, plan, verdict };
