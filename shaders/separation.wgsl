@@ -42,7 +42,7 @@ fn separation(first: ptr<function, Hull>, second: ptr<function, Hull>, hint: u32
                 let normal = apart / length;
                 let lower = look_along(&best, normal, first, second);
                 // Far apart, the distance itself is no more exact, and other directions only seem better.
-                if lower >= upper - max(rounding, 2.0 * EPSILON * length) {
+                if lower >= upper - max(rounding, DISTANCE_ROUNDING * length) {
                     best.lower = lower;
                     best.normal = normal;
                     return witness(&best);

@@ -12,6 +12,10 @@ pub const CONTACT_ROUNDING: f32 = 3.0e-6;
 /// of depth `d` comes early by as much as it takes to sink by this, which grows as `d` shrinks.
 pub const TOUCH_ROUNDING: f32 = 7.0e-7;
 
+/// The same of a distance itself, per metre of it: far apart, a gap along a direction is no more exact. Smaller, and directions of other features than
+/// the nearest are taken.
+pub const DISTANCE_ROUNDING: f32 = 2.0 * f32::EPSILON;
+
 /// How near to the distance looked for, per metre of the extent, a search makes sure of its normal: the distance along one that rounding has tilted is
 /// too small, and would end it early. Larger, and more looks cost twice.
 pub const NEAR_TOUCH: f32 = 4.0 * CONTACT_ROUNDING;

@@ -7,7 +7,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8, prelude::*};
 use glam::DVec3;
 
-use super::vectors::{Vectors, WIDTH, splat};
+use super::vectors::{Vectors, WIDTH, lanes, splat};
 use crate::query::number::Vector;
 
 /// Eight children, each with triangles that follow one another.
@@ -134,10 +134,7 @@ impl TriangleTree {
                 if child >= LEAF {
                     let leaf = (child - LEAF) as usize;
                     let squares = self.leaves[leaf].distances_squared(simd, wide);
-                    let mut nearer = squares.simd_lt(best).to_bitmask();
-                    while nearer != 0 {
-                        let lane = nearer.trailing_zeros() as usize;
-                        nearer &= nearer - 1;
+                    for lane in lanes(squares.simd_lt(best).to_bitmask()) {
                         if squares[lane] < best {
                             best = squares[lane];
                             found = Some(leaf * WIDTH + lane);
@@ -149,10 +146,7 @@ impl TriangleTree {
                 let gaps = node.gaps_squared(simd, wide);
                 // The nearest child is looked at first.
                 let bottom = top;
-                let mut near = gaps.simd_lt(best).to_bitmask();
-                while near != 0 {
-                    let lane = near.trailing_zeros() as usize;
-                    near &= near - 1;
+                for lane in lanes(gaps.simd_lt(best).to_bitmask()) {
                     let mut at = top;
                     while at > bottom && stack[at - 1].1 < gaps[lane] {
                         stack[at] = stack[at - 1];
@@ -186,10 +180,8 @@ impl TriangleTree {
                 let node = &self.nodes[child as usize];
                 let (angles, far) = node.dipoles(simd, wide);
                 sum += angles;
-                let mut near = !far.to_bitmask() & ((1 << WIDTH) - 1);
-                while near != 0 {
-                    stack[top] = node.children[near.trailing_zeros() as usize];
-                    near &= near - 1;
+                for lane in lanes(!far.to_bitmask()) {
+                    stack[top] = node.children[lane];
                     top += 1;
                 }
             }
@@ -275,8 +267,7 @@ impl Node {
     fn gaps_squared<S: Simd>(&self, simd: S, point: Vector<f32x8<S>>) -> f32x8<S> {
         let (below, above) = (self.min.load(simd) - point, point - self.max.load(simd));
         let (x, y, z) = (below.x.max(above.x), below.y.max(above.y), below.z.max(above.z));
-        let (x, y, z) = (x.max(0.0), y.max(0.0), z.max(0.0));
-        x * x + y * y + z * z
+        Vector { x: x.max(0.0), y: y.max(0.0), z: z.max(0.0) }.length_squared()
     }
 
     /// The angles under which the children are seen of which the dipole tells, and which those are.

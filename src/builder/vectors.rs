@@ -31,3 +31,16 @@ pub(super) fn splat<S: Simd>(simd: S, vector: DVec3) -> Vector<f32x8<S>> {
     let [x, y, z] = vector.as_vec3().to_array();
     Vector { x: f32x8::splat(simd, x), y: f32x8::splat(simd, y), z: f32x8::splat(simd, z) }
 }
+
+/// The lanes whose bits are set.
+#[inline(always)]
+pub(super) fn lanes(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(
+        #[inline(always)]
+        move || {
+            let lane = bits.trailing_zeros() as usize;
+            bits &= bits.wrapping_sub(1);
+            (lane < WIDTH).then_some(lane)
+        },
+    )
+}

@@ -17,6 +17,7 @@ pub(super) fn shader(files: &[&str]) -> String {
     let numbers = [
         ("CONTACT_ROUNDING", constants::CONTACT_ROUNDING),
         ("TOUCH_ROUNDING", constants::TOUCH_ROUNDING),
+        ("DISTANCE_ROUNDING", constants::DISTANCE_ROUNDING),
         ("NEAR_TOUCH", constants::NEAR_TOUCH),
         ("TILT_ROUNDING", constants::TILT_ROUNDING),
         ("TIME_TOLERANCE", constants::TIME_TOLERANCE),

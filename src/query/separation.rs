@@ -3,7 +3,10 @@
 use glam::Vec3;
 
 use super::nearest::{between_cones, cone_to_cuboid, on_cone, on_slab};
-use crate::{constants::CONTACT_ROUNDING, geometry::Sphere};
+use crate::{
+    constants::{CONTACT_ROUNDING, DISTANCE_ROUNDING},
+    geometry::Sphere,
+};
 
 /// A box `[-half, half]` in its own frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,7 +96,7 @@ pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hi
                 let normal = apart / length;
                 let lower = best.look_along(normal, first, second);
                 // Far apart, the distance itself is no more exact, and other directions only seem better.
-                if lower >= upper - rounding.max(2.0 * f32::EPSILON * length) {
+                if lower >= upper - rounding.max(DISTANCE_ROUNDING * length) {
                     (best.lower, best.normal) = (lower, normal);
                     return best.witness();
                 }
