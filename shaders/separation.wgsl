@@ -39,12 +39,13 @@ fn separation(first: ptr<function, Hull>, second: ptr<function, Hull>, hint: u32
             best.feature = k;
             best.spheres = spheres;
             if length > 0.0 {
-                let normal = apart / length;
-                let lower = look_along(&best, normal, first, second);
-                // Far apart, the distance itself is no more exact, and other directions only seem better.
-                if lower >= upper - max(rounding, DISTANCE_ROUNDING * length) {
-                    best.lower = lower;
-                    best.normal = normal;
+                // Far apart, gaps along directions are no more exact than that: those of other features only seem larger.
+                let far = DISTANCE_ROUNDING * length;
+                if far > rounding {
+                    best.lower = -MAX;
+                }
+                look_along(&best, apart / length, first, second);
+                if best.lower >= upper - max(rounding, far) {
                     return witness(&best);
                 }
             }
@@ -72,14 +73,12 @@ fn refined(first: ptr<function, Hull>, second: ptr<function, Hull>, found: Separ
     return Separation(best.lower, best.normal, found.feature, found.point1, 0.0);
 }
 
-// Returns how far they are apart along a direction.
-fn look_along(best: ptr<function, Best>, normal: vec3f, first: ptr<function, Hull>, second: ptr<function, Hull>) -> f32 {
+fn look_along(best: ptr<function, Best>, normal: vec3f, first: ptr<function, Hull>, second: ptr<function, Hull>) {
     let lower = low(second, normal) - high(first, normal);
     if lower > (*best).lower {
         (*best).lower = lower;
         (*best).normal = normal;
     }
-    return lower;
 }
 
 fn witness(best: ptr<function, Best>) -> Separation {
@@ -213,12 +212,14 @@ fn mantle_normals(cone: SpherePair, towards: vec3f) -> Normals {
         return Normals(vec3f(0.0), vec3f(0.0), false);
     }
     var across = towards - u.xyz * (dot(towards, u.xyz) / length_squared);
+    if dot(across, across) < 1.0e-2 * dot(towards, towards) {
+        // Of what is all but along the axis, little but rounding is left the first time.
+        across -= u.xyz * (dot(across, u.xyz) / length_squared);
+    }
     if dot(across, across) <= 1.0e-12 * dot(towards, towards) {
         let flat = abs(u.z) < abs(u.x);
         across = select(vec3f(0.0, -u.z, u.y), vec3f(-u.y, u.x, 0.0), flat);
     }
-    // Once more: of what is all but along the axis, little but rounding is left the first time.
-    across -= u.xyz * (dot(across, u.xyz) / length_squared);
     return unit_normals(across, -u.xyz * (u.w / length_squared));
 }
 

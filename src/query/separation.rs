@@ -93,11 +93,13 @@ pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hi
             best.feature = k;
             best.spheres = (sphere1, sphere2);
             if length > 0.0 {
-                let normal = apart / length;
-                let lower = best.look_along(normal, first, second);
-                // Far apart, the distance itself is no more exact, and other directions only seem better.
-                if lower >= upper - rounding.max(DISTANCE_ROUNDING * length) {
-                    (best.lower, best.normal) = (lower, normal);
+                // Far apart, gaps along directions are no more exact than that: those of other features only seem larger.
+                let far = DISTANCE_ROUNDING * length;
+                if far > rounding {
+                    best.lower = f32::NEG_INFINITY;
+                }
+                best.look_along(apart / length, first, second);
+                if best.lower >= upper - rounding.max(far) {
                     return best.witness();
                 }
             }
@@ -105,10 +107,9 @@ pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hi
     }
     let apart = best.spheres.1.center - best.spheres.0.center;
     let apart = if apart == Vec3::ZERO { second.origin() - first.origin() } else { apart };
-    best.look_along(apart.try_normalize().unwrap_or(Vec3::Y), first, second);
-    second.normals(first, apart, &mut |normal| {
-        best.look_along(normal, first, second);
-    });
+    let mut look = |normal| best.look_along(normal, first, second);
+    look(apart.try_normalize().unwrap_or(Vec3::Y));
+    second.normals(first, apart, &mut look);
     // Apart, the centres do not cross, however coarse coordinates far from the origin are.
     if best.lower > 0.0 || best.lower >= best.upper - 2.0 * rounding { best.witness() } else { best.crossing() }
 }
@@ -135,15 +136,13 @@ struct Best {
 }
 
 impl Best {
-    /// Returns how far they are apart along a direction.
     #[inline]
-    fn look_along<const N: usize, B: Convex>(&mut self, normal: Vec3, first: &[Sphere; N], second: &B) -> f32 {
+    fn look_along<const N: usize, B: Convex>(&mut self, normal: Vec3, first: &[Sphere; N], second: &B) {
         let lower = second.low(normal) - high(first, normal);
         if lower > self.lower {
             self.lower = lower;
             self.normal = normal;
         }
-        lower
     }
 
     fn witness(&self) -> Separation {
@@ -211,11 +210,13 @@ fn face_normals<const N: usize>(spheres: &[Sphere; N], towards: Vec3) -> Option<
     let u = spheres[1].center - spheres[0].center;
     let growth = spheres[1].radius - spheres[0].radius;
     let (across, part) = if N == 2 {
-        let across = towards.reject_from(u);
+        let mut across = towards.reject_from(u);
+        if across.length_squared() < 1e-2 * towards.length_squared() {
+            // Of what is all but along the axis, little but rounding is left the first time.
+            across = across.reject_from(u);
+        }
         let across =
             if across.length_squared() > 1e-12 * towards.length_squared() { across } else { u.any_orthogonal_vector() };
-        // Once more: of what is all but along the axis, little but rounding is left the first time.
-        let across = across.reject_from(u);
         (across, u * (growth / u.length_squared()))
     } else {
         let v = spheres[2].center - spheres[0].center;
