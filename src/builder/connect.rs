@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, ops::Range};
 use glam::DVec3;
 
 use super::{
-    envelope::{Complex, Envelope, edges_of},
+    envelope::{Complex, edges_of},
     hull::{Cone, Hull},
     parallel,
     points::Points,
@@ -236,12 +236,15 @@ fn nearer(hull: &Hull, samples: &Samples, distances: &[f64]) -> impl Iterator<It
 /// What the surface of the candidate costs where it lies outside the solid.
 pub(super) fn harm(complex: &Complex, candidate: &Primitive, target: &Target) -> f64 {
     const SPACING: f64 = 0.02;
-    let envelope = Envelope::of(&complex.balls, vec![*candidate]);
-    let surface = envelope.sides(SPACING);
-    let costs = surface.iter().map(|s| {
-        let point = envelope.point(s);
-        let away = target.solid.closest_off_rims(point, None).map_or(glam::DVec3::ZERO, |nearest| point - nearest);
-        if target.solid.is_out(point, away, s.normal) { s.area * target.penalty.of(away.length()) } else { 0.0 }
+    let hull = Hull::new(&complex.balls, candidate);
+    let mut harm = 0.0;
+    hull.sample(SPACING, |weights, normal, area| {
+        let ball = hull.blend(&weights);
+        let point = ball.center + normal * ball.radius;
+        let away = target.solid.closest_off_rims(point, None).map_or(glam::DVec3::ZERO, |(nearest, _)| point - nearest);
+        if target.solid.is_out(point, away, normal) {
+            harm += area * target.penalty.of(away.length());
+        }
     });
-    costs.sum::<f64>() / target.area
+    harm / target.area
 }

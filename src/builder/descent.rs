@@ -3,8 +3,6 @@
 //! The distance of a surface sample to its nearest primitive changes, when the spheres of that primitive move, by their weights
 //! in the nearest blend. So a round is a least squares problem (Levenberg and Marquardt).
 
-use glam::DVec3;
-
 use super::{
     envelope::{Complex, SurfacePoint},
     normal_equations::NormalEquations,
@@ -29,17 +27,18 @@ pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enou
     let surface = target.places(&envelope);
     let anchored = target.anchors_at(&envelope, &surface, &[], NEARLY_OUTSIDE.max(target.creases));
     let places: Vec<SurfacePoint> = anchored.iter().map(|anchor| surface[anchor.place]).collect();
-    let near: Vec<DVec3> = anchored.iter().map(|anchor| anchor.target).collect();
+    let near: Vec<u32> = anchored.iter().map(|anchor| anchor.triangle).collect();
     let measure = |complex: &Complex| {
         let envelope = complex.envelope();
-        let hits = target.hits(&envelope);
+        let nearest = target.nearest(&envelope);
         let anchors = target.anchors_at(&envelope, &places, &near, target.creases);
-        let cost = target.total(&hits, &anchors, &envelope);
-        (cost, envelope, hits, anchors)
+        let cost = target.total(&nearest, &anchors, &envelope);
+        (cost, envelope, nearest, anchors)
     };
     let mut damping = 1e-2;
-    let (mut cost, mut envelope, mut hits, mut anchors) = measure(complex);
+    let (mut cost, mut envelope, mut nearest, mut anchors) = measure(complex);
     for _ in 0..steps {
+        let hits = target.hits(&envelope, &nearest);
         let normal = NormalEquations::assemble(complex, &envelope, target, &hits, &anchors);
         let step = normal.solve(damping);
         let mut trial = complex.clone();
@@ -57,7 +56,7 @@ pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enou
         if measured.0 < cost {
             *complex = trial;
             let done = measured.0 > cost * (1.0 - enough);
-            (cost, envelope, hits, anchors) = measured;
+            (cost, envelope, nearest, anchors) = measured;
             damping = (damping * 0.3).max(1e-6);
             if done {
                 break;

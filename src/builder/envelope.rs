@@ -67,7 +67,7 @@ pub(super) struct Envelope {
     pub hulls: Vec<Hull>,
 }
 
-/// The primitive nearest to a point.
+/// A primitive, as the nearest to a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit {
     /// Signed distance to the primitive, negative within.
@@ -89,6 +89,14 @@ pub(super) struct SurfacePoint {
     pub area: f64,
 }
 
+/// A part of the surfaces of all primitives.
+pub(super) enum Patch {
+    /// A primitive, without its spheres.
+    Sides(u32),
+    /// The sphere at a corner of a primitive.
+    Sphere(u32, usize),
+}
+
 impl Envelope {
     pub fn of(balls: &[Ball], primitives: Vec<Primitive>) -> Self {
         let hulls = primitives.iter().map(|p| Hull::new(balls, p)).collect();
@@ -102,36 +110,49 @@ impl Envelope {
 
     /// Points about `spacing` apart, closer along thin cones, on the surfaces of all spheres, cones and slabs, be they visible or not.
     pub fn surface(&self, spacing: f64) -> Vec<SurfacePoint> {
-        let mut points = self.sides(spacing);
-        let mut seen = HashSet::new();
-        for (primitive, (spheres, hull)) in (0..).zip(self.primitives.iter().zip(&self.hulls)) {
-            for (at, &sphere) in spheres.indices().iter().enumerate() {
-                if seen.insert(sphere) {
-                    let mut weights = [0.0; 3];
-                    weights[at] = 1.0;
-                    sample_sphere(hull.blend(&weights).radius, spacing, |normal, area| {
-                        points.push(SurfacePoint { primitive, weights, normal, area });
-                    });
-                }
-            }
-        }
-        points
+        const PATCHES_PER_TASK: usize = 8;
+        let patches = self.patches();
+        parallel::flat_map(patches.len(), PATCHES_PER_TASK, |i, points| {
+            self.sample(&patches[i], spacing, |point| points.push(point));
+        })
     }
 
-    /// The same without the spheres.
-    pub fn sides(&self, spacing: f64) -> Vec<SurfacePoint> {
-        let mut points = vec![];
-        for (primitive, hull) in (0..).zip(&self.hulls) {
-            hull.sample(spacing, |weights, normal, area| {
-                points.push(SurfacePoint { primitive, weights, normal, area });
-            });
+    /// The sides of all cones and slabs, and all spheres.
+    pub fn patches(&self) -> Vec<Patch> {
+        let mut seen = HashSet::new();
+        let mut patches: Vec<Patch> = (0..self.hulls.len() as u32).map(Patch::Sides).collect();
+        for (primitive, spheres) in (0..).zip(self.primitives.iter().map(Primitive::indices)) {
+            let fresh = (0..3).zip(spheres).filter(|(_, sphere)| seen.insert(**sphere));
+            patches.extend(fresh.map(|(corner, _)| Patch::Sphere(primitive, corner)));
         }
-        points
+        patches
+    }
+
+    /// The points on a patch.
+    pub fn sample(&self, patch: &Patch, spacing: f64, mut push: impl FnMut(SurfacePoint)) {
+        match *patch {
+            Patch::Sides(primitive) => self.hulls[primitive as usize].sample(spacing, |weights, normal, area| {
+                push(SurfacePoint { primitive, weights, normal, area });
+            }),
+            Patch::Sphere(primitive, corner) => {
+                let mut weights = [0.0; 3];
+                weights[corner] = 1.0;
+                let radius = self.hulls[primitive as usize].blend(&weights).radius;
+                sample_sphere(radius, spacing, |normal, area| {
+                    push(SurfacePoint { primitive, weights, normal, area });
+                });
+            }
+        }
     }
 
     /// The nearest primitive to each point.
     pub fn hits(&self, points: &Points) -> Vec<Hit> {
         self.nearest(points, &self.all(), f32::INFINITY, |i, primitive, _| self.hit(points.positions[i], primitive))
+    }
+
+    /// The nearest primitive to each point and the signed distance to it, up to the rounding of an f32.
+    pub fn nearest_primitives(&self, points: &Points) -> Vec<(u32, f64)> {
+        self.nearest(points, &self.all(), f32::INFINITY, |_, primitive, distance| (primitive, f64::from(distance)))
     }
 
     /// The signed distance of each point to the nearest primitive, up to the rounding of an f32.
@@ -166,14 +187,13 @@ impl Envelope {
         limit: f32,
         found: impl Fn(usize, u32, f32) -> R + Sync,
     ) -> Vec<R> {
-        let of_groups = parallel::map(points.groups.len(), 1, |at| {
+        parallel::flat_map(points.groups.len(), 1, |at, results| {
             let group = &points.groups[at];
             let near = self.near(&group.bound, among, f64::from(limit));
             let gaps: Vec<[f32; BLOCK]> =
                 near.iter().map(|&p| self.hulls[p as usize].distances(&group.middles)).collect();
             let mut least = [f32::INFINITY; BLOCK];
             gaps.iter().for_each(|gaps| (0..BLOCK).for_each(|i| least[i] = least[i].min(gaps[i])));
-            let mut results = Vec::with_capacity(BLOCK * BLOCK);
             let mut nearer = vec![];
             for (lane, block) in points.blocks_of(at).enumerate() {
                 let radius = points.blocks[block].radius;
@@ -184,9 +204,7 @@ impl Envelope {
                 let nearest = primitives.into_iter().zip(distances);
                 results.extend(points.range(block).zip(nearest).map(|(i, (p, d))| found(i, p, d)));
             }
-            results
-        });
-        of_groups.into_iter().flatten().collect()
+        })
     }
 
     /// Those of some primitives that may be the nearest within a limit to a point in a ball.
@@ -219,7 +237,8 @@ impl Envelope {
         (nearest, least)
     }
 
-    fn hit(&self, point: DVec3, primitive: u32) -> Hit {
+    /// What a primitive is to a point.
+    pub fn hit(&self, point: DVec3, primitive: u32) -> Hit {
         let (distance, weights) = self.hulls[primitive as usize].closest(point);
         let center = self.hulls[primitive as usize].blend(&weights).center;
         Hit { distance, primitive, weights, normal: (point - center).normalize_or(DVec3::Z) }

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::vectors::{Vectors, WIDTH, splat};
 use crate::geometry::Primitive;
@@ -140,11 +140,12 @@ pub(super) fn sample_sphere(radius: f64, spacing: f64, mut push: impl FnMut(DVec
     const LEAST: f64 = 16.0;
     let area = 4.0 * PI * radius * radius;
     let count = (area / (spacing * spacing)).max(LEAST) as usize;
+    let turn = DVec2::from_angle(TAU * GOLDEN);
+    let mut spoke = DVec2::X;
     for i in 0..count {
         let z = 1.0 - (2 * i + 1) as f64 / count as f64;
-        let (sin, cos) = (TAU * GOLDEN * i as f64).sin_cos();
-        let flat = (1.0 - z * z).sqrt();
-        push(DVec3::new(flat * cos, flat * sin, z), area / count as f64);
+        push((spoke * (1.0 - z * z).sqrt()).extend(z), area / count as f64);
+        spoke = turn.rotate(spoke);
     }
 }
 
@@ -176,10 +177,12 @@ impl Cone {
             let t = (ring as f64 + 0.5) / rings;
             let around = TAU * (self.from.radius + t * self.widening) * cosine;
             let count = (around / spacing).ceil().max(5.0);
-            for i in 0..count as usize {
-                let (sin, cos) = (TAU * (i as f64 / count + GOLDEN * ring as f64)).sin_cos();
-                let normal = (e1 * cos + e2 * sin) * cosine - axis * sine;
+            let turn = DVec2::from_angle(TAU / count);
+            let mut spoke = DVec2::from_angle(TAU * GOLDEN * ring as f64);
+            for _ in 0..count as usize {
+                let normal = (e1 * spoke.x + e2 * spoke.y) * cosine - axis * sine;
                 push(t, normal, around * length * cosine / (rings * count));
+                spoke = turn.rotate(spoke);
             }
         }
     }
@@ -200,19 +203,26 @@ impl Cone {
 
     #[inline(always)]
     fn distances<S: Simd>(&self, simd: S, block: &Block) -> Distances<S> {
-        let (from, along) = (splat(simd, self.from.center), splat(simd, self.along));
-        // Of a degenerate cone the slant alone decides.
-        let (inverse, lift) = if self.slant.is_finite() { (self.inverse_length_squared, 0.0) } else { (0.0, 1.0) };
+        // A degenerate cone is the sphere that holds the other.
+        let (ball, along, widening, slant) = if self.slant.is_finite() {
+            (self.from, self.along, self.widening, self.slant.clamp(-1e6, 1e6))
+        } else {
+            let t = if self.slant > 0.0 { 1.0 } else { 0.0 };
+            let (center, radius) = (self.from.center + self.along * t, self.from.radius + self.widening * t);
+            (Ball { center, radius }, DVec3::ZERO, 0.0, 0.0)
+        };
         let all = |x: f64| f32x8::splat(simd, x as f32);
-        let (radius, widening) = (all(self.from.radius), all(self.widening));
-        let (slant, inverse, lift) = (all(self.slant.clamp(-1e6, 1e6)), all(inverse), all(lift));
-        let mut distances = [lift; BLOCK / WIDTH];
+        let (radius, widening, length_squared) = (all(ball.radius), all(widening), all(along.length_squared()));
+        let (slant, inverse) = (all(slant), all(self.inverse_length_squared));
+        let (from, along) = (splat(simd, ball.center), splat(simd, along));
+        let mut distances = [radius; BLOCK / WIDTH];
         for (distance, points) in distances.iter_mut().zip(block) {
             let offset = points.load(simd) - from;
             let foot = offset.dot(along) * inverse;
-            let height = (offset - along * foot).length() + lift;
-            let t = (foot + height * slant).max(0.0).min(1.0);
-            *distance = (offset - along * t).length() - (radius + t * widening);
+            let square = (offset - along * foot).length_squared();
+            let t = (foot + square.sqrt() * slant).max(0.0).min(1.0);
+            let past = t - foot;
+            *distance = (square + past * past * length_squared).sqrt() - (radius + t * widening);
         }
         distances
     }

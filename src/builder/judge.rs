@@ -65,19 +65,25 @@ impl<'a> Judge<'a> {
         let envelope = complex.envelope();
         let distances = envelope.distances(&self.samples.points);
         let inward = sum(distances.iter().map(|d| d.abs()).zip(self.samples.weights.iter().copied()));
-        let surface = envelope.surface(CLOSE_SPACING);
-        let points = Points::new(surface.iter().map(|s| envelope.point(s)).collect());
-        let depths = envelope.depths(&points);
-        let visible: Vec<usize> = (0..surface.len()).filter(|&i| depths[i] < HIDDEN).collect();
-        let nearest = parallel::map(visible.len(), 32, |at| {
-            let point = points.positions[visible[at]];
-            self.solid.closest_off_rims(point, None).map(|nearest| nearest.distance(point))
+        let patches = envelope.patches();
+        // Points of the envelope, how far they are from the surface, and the area that each stands for.
+        let errors: Vec<(DVec3, f64, f64)> = parallel::flat_map(patches.len(), 1, |i, errors| {
+            let (mut positions, mut areas) = (vec![], vec![]);
+            envelope.sample(&patches[i], CLOSE_SPACING, |place| {
+                positions.push(envelope.point(&place));
+                areas.push(place.area);
+            });
+            let points = Points::new(positions);
+            let depths = envelope.depths(&points);
+            for (at, &point) in points.positions.iter().enumerate().filter(|(at, _)| depths[*at] < HIDDEN) {
+                if let Some((nearest, _)) = self.solid.closest_off_rims(point, None) {
+                    errors.push((point, nearest.distance(point), areas[at]));
+                }
+            }
         });
-        let errors: Vec<(usize, f64)> =
-            visible.into_iter().zip(nearest).filter_map(|(i, distance)| Some((i, distance?))).collect();
-        let outward = sum(errors.iter().map(|&(i, distance)| (distance, surface[i].area)));
-        let bad = errors.into_iter().filter(|(_, distance)| *distance > BAD * outward.max);
-        let worst = spread(bad.map(|(i, distance)| (points.positions[i], distance)).collect());
+        let outward = sum(errors.iter().map(|&(_, distance, area)| (distance, area)));
+        let bad = errors.into_iter().filter(|(_, distance, _)| *distance > BAD * outward.max);
+        let worst = spread(bad.map(|(point, distance, _)| (point, distance)).collect());
         Verdict { greatest: [inward.max, outward.max], mean: inward.mean().max(outward.mean()), worst }
     }
 }

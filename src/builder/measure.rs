@@ -182,12 +182,10 @@ fn samples(patches: &[Patch], spacing: f64) -> (Points, Vec<f32>) {
     const PATCHES_PER_TASK: usize = 64;
     let area: f64 = patches.iter().map(|patch| f64::from(patch.area())).filter(|area| area.is_finite()).sum();
     let spacing = spacing.max((area / MOST_SAMPLES).sqrt()) as f32;
-    let of_patches = parallel::map(patches.len(), PATCHES_PER_TASK, |number| {
-        let mut samples = vec![];
+    let samples = parallel::flat_map(patches.len(), PATCHES_PER_TASK, |number, samples| {
         patches[number].sample(spacing, |point, area| samples.push((point.as_dvec3(), area)));
-        samples
     });
-    let (points, areas) = of_patches.into_iter().flatten().unzip();
+    let (points, areas) = samples.into_iter().unzip();
     (Points::new(points), areas)
 }
 

@@ -5,7 +5,7 @@ use glam::DVec4;
 use super::{
     clusters::solve_symmetric,
     envelope::{Complex, Envelope, Hit},
-    target::{Anchor, NONE, Target},
+    target::{Anchor, Target},
 };
 use crate::geometry::Primitive;
 
@@ -67,7 +67,7 @@ pub(super) struct NormalEquations {
 }
 
 impl NormalEquations {
-    pub fn assemble(complex: &Complex, envelope: &Envelope, target: &Target, hits: &[Hit], anchors: &[Anchor]) -> Self {
+    pub fn assemble(complex: &Complex, envelope: &Envelope, target: &Target, hits: &[(Hit, f64)], anchors: &[Anchor]) -> Self {
         let penalty = target.penalty;
         let mut this = Self {
             diagonal: vec![Block::default(); complex.balls.len()],
@@ -102,7 +102,7 @@ impl NormalEquations {
                 }
             }
         };
-        for (hit, weight) in hits.iter().zip(target.weights).filter(|(hit, _)| hit.primitive != NONE) {
+        for (hit, weight) in hits {
             let slope = -hit.normal.extend(1.0);
             add(hit.primitive, &hit.weights, slope, hit.distance, weight * target.side(hit.distance));
         }

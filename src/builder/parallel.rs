@@ -1,6 +1,6 @@
 //! Loops on all cores whose results do not depend on their number.
 
-use std::cell::Cell;
+use std::{cell::Cell, ops::Range};
 
 use bevy::tasks::{ComputeTaskPool, TaskPool};
 
@@ -24,21 +24,37 @@ pub(super) fn map<R: Send + 'static>(
     least_per_task: usize,
     function: impl Fn(usize) -> R + Sync,
 ) -> Vec<R> {
+    flat_map(count, least_per_task, |i, results| results.push(function(i)))
+}
+
+/// What `function` adds to a list for each of `0..count`, in order.
+pub(super) fn flat_map<R: Send + 'static>(
+    count: usize,
+    least_per_task: usize,
+    function: impl Fn(usize, &mut Vec<R>) + Sync,
+) -> Vec<R> {
+    let of_range = |range: Range<usize>| {
+        let mut results = Vec::with_capacity(range.len());
+        range.for_each(|i| function(i, &mut results));
+        results
+    };
     let pool = ComputeTaskPool::get_or_init(TaskPool::default);
     let chunk = count.div_ceil(pool.thread_num().max(1) * 4).max(least_per_task);
     if count <= chunk || WITHIN.get() {
-        return (0..count).map(function).collect();
+        return of_range(0..count);
     }
-    let function = &function;
+    let of_range = &of_range;
     let chunks = pool.scope(|scope| {
         for from in (0..count).step_by(chunk) {
             scope.spawn(async move {
                 let outer = WITHIN.replace(true);
-                let results = (from..count.min(from + chunk)).map(function).collect::<Vec<R>>();
+                let results = of_range(from..count.min(from + chunk));
                 WITHIN.set(outer);
                 results
             });
         }
     });
-    chunks.into_iter().flatten().collect()
+    let mut all = Vec::with_capacity(chunks.iter().map(Vec::len).sum());
+    chunks.into_iter().for_each(|chunk| all.extend(chunk));
+    all
 }

@@ -105,8 +105,8 @@ pub(super) fn target<'a>(solid: &'a Solid, samples: &'a Samples, penalty: Penalt
 
 /// The target with the penalty that suits the errors of a shape.
 pub(super) fn target_for<'a>(complex: &Complex, solid: &'a Solid, samples: &'a Samples, spacing: f64) -> Target<'a> {
-    let hits = complex.envelope().hits(&samples.points);
-    let squares = hits.iter().zip(&samples.weights).map(|(h, w)| w * h.distance * h.distance);
+    let distances = complex.envelope().distances(&samples.points);
+    let squares = distances.iter().zip(&samples.weights).map(|(d, w)| w * d * d);
     target(solid, samples, Penalty::new(squares.sum()), spacing)
 }
 

@@ -181,13 +181,13 @@ impl Search {
             Sphere::new(center.as_vec3(), (ball.radius * solid.diagonal) as f32)
         });
         let (axis, cleanup) = MedialAxis::from_lists(spheres.collect(), &complex.edges, &complex.faces)?;
-        let hits = complex.envelope().hits(&fine.points);
-        let mean_square: f64 = hits.iter().zip(&fine.weights).map(|(h, w)| w * h.distance * h.distance).sum();
+        let distances = complex.envelope().distances(&fine.points);
+        let mean_square: f64 = distances.iter().zip(&fine.weights).map(|(d, w)| w * d * d).sum();
         let report = BuildReport {
             components: solid.part_count,
             empty_components: solid.part_count - self.full_components(),
             rms_error: mean_square.sqrt() as f32,
-            max_error: hits.iter().map(|h| h.distance.abs()).fold(0.0, f64::max) as f32,
+            max_error: distances.iter().map(|d| d.abs()).fold(0.0, f64::max) as f32,
             cleanup,
         };
         if progress(1.0).is_break() {

@@ -74,19 +74,17 @@ impl Solid {
 impl Solid {
     /// The nearest point of the surface, unless it lies on the rim of a hole: there the surface that `point` belongs to is missing.
     ///
-    /// `near`: a point of the surface that may be nearby, for speed.
-    pub fn closest_off_rims(&self, point: DVec3, near: Option<DVec3>) -> Option<DVec3> {
+    /// `near`: a triangle that may be nearby, for speed. Returns the triangle of the point as well, in the order of the tree.
+    pub fn closest_off_rims(&self, point: DVec3, near: Option<u32>) -> Option<(DVec3, u32)> {
         const ON_EDGE: f64 = 1e-6;
-        const ROUNDING: f64 = 1e-5;
-        let limit = near.map_or(f64::INFINITY, |near| near.distance(point) + ROUNDING);
-        let (closest, triangle) = self.tree.closest_with_triangle(point, limit)?;
-        let corners = &self.tree.triangles()[triangle];
-        let on_rim = (0..3).filter(|&e| self.open_edges[triangle][e]).any(|e| {
+        let (closest, triangle) = self.tree.closest_with_triangle(point, near)?;
+        let (corners, open) = (&self.tree.triangles()[triangle as usize], &self.open_edges[triangle as usize]);
+        let on_rim = (0..3).filter(|&e| open[e]).any(|e| {
             let (a, b) = (corners[e], corners[(e + 1) % 3]);
             let along = (b - a).normalize_or_zero();
             (closest - a).reject_from_normalized(along).length() < ON_EDGE
         });
-        (!on_rim).then_some(closest)
+        (!on_rim).then_some((closest, triangle))
     }
 
     /// True if a point of an envelope, `away` from the nearest point of the surface, is outside of the solid.

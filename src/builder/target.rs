@@ -95,6 +95,8 @@ pub(super) struct Anchor {
     pub weights: [f64; 3],
     pub normal: DVec3,
     pub target: DVec3,
+    /// The triangle of the target, in the order of the tree.
+    pub triangle: u32,
     /// Unit direction from the target to the point when it was taken.
     pub out: DVec3,
     pub weight: f64,
@@ -139,7 +141,7 @@ pub(super) struct Rest<'a> {
     pub frozen: Vec<bool>,
 }
 
-/// Stands for the primitives of the rest in a hit.
+/// Stands for the primitives of the rest.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// How far around the worst places points of the envelope are close, as a part of the diagonal.
@@ -162,16 +164,26 @@ impl Target<'_> {
         places
     }
 
-    pub fn hits(&self, envelope: &Envelope) -> Vec<Hit> {
-        let mut hits = envelope.hits(self.points);
+    /// The nearest primitive to each point, or [`NONE`], and the signed distance.
+    pub fn nearest(&self, envelope: &Envelope) -> Vec<(u32, f64)> {
+        let mut nearest = envelope.nearest_primitives(self.points);
         if let Some(rest) = &self.rest {
-            for (hit, &distance) in hits.iter_mut().zip(&rest.distances) {
-                if distance < hit.distance {
-                    (hit.distance, hit.primitive) = (distance, NONE);
+            for (nearest, &distance) in nearest.iter_mut().zip(&rest.distances) {
+                if distance < nearest.1 {
+                    *nearest = (NONE, distance);
                 }
             }
         }
-        hits
+        nearest
+    }
+
+    /// What the nearest primitives are to the points, and the weights of these, but for the rest.
+    pub fn hits(&self, envelope: &Envelope, nearest: &[(u32, f64)]) -> Vec<(Hit, f64)> {
+        let moving: Vec<usize> = (0..nearest.len()).filter(|&i| nearest[i].0 != NONE).collect();
+        parallel::map(moving.len(), 64, |at| {
+            let i = moving[at];
+            (envelope.hit(self.points.positions[i], nearest[i].0), self.weights[i])
+        })
     }
 
     /// Visible points of the envelope with their nearest points of the surface.
@@ -193,12 +205,12 @@ impl Target<'_> {
     }
 
     /// The same at given places; those that lie no deeper within the solid than `depth_limit` count as well. A place fades as it
-    /// sinks into other primitives. `near`: for each place a point of the surface that may be nearby, or none at all.
+    /// sinks into other primitives. `near`: for each place a triangle that may be nearby, or none at all.
     pub fn anchors_at(
         &self,
         envelope: &Envelope,
         places: &[SurfacePoint],
-        near: &[DVec3],
+        near: &[u32],
         depth_limit: f64,
     ) -> Vec<Anchor> {
         // While places are sought, so do those that may come to light.
@@ -213,28 +225,28 @@ impl Target<'_> {
         let weight = |i: usize| 1.0 - depths[i] / fade;
         let visible: Vec<(usize, f64)> =
             (0..places.len()).map(|i| (i, weight(i))).filter(|(_, weight)| *weight > 0.0).collect();
-        let anchors = parallel::map(visible.len(), 32, |at| {
+        parallel::flat_map(visible.len(), 32, |at, anchors| {
             let (i, weight) = visible[at];
             let (s, point) = (&places[i], points.positions[i]);
-            let target = self.solid.closest_off_rims(point, near.get(i).copied())?;
+            let Some((target, triangle)) = self.solid.closest_off_rims(point, near.get(i).copied()) else { return };
             let away = point - target;
             let out = if away.length() > 1e-9 { away.normalize() } else { s.normal };
             // Where the envelope lies within the solid, the samples above see it, and without its jumps at creases.
             if away.length() > depth_limit && !self.solid.is_out(point, away, s.normal) {
-                return None;
+                return;
             }
             let (primitive, weights, normal) = (s.primitive, s.weights, s.normal);
-            Some(Anchor {
+            anchors.push(Anchor {
                 place: i,
                 primitive,
                 weights,
                 normal,
                 target,
+                triangle,
                 out,
                 weight: OUTWARD * weight * s.area / self.area,
-            })
-        });
-        anchors.into_iter().flatten().collect()
+            });
+        })
     }
 
     pub fn side(&self, distance: f64) -> f64 {
@@ -246,8 +258,8 @@ impl Target<'_> {
         self.side(distance) * self.penalty.of(distance)
     }
 
-    pub fn total(&self, hits: &[Hit], anchors: &[Anchor], envelope: &Envelope) -> f64 {
-        let inward: f64 = hits.iter().zip(self.weights).map(|(h, w)| w * self.cost_of(h.distance)).sum();
+    pub fn total(&self, nearest: &[(u32, f64)], anchors: &[Anchor], envelope: &Envelope) -> f64 {
+        let inward: f64 = nearest.iter().zip(self.weights).map(|((_, d), w)| w * self.cost_of(*d)).sum();
         let outward: f64 = anchors.iter().map(|a| a.weight * self.penalty.of(a.error(envelope))).sum();
         inward + outward
     }

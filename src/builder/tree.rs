@@ -103,13 +103,19 @@ impl TriangleTree {
 
     /// The point of the triangles that is nearest to `point`, if one is nearer than `limit`.
     pub fn closest(&self, point: DVec3, limit: f64) -> Option<DVec3> {
-        self.closest_with_triangle(point, limit).map(|(closest, _)| closest)
+        self.nearest(point, limit).map(|(triangle, _)| self.closest_on(triangle, point))
     }
 
-    /// The same with the place of the triangle in the order of the tree.
-    pub fn closest_with_triangle(&self, point: DVec3, limit: f64) -> Option<(DVec3, usize)> {
-        let (triangle, _) = self.nearest(point, limit)?;
-        Some((closest_on_triangle(point, &self.triangles[triangle]), triangle))
+    /// The nearest point with the place of its triangle in the order of the tree. `near`: a triangle that may be nearby, for speed.
+    pub fn closest_with_triangle(&self, point: DVec3, near: Option<u32>) -> Option<(DVec3, u32)> {
+        /// More than distances in f32 are off.
+        const ROUNDING: f64 = 1e-5;
+        let limit = near.map_or(f64::INFINITY, |triangle| self.closest_on(triangle, point).distance(point) + ROUNDING);
+        self.nearest(point, limit).map(|(triangle, _)| (self.closest_on(triangle, point), triangle))
+    }
+
+    fn closest_on(&self, triangle: u32, point: DVec3) -> DVec3 {
+        closest_on_triangle(point, &self.triangles[triangle as usize])
     }
 
     /// The distance of the nearest triangle, be it degenerate or not, up to the rounding of an f32.
@@ -118,7 +124,7 @@ impl TriangleTree {
     }
 
     /// The nearest triangle that is nearer than `limit`, and its squared distance.
-    fn nearest(&self, point: DVec3, limit: f64) -> Option<(usize, f32)> {
+    fn nearest(&self, point: DVec3, limit: f64) -> Option<(u32, f32)> {
         let mut best = (limit * limit) as f32;
         let mut found = None;
         dispatch!(Level::new(), simd => {
@@ -137,7 +143,7 @@ impl TriangleTree {
                     for lane in lanes(squares.simd_lt(best).to_bitmask()) {
                         if squares[lane] < best {
                             best = squares[lane];
-                            found = Some(leaf * WIDTH + lane);
+                            found = Some((leaf * WIDTH + lane) as u32);
                         }
                     }
                     continue;

@@ -51,11 +51,13 @@ fn the_nearest_triangle_is_found() {
         for _ in 0..200 {
             let point = vector(&mut random);
             let expected = source.iter().map(|t| distance(point, t)).fold(f64::INFINITY, f64::min);
-            let (found, triangle) = tree.closest_with_triangle(point, f64::INFINITY).unwrap();
+            let (found, triangle) = tree.closest_with_triangle(point, None).unwrap();
             assert!((found.distance(point) - expected).abs() < 1e-6, "{found} {expected} of {count}");
-            assert!((distance(point, &tree.triangles()[triangle]) - expected).abs() < 1e-6);
+            assert!((distance(point, &tree.triangles()[triangle as usize]) - expected).abs() < 1e-6);
             assert!((f64::from(tree.distance(point)) - expected).abs() < 1e-6);
             assert_eq!(tree.closest(point, expected + 1e-5), Some(found), "a bound changes nothing");
+            let near = random.below(count as u64) as u32;
+            assert_eq!(tree.closest_with_triangle(point, Some(near)).unwrap().0, found, "nor does a start");
             beyond += usize::from(tree.closest(point, expected - 1e-5).is_none());
         }
     }
