@@ -4,7 +4,9 @@ use std::ops::ControlFlow;
 
 use bevy::prelude::{Reflect, ReflectDefault};
 
-use super::{BuildError, BuildOptions, Built, Level, MedialLevels, TriangleMesh, build, build_levels, measure};
+use super::{
+    BuildError, BuildOptions, Built, DEFAULT_SEED, Level, MedialLevels, TriangleMesh, build, build_levels, measure,
+};
 
 /// Spheres where nothing is said.
 const DEFAULT_SPHERES: usize = 60;
@@ -13,7 +15,7 @@ const DEFAULT_SPHERES: usize = 60;
 const TRIED: [usize; 2] = [8, 512];
 
 /// What to make of a triangle mesh.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Reflect)]
+#[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Clone, PartialEq)]
 pub struct FitOptions {
@@ -29,6 +31,12 @@ pub struct FitOptions {
     pub searches: Option<usize>,
     /// The same seed gives the same result.
     pub seed: u64,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self { spheres: None, max_error: None, levels: false, searches: None, seed: DEFAULT_SEED }
+    }
 }
 
 /// Medial meshes of a solid with their two-sided errors.

@@ -46,7 +46,7 @@ mod target;
 mod tree;
 mod vectors;
 
-pub use build::{BuildError, BuildOptions, BuildReport, Built, build, build_levels};
+pub use build::{BuildError, BuildOptions, BuildReport, Built, DEFAULT_SEED, build, build_levels};
 pub use fit::{FitOptions, fit};
 pub use levels::{Level, MedialFileError, MedialLevels, MedialLevelsError};
 pub use measure::{Deviation, TwoSidedError, measure, vertex_errors};

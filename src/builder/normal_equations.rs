@@ -67,7 +67,13 @@ pub(super) struct NormalEquations {
 }
 
 impl NormalEquations {
-    pub fn assemble(complex: &Complex, envelope: &Envelope, target: &Target, hits: &[(Hit, f64)], anchors: &[Anchor]) -> Self {
+    pub fn assemble(
+        complex: &Complex,
+        envelope: &Envelope,
+        target: &Target,
+        hits: &[(Hit, f64)],
+        anchors: &[Anchor],
+    ) -> Self {
         let penalty = target.penalty;
         let mut this = Self {
             diagonal: vec![Block::default(); complex.balls.len()],

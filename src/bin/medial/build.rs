@@ -1,6 +1,6 @@
 use std::{ops::ControlFlow, path::PathBuf};
 
-use bevy_medial::builder::{FitOptions, Level, MeshReport, fit};
+use bevy_medial::builder::{DEFAULT_SEED, FitOptions, Level, MeshReport, fit};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Outcome, load_mesh, write_axis};
@@ -25,7 +25,7 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     searches: Option<u32>,
     /// The same seed gives the same result.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = DEFAULT_SEED)]
     seed: u64,
 }
 
