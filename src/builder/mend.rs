@@ -54,10 +54,6 @@ pub(super) fn mend(
         let (mut trial, mut trial_parts) = (complex.clone(), parts.clone());
         change.make(&mut trial, &mut trial_parts, &samples, &plan, &target);
         let after = judge.verdict(&trial);
-        eprintln!(
-            "{:p} round {round}: {:?} {:.5} -> {:?} {:.5}",
-            complex, verdict.greatest, verdict.mean, after.greatest, after.mean
-        );
         if after.max() <= verdict.max() && after.mean <= most_mean && after.error() < verdict.error() {
             (*complex, *parts, *verdict) = (trial, trial_parts, after);
             failures = 0;
