@@ -239,8 +239,7 @@ pub(super) fn harm(complex: &Complex, candidate: &Primitive, target: &Target) ->
     let hull = Hull::new(&complex.balls, candidate);
     let mut harm = 0.0;
     hull.sample(SPACING, |weights, normal, area| {
-        let ball = hull.blend(&weights);
-        let point = ball.center + normal * ball.radius;
+        let point = hull.point(&weights, normal);
         let away = target.solid.closest_off_rims(point, None).map_or(glam::DVec3::ZERO, |(nearest, _)| point - nearest);
         if target.solid.is_out(point, away, normal) {
             harm += area * target.penalty.of(away.length());

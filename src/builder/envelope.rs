@@ -90,7 +90,7 @@ pub(super) struct SurfacePoint {
 }
 
 /// A part of the surfaces of all primitives.
-pub(super) enum Patch {
+pub(super) enum Piece {
     /// A primitive, without its spheres.
     Sides(u32),
     /// The sphere at a corner of a primitive.
@@ -104,37 +104,36 @@ impl Envelope {
     }
 
     pub fn point(&self, s: &SurfacePoint) -> DVec3 {
-        let ball = self.hulls[s.primitive as usize].blend(&s.weights);
-        ball.center + s.normal * ball.radius
+        self.hulls[s.primitive as usize].point(&s.weights, s.normal)
     }
 
     /// Points about `spacing` apart, closer along thin cones, on the surfaces of all spheres, cones and slabs, be they visible or not.
     pub fn surface(&self, spacing: f64) -> Vec<SurfacePoint> {
-        const PATCHES_PER_TASK: usize = 8;
-        let patches = self.patches();
-        parallel::flat_map(patches.len(), PATCHES_PER_TASK, |i, points| {
-            self.sample(&patches[i], spacing, |point| points.push(point));
+        const PIECES_PER_TASK: usize = 8;
+        let pieces = self.pieces();
+        parallel::flat_map(pieces.len(), PIECES_PER_TASK, |i, points| {
+            self.sample(&pieces[i], spacing, |point| points.push(point));
         })
     }
 
     /// The sides of all cones and slabs, and all spheres.
-    pub fn patches(&self) -> Vec<Patch> {
+    pub fn pieces(&self) -> Vec<Piece> {
         let mut seen = HashSet::new();
-        let mut patches: Vec<Patch> = (0..self.hulls.len() as u32).map(Patch::Sides).collect();
+        let mut pieces: Vec<Piece> = (0..self.hulls.len() as u32).map(Piece::Sides).collect();
         for (primitive, spheres) in (0..).zip(self.primitives.iter().map(Primitive::indices)) {
             let fresh = (0..3).zip(spheres).filter(|(_, sphere)| seen.insert(**sphere));
-            patches.extend(fresh.map(|(corner, _)| Patch::Sphere(primitive, corner)));
+            pieces.extend(fresh.map(|(corner, _)| Piece::Sphere(primitive, corner)));
         }
-        patches
+        pieces
     }
 
-    /// The points on a patch.
-    pub fn sample(&self, patch: &Patch, spacing: f64, mut push: impl FnMut(SurfacePoint)) {
-        match *patch {
-            Patch::Sides(primitive) => self.hulls[primitive as usize].sample(spacing, |weights, normal, area| {
+    /// The points on a piece.
+    pub fn sample(&self, piece: &Piece, spacing: f64, mut push: impl FnMut(SurfacePoint)) {
+        match *piece {
+            Piece::Sides(primitive) => self.hulls[primitive as usize].sample(spacing, |weights, normal, area| {
                 push(SurfacePoint { primitive, weights, normal, area });
             }),
-            Patch::Sphere(primitive, corner) => {
+            Piece::Sphere(primitive, corner) => {
                 let mut weights = [0.0; 3];
                 weights[corner] = 1.0;
                 let radius = self.hulls[primitive as usize].blend(&weights).radius;

@@ -117,6 +117,12 @@ impl Hull {
 }
 
 impl Hull {
+    /// The point on the sphere at some weights, in a direction.
+    pub fn point(&self, weights: &[f64; 3], normal: DVec3) -> DVec3 {
+        let ball = self.blend(weights);
+        ball.center + normal * ball.radius
+    }
+
     /// Points about `spacing` apart, closer along thin cones, on the sides, without the spheres: weights, outward normal, and the area that each
     /// stands for.
     pub fn sample(&self, spacing: f64, mut push: impl FnMut([f64; 3], DVec3, f64)) {

@@ -65,11 +65,11 @@ impl<'a> Judge<'a> {
         let envelope = complex.envelope();
         let distances = envelope.distances(&self.samples.points);
         let inward = sum(distances.iter().map(|d| d.abs()).zip(self.samples.weights.iter().copied()));
-        let patches = envelope.patches();
+        let pieces = envelope.pieces();
         // Points of the envelope, how far they are from the surface, and the area that each stands for.
-        let errors: Vec<(DVec3, f64, f64)> = parallel::flat_map(patches.len(), 1, |i, errors| {
+        let errors: Vec<(DVec3, f64, f64)> = parallel::flat_map(pieces.len(), 1, |i, errors| {
             let (mut positions, mut areas) = (vec![], vec![]);
-            envelope.sample(&patches[i], CLOSE_SPACING, |place| {
+            envelope.sample(&pieces[i], CLOSE_SPACING, |place| {
                 positions.push(envelope.point(&place));
                 areas.push(place.area);
             });

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::{
     hull::{BLOCK, Ball, Block, Hull},
-    vectors::{Vectors, WIDTH},
+    vectors::{ROUNDING, Vectors, WIDTH},
 };
 
 /// Points in an order in which neighbours are near, cut into blocks, and these into groups.
@@ -33,9 +33,6 @@ pub(super) struct Group {
     /// Middles of the blocks.
     pub middles: Block,
 }
-
-/// More than distances in f32 are off.
-const ROUNDING: f32 = 1e-5;
 
 impl Points {
     pub fn new(positions: Vec<DVec3>) -> Self {

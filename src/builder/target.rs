@@ -103,9 +103,12 @@ pub(super) struct Anchor {
 }
 
 impl Anchor {
+    pub fn point(&self, envelope: &Envelope) -> DVec3 {
+        envelope.hulls[self.primitive as usize].point(&self.weights, self.normal)
+    }
+
     pub fn error(&self, envelope: &Envelope) -> f64 {
-        let ball = envelope.hulls[self.primitive as usize].blend(&self.weights);
-        (ball.center + self.normal * ball.radius - self.target).dot(self.out)
+        (self.point(envelope) - self.target).dot(self.out)
     }
 }
 
@@ -195,8 +198,7 @@ impl Target<'_> {
     pub fn creases(&self, envelope: &Envelope) -> Vec<(DVec3, f64)> {
         let mut creases = vec![];
         for anchor in self.anchors_at(envelope, &self.places(envelope), &[], f64::INFINITY) {
-            let ball = envelope.hulls[anchor.primitive as usize].blend(&anchor.weights);
-            let point = ball.center + anchor.normal * ball.radius;
+            let point = anchor.point(envelope);
             if !self.solid.is_out(point, point - anchor.target, anchor.normal) {
                 creases.push((point, anchor.weight * self.penalty.of(anchor.error(envelope))));
             }

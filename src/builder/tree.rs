@@ -7,7 +7,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8, prelude::*};
 use glam::DVec3;
 
-use super::vectors::{Vectors, WIDTH, lanes, splat};
+use super::vectors::{ROUNDING, Vectors, WIDTH, lanes, splat};
 use crate::query::number::Vector;
 
 /// Eight children, each with triangles that follow one another.
@@ -108,9 +108,8 @@ impl TriangleTree {
 
     /// The nearest point with the place of its triangle in the order of the tree. `near`: a triangle that may be nearby, for speed.
     pub fn closest_with_triangle(&self, point: DVec3, near: Option<u32>) -> Option<(DVec3, u32)> {
-        /// More than distances in f32 are off.
-        const ROUNDING: f64 = 1e-5;
-        let limit = near.map_or(f64::INFINITY, |triangle| self.closest_on(triangle, point).distance(point) + ROUNDING);
+        let from = |triangle| self.closest_on(triangle, point).distance(point) + f64::from(ROUNDING);
+        let limit = near.map_or(f64::INFINITY, from);
         self.nearest(point, limit).map(|(triangle, _)| (self.closest_on(triangle, point), triangle))
     }
 

@@ -8,6 +8,9 @@ use crate::query::number::Vector;
 /// How many.
 pub(super) const WIDTH: usize = 8;
 
+/// More than distances of about 1 are off in f32.
+pub(super) const ROUNDING: f32 = 1e-5;
+
 /// Eight vectors.
 #[derive(Clone, Copy)]
 pub(super) struct Vectors([[f32; WIDTH]; 3]);
