@@ -1,6 +1,6 @@
-//! Times of impact of many pairs at once, eight side by side.
+//! Times of impact of many pairs at once, sixteen side by side.
 
-use fearless_simd::{Level, Simd, dispatch, f32x4, f32x8, f64x4, mask32x8, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x4, f32x16, f64x8, mask32x16, prelude::*};
 
 use super::{
     nearest::{Edge, Face},
@@ -10,8 +10,8 @@ use super::{
 };
 use crate::constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING};
 
-/// Pairs side by side: as many as the vectors of most machines hold. With more, what is computed with does not fit into registers.
-const LANES: usize = 8;
+/// Pairs side by side: as many as the widest vectors hold. Narrower ones go in two or four, whose chains of operations overlap.
+const LANES: usize = 16;
 
 /// Two moving primitives.
 pub type MovingPair<const N: usize, const M: usize> = (Moving<N>, Moving<M>);
@@ -115,7 +115,7 @@ struct Ends {
     unclear: u64,
 }
 
-/// Eight spheres on their way.
+/// Sixteen spheres on their way.
 #[derive(Clone, Copy)]
 struct Spheres {
     /// Centres at the start of the step relative to the first sphere of the first side there, in f64: sums and products of the f32 input are all
@@ -143,31 +143,31 @@ impl Spheres {
     }
 
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, [early, late]: [f64x4<S>; 2]) -> Ball<f32x8<S>> {
+    fn at<S: Simd>(&self, simd: S, [early, late]: [f64x8<S>; 2]) -> Ball<f32x16<S>> {
         let [x, y, z] = each(
             #[inline(always)]
             |axis| {
                 let (start, motion) = (halves(simd, &self.start[axis]), halves(simd, &self.motion[axis]));
-                simd.narrow_f64x4(start[0] + motion[0] * early, start[1] + motion[1] * late)
+                simd.narrow_f64x8(start[0] + motion[0] * early, start[1] + motion[1] * late)
             },
         );
-        Ball { center: Vector { x, y, z }, radius: f32x8::load_array(simd, self.radius) }
+        Ball { center: Vector { x, y, z }, radius: f32x16::load_array(simd, self.radius) }
     }
 
     #[inline(always)]
-    fn velocity<S: Simd>(&self, simd: S) -> Vector<f32x8<S>> {
+    fn velocity<S: Simd>(&self, simd: S) -> Vector<f32x16<S>> {
         let [x, y, z] = each(
             #[inline(always)]
-            |axis| f32x8::load_array(simd, self.velocity[axis]),
+            |axis| f32x16::load_array(simd, self.velocity[axis]),
         );
         Vector { x, y, z }
     }
 }
 
 #[inline(always)]
-fn halves<S: Simd>(simd: S, numbers: &[f64; LANES]) -> [f64x4<S>; 2] {
+fn halves<S: Simd>(simd: S, numbers: &[f64; LANES]) -> [f64x8<S>; 2] {
     let (a, b) = numbers.split_at(LANES / 2);
-    [f64x4::from_slice(simd, a), f64x4::from_slice(simd, b)]
+    [f64x8::from_slice(simd, a), f64x8::from_slice(simd, b)]
 }
 
 /// An array of what `make` gives for each index: `std::array::from_fn`, inlined for certain.
@@ -180,7 +180,7 @@ fn each<T: Copy, const N: usize>(make: impl Fn(usize) -> T) -> [T; N] {
     made
 }
 
-/// Eight pairs on their way.
+/// Sixteen pairs on their way.
 struct Lanes<const N: usize, const M: usize> {
     /// Of the first of them only the radius counts: it is at the origin.
     first: [Spheres; N],
@@ -203,7 +203,7 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         }
     }
 
-    /// Puts up to eight pairs at their start.
+    /// Puts up to sixteen pairs at their start.
     #[inline(always)]
     fn load<S: Simd>(&mut self, simd: S, pairs: &[MovingPair<N, M>]) {
         // The lanes of what is missing are like the last.
@@ -249,8 +249,8 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
     }
 
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, fraction: f32x8<S>) -> ([Ball<f32x8<S>>; N], [Ball<f32x8<S>>; M]) {
-        let (early, late) = simd.widen_f32x8(fraction);
+    fn at<S: Simd>(&self, simd: S, fraction: f32x16<S>) -> ([Ball<f32x16<S>>; N], [Ball<f32x16<S>>; M]) {
+        let (early, late) = simd.widen_f32x16(fraction);
         (
             each(
                 #[inline(always)]
@@ -265,28 +265,28 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
 
     /// The first sphere of the first side.
     #[inline(always)]
-    fn origin<S: Simd>(&self, simd: S) -> Ball<f32x8<S>> {
-        let zero = f32x8::splat(simd, 0.0);
-        Ball { center: Vector { x: zero, y: zero, z: zero }, radius: f32x8::load_array(simd, self.first[0].radius) }
+    fn origin<S: Simd>(&self, simd: S) -> Ball<f32x16<S>> {
+        let zero = f32x16::splat(simd, 0.0);
+        Ball { center: Vector { x: zero, y: zero, z: zero }, radius: f32x16::load_array(simd, self.first[0].radius) }
     }
 
     /// Goes as far as two directions show that nothing touches: that between the middles of both sides at the start, and that when the middles are
     /// nearest to each other. A bit for each pair that stays apart.
     #[inline(always)]
     fn depart<S: Simd>(&mut self, simd: S, max_fraction: f32) -> u64 {
-        let zero = f32x8::splat(simd, 0.0);
+        let zero = f32x16::splat(simd, 0.0);
         let (first, second) = self.at(simd, zero);
         let from = middle(&second, |ball| ball.center) - middle(&first, |ball| ball.center);
         let velocity = |spheres: &Spheres| spheres.velocity(simd);
         let way = (middle(&self.second, velocity) - middle(&self.first, velocity)) * zero.like(max_fraction);
         let nearest = from + way * (-(from.dot(way)) / way.length_squared()).saturate();
-        let [extent1, extent2] = self.extents.map(|extent| f32x8::load_array(simd, extent));
+        let [extent1, extent2] = self.extents.map(|extent| f32x16::load_array(simd, extent));
         let rounding = (extent1 + extent2 + from.length() + way.length()) * zero.like(CONTACT_ROUNDING);
         let mut cleared = zero;
         for direction in [from, nearest] {
             let normal = direction * (zero.like(1.0) / direction.length());
             let (gap, until) = self.cleared(simd, &first, &second, normal, rounding);
-            cleared = cleared.greater(f32x8::select(zero.less(gap), until, zero));
+            cleared = cleared.greater(f32x16::select(zero.less(gap), until, zero));
         }
         self.fraction = cleared.into();
         zero.like(max_fraction).less(cleared).to_bitmask()
@@ -298,11 +298,11 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
     fn cleared<S: Simd>(
         &self,
         simd: S,
-        first: &[Ball<f32x8<S>>; N],
-        second: &[Ball<f32x8<S>>; M],
-        normal: Vector<f32x8<S>>,
-        rounding: f32x8<S>,
-    ) -> (f32x8<S>, f32x8<S>) {
+        first: &[Ball<f32x16<S>>; N],
+        second: &[Ball<f32x16<S>>; M],
+        normal: Vector<f32x16<S>>,
+        rounding: f32x16<S>,
+    ) -> (f32x16<S>, f32x16<S>) {
         let zero = rounding.like(0.0);
         let high: [_; N] = each(
             #[inline(always)]
@@ -323,43 +323,43 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
                 let (gap, closing) = (low - high, high_motion - low_motion);
                 least = least.lesser(gap);
                 let time = zero.greater(gap) / closing;
-                until = f32x8::select(zero.less(closing), until.lesser(time), until);
+                until = f32x16::select(zero.less(closing), until.lesser(time), until);
             }
         }
         let sound = rounding.like(0.5).less(normal.length_squared());
-        (f32x8::select(sound, least, zero), f32x8::select(sound, until, zero))
+        (f32x16::select(sound, least, zero), f32x16::select(sound, until, zero))
     }
 
     /// One round of conservative advancement.
     #[inline(always)]
     fn advance<S: Simd>(&mut self, simd: S, max_fraction: f32) -> Ends {
-        let fraction = f32x8::load_array(simd, self.fraction);
+        let fraction = f32x16::load_array(simd, self.fraction);
         let (first, second) = self.at(simd, fraction);
         let (upper, normal) = nearest(&first, &second);
         let zero = upper.like(0.0);
         let (lower, until) = self.cleared(simd, &first, &second, normal, zero);
-        let [extent1, extent2] = self.extents.map(|extent| f32x8::load_array(simd, extent));
-        let tolerance = f32x8::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
+        let [extent1, extent2] = self.extents.map(|extent| f32x16::load_array(simd, extent));
+        let tolerance = f32x16::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
         let touching = extent1.greater(extent2) * tolerance;
         let near = lower.at_most(touching);
         let touch = upper.at_most(touching);
         let next = fraction + until;
         let apart = zero.like(max_fraction).less(next);
-        let rounds = f32x8::load_array(simd, self.rounds) + zero.like(1.0);
+        let rounds = f32x16::load_array(simd, self.rounds) + zero.like(1.0);
         let many = zero.like(MAX_LANE_ADVANCES).at_most(rounds);
         self.rounds = rounds.into();
-        self.fraction = f32x8::select(touch | near, fraction, next).into();
-        let [touch, near, apart, many] = [touch, near, apart, many].map(mask32x8::to_bitmask);
+        self.fraction = f32x16::select(touch | near, fraction, next).into();
+        let [touch, near, apart, many] = [touch, near, apart, many].map(mask32x16::to_bitmask);
         Ends { touch, unclear: near | (many & !apart), apart }
     }
 }
 
-/// The spheres of eight primitives, and their motions.
+/// The spheres of sixteen primitives, and their motions.
 #[inline(always)]
 fn columns<'p, S: Simd, const N: usize>(
     simd: S,
     moving: impl Fn(usize) -> &'p Moving<N>,
-) -> [(Ball<f32x8<S>>, Vector<f32x8<S>>); N] {
+) -> [(Ball<f32x16<S>>, Vector<f32x16<S>>); N] {
     each(
         #[inline(always)]
         |i| {
@@ -379,13 +379,19 @@ fn columns<'p, S: Simd, const N: usize>(
     )
 }
 
-/// The columns of a matrix of eight rows.
+/// The columns of a matrix of sixteen rows.
 #[inline(always)]
-fn transposed<S: Simd>(simd: S, row: impl Fn(usize) -> [f32; 4]) -> [f32x8<S>; 4] {
-    let (early, late) = (transposed_from(simd, &row, 0), transposed_from(simd, &row, LANES / 2));
+fn transposed<S: Simd>(simd: S, row: impl Fn(usize) -> [f32; 4]) -> [f32x16<S>; 4] {
+    let quarters: [_; LANES / 4] = each(
+        #[inline(always)]
+        |quarter| transposed_from(simd, &row, 4 * quarter),
+    );
     each(
         #[inline(always)]
-        |i| early[i].combine(late[i]),
+        |i| {
+            let [a, b, c, d] = quarters.map(|quarter| quarter[i]);
+            a.combine(b).combine(c.combine(d))
+        },
     )
 }
 
@@ -402,15 +408,15 @@ fn transposed_from<S: Simd>(simd: S, row: &impl Fn(usize) -> [f32; 4], from: usi
 
 /// A vector of differences, all but exact and rounded.
 #[inline(always)]
-fn differences<S: Simd>(simd: S, a: Vector<f32x8<S>>, b: Vector<f32x8<S>>) -> ([[f64; LANES]; 3], [[f32; LANES]; 3]) {
+fn differences<S: Simd>(simd: S, a: Vector<f32x16<S>>, b: Vector<f32x16<S>>) -> ([[f64; LANES]; 3], [[f32; LANES]; 3]) {
     let (mut exact, mut rounded) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
     for (axis, (a, b)) in [(a.x, b.x), (a.y, b.y), (a.z, b.z)].into_iter().enumerate() {
-        let (a, b) = (simd.widen_f32x8(a), simd.widen_f32x8(b));
+        let (a, b) = (simd.widen_f32x16(a), simd.widen_f32x16(b));
         let (early, late) = (a.0 - b.0, a.1 - b.1);
         let halves = exact[axis].split_at_mut(LANES / 2);
         early.store_slice(halves.0);
         late.store_slice(halves.1);
-        rounded[axis] = simd.narrow_f64x4(early, late).into();
+        rounded[axis] = simd.narrow_f64x8(early, late).into();
     }
     (exact, rounded)
 }

@@ -1,8 +1,8 @@
-//! Numbers of which formulas are made: one f32, or eight side by side that never look at each other.
+//! Numbers of which formulas are made: one f32, or several side by side that never look at each other.
 
 use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
 
-use fearless_simd::{Select, Simd, f32x8, mask32x8, prelude::*};
+use fearless_simd::{Select, Simd, f32x8, f32x16, mask32x8, mask32x16, prelude::*};
 use glam::Vec3;
 
 use crate::geometry::Sphere;
@@ -81,48 +81,57 @@ impl Number for f32 {
     }
 }
 
-impl<S: Simd> Number for f32x8<S> {
-    type Mask = mask32x8<S>;
+/// Vectors of f32.
+macro_rules! vectors {
+    ($($vector:ident, $mask:ident;)*) => {$(
+        impl<S: Simd> Number for $vector<S> {
+            type Mask = $mask<S>;
 
-    #[inline(always)]
-    fn like(self, value: f32) -> Self {
-        Self::splat(self.token(), value)
-    }
+            #[inline(always)]
+            fn like(self, value: f32) -> Self {
+                Self::splat(self.token(), value)
+            }
 
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        SimdFloat::sqrt(self)
-    }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                SimdFloat::sqrt(self)
+            }
 
-    #[inline(always)]
-    fn abs(self) -> Self {
-        self.token().abs_f32x8(self)
-    }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                SimdBase::abs(self)
+            }
 
-    #[inline(always)]
-    fn less(self, other: Self) -> mask32x8<S> {
-        self.simd_lt(other)
-    }
+            #[inline(always)]
+            fn less(self, other: Self) -> $mask<S> {
+                self.simd_lt(other)
+            }
 
-    #[inline(always)]
-    fn at_most(self, other: Self) -> mask32x8<S> {
-        self.simd_le(other)
-    }
+            #[inline(always)]
+            fn at_most(self, other: Self) -> $mask<S> {
+                self.simd_le(other)
+            }
 
-    #[inline(always)]
-    fn select(mask: mask32x8<S>, this: Self, other: Self) -> Self {
-        mask.select(this, other)
-    }
+            #[inline(always)]
+            fn select(mask: $mask<S>, this: Self, other: Self) -> Self {
+                mask.select(this, other)
+            }
 
-    #[inline(always)]
-    fn lesser(self, other: Self) -> Self {
-        other.min(self)
-    }
+            #[inline(always)]
+            fn lesser(self, other: Self) -> Self {
+                other.min(self)
+            }
 
-    #[inline(always)]
-    fn greater(self, other: Self) -> Self {
-        other.max(self)
-    }
+            #[inline(always)]
+            fn greater(self, other: Self) -> Self {
+                other.max(self)
+            }
+        }
+    )*};
+}
+vectors! {
+    f32x8, mask32x8;
+    f32x16, mask32x16;
 }
 
 /// A vector of three numbers.
