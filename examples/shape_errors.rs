@@ -4,6 +4,8 @@
 //! cargo run --release --example shape_errors -- [MESH ...] [--spheres N] [--fine]
 //! ```
 //!
+//! Coarse is the coarsest level of detail that has as many parts as the decomposition, better the coarsest of which the greatest and the mean error from the mesh are both less.
+//!
 //! Errors are two-sided, in percent of the diagonal of the mesh's bounding box, as `medial measure` states them: greatest and mean distance
 //! from the mesh's surface to the shape's, and back. Of a decomposition only the first is told: its parts have cuts, which are no surface of
 //! the whole. Without a mesh, those in `assets/models` are taken.
@@ -15,7 +17,7 @@ mod outcome;
 
 use std::{ops::ControlFlow, path::PathBuf, process::ExitCode, time::Instant};
 
-use bevy_medial::builder::{Deviation, FitOptions, TwoSidedError, fit, load::load};
+use bevy_medial::builder::{Deviation, FitOptions, Level, TwoSidedError, fit, load::load};
 use bevy_rapier3d::parry::{
     shape::{ConvexPolyhedron, SharedShape},
     transformation::vhacd::VHACDParameters,
@@ -86,13 +88,21 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
             let parts = compound.as_compound().map_or(&[][..], |compound| compound.shapes());
             let hulls: Vec<&ConvexPolyhedron> =
                 parts.iter().filter_map(|(_, part)| part.as_convex_polyhedron()).collect();
-            row(shape, hulls.len(), hull_error(&mesh, &hulls), None, Some(seconds));
-            // The coarsest medial mesh with as many parts.
-            let level = chain.levels.iter().rev().find(|level| level.axis.primitives().len() >= hulls.len());
-            if let Some(level) = level.filter(|_| index == 0) {
-                let TwoSidedError { mesh_to_envelope, envelope_to_mesh, .. } = level.error;
-                let parts = level.axis.primitives().len();
-                row("coarse medial", parts, mesh_to_envelope, Some(envelope_to_mesh), None);
+            let of_hulls = hull_error(&mesh, &hulls);
+            row(shape, hulls.len(), of_hulls, None, Some(seconds));
+            if index > 0 {
+                continue;
+            }
+            let as_many = |level: &&Level| level.axis.primitives().len() >= hulls.len();
+            let better = |level: &&Level| {
+                let Deviation { max, mean } = level.error.mesh_to_envelope;
+                max < of_hulls.max && mean < of_hulls.mean
+            };
+            let coarsest = |is_right: &dyn Fn(&&Level) -> bool| chain.levels.iter().rev().find(is_right);
+            for (shape, level) in [("coarse medial", coarsest(&as_many)), ("better medial", coarsest(&better))] {
+                if let Some(Level { axis, error: TwoSidedError { mesh_to_envelope, envelope_to_mesh, .. } }) = level {
+                    row(shape, axis.primitives().len(), *mesh_to_envelope, Some(*envelope_to_mesh), None);
+                }
             }
         }
         bar.inc(1);
