@@ -21,7 +21,7 @@ use bevy_medial::{
     scenes::load_models,
 };
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use glam::{DVec3, Vec3};
 use pairs::{Pair, Primitive, Second};
 
@@ -235,17 +235,17 @@ fn hierarchies(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// What a core does at best with eight numbers side by side. Products and sums are apart: fused, their bits would depend on the machine.
+/// What a core does at best with sixteen numbers side by side. Products and sums are apart: fused, their bits would depend on the machine.
 fn rate(criterion: &mut Criterion) {
     const ROUNDS: usize = 1000;
     /// So many that none waits for the one before, and few enough for the registers.
-    const CHAINS: usize = 10;
+    const CHAINS: usize = 6;
     #[inline(always)]
     fn chains<S: Simd>(simd: S, start: f32) -> f32 {
-        let (factor, summand) = (f32x8::splat(simd, 0.999), f32x8::splat(simd, 0.001));
+        let (factor, summand) = (f32x16::splat(simd, 0.999), f32x16::splat(simd, 0.001));
         let mut chains = [summand; CHAINS];
         for (i, chain) in chains.iter_mut().enumerate() {
-            *chain = f32x8::splat(simd, start + i as f32);
+            *chain = f32x16::splat(simd, start + i as f32);
         }
         for _ in 0..ROUNDS {
             for chain in &mut chains {
@@ -256,11 +256,11 @@ fn rate(criterion: &mut Criterion) {
         for chain in &chains[1..] {
             sum += *chain;
         }
-        <[f32; 8]>::from(sum).iter().sum()
+        <[f32; 16]>::from(sum).iter().sum()
     }
     let level = Level::new();
     let mut group = criterion.benchmark_group("rate");
-    group.throughput(Throughput::Elements((2 * 8 * CHAINS * ROUNDS) as u64));
+    group.throughput(Throughput::Elements((2 * 16 * CHAINS * ROUNDS) as u64));
     group.bench_function(BenchmarkId::from_parameter("products and sums"), |bencher| {
         bencher.iter(|| dispatch!(level, simd => chains(simd, black_box(1.0))));
     });

@@ -99,7 +99,7 @@ pub(super) fn first_impact(
         return result;
     }
     let Scratch {
-        boxes: caches,
+        boxes: cache,
         first_impact: Buffers { own, candidates, search: buffers },
         laps: [culling, searching],
         ..
@@ -108,7 +108,7 @@ pub(super) fn first_impact(
     let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
     let mut search = Search { result, carried: 0.0, met: None, buffers };
     // Those of the bodies are for all of the way.
-    let boxes = if count == 1 && known.is_none() { question.boxes(caches) } else { [None; 2] };
+    let boxes = if count == 1 && known.is_none() { question.boxes(cache) } else { [None; 2] };
     let parts = Parts::new(&motions, count);
     candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
     for part in 0..count {
@@ -140,13 +140,13 @@ pub(super) fn first_impact(
 
 impl Question<'_> {
     /// The boxes of either side on its way, as far as it is near it.
-    fn boxes<'c>(&self, caches: &'c mut [BoxCache; 2]) -> [Option<TimedBoxes<'c>>; 2] {
-        let [cache1, cache2] = caches;
-        let of = |cache: &'c mut BoxCache, side: Side, times: Option<[f32; 2]>| {
+    fn boxes<'c>(&self, cache: &'c mut BoxCache) -> [Option<TimedBoxes<'c>>; 2] {
+        let places = [(self.pair.first, self.times[0]), (self.pair.second, self.times[1])].map(|(side, times)| {
             let (solid, sweep) = self.input.side(self.statics, side);
-            Some(cache.between(side, solid.medial()?, &sweep, times?))
-        };
-        [of(cache1, self.pair.first, self.times[0]), of(cache2, self.pair.second, self.times[1])]
+            let (shape, times) = (solid.medial()?, times?);
+            Some((cache.place(side, shape, &sweep), times))
+        });
+        places.map(|place| place.map(|(place, times)| cache.between(place, times)))
     }
 }
 

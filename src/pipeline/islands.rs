@@ -101,13 +101,7 @@ impl Islands {
 
 /// True if two bodies come near each other, each wherever on its way, or if that is not known. `joined`: which bodies are joined with others,
 /// and slide with them.
-fn ways_meet(
-    input: &StepInput,
-    statics: &Statics,
-    pair: &BodyPair,
-    joined: &[bool],
-    [cache1, cache2]: &mut [BoxCache; 2],
-) -> bool {
+fn ways_meet(input: &StepInput, statics: &Statics, pair: &BodyPair, joined: &[bool], cache: &mut BoxCache) -> bool {
     if input.culling == Culling::None {
         return true;
     }
@@ -117,14 +111,14 @@ fn ways_meet(
         Some((solid.medial()?, sweep))
     };
     let (Some((shape1, sweep1)), Some((shape2, sweep2))) = (of(pair.first), of(pair.second)) else { return true };
-    let boxes1 = cache1.between(pair.first, shape1, &sweep1, [0.0, 1.0]);
-    let boxes2 = cache2.between(pair.second, shape2, &sweep2, [0.0, 1.0]);
+    let places = [cache.place(pair.first, shape1, &sweep1), cache.place(pair.second, shape2, &sweep2)];
+    let boxes = places.map(|place| cache.between(place, [0.0, 1.0]));
     let size = shape1.bounding_sphere().radius.max(shape2.bounding_sphere().radius);
     let reach = 2.0 * input.slide_way() + (2.0 * CHORD_TOLERANCE + CONTACT_ROUNDING) * size;
     let found = Cell::new(false);
     let test =
         |box1: &MovingBox, box2: &MovingBox, offset| !found.get() && box1.span().is_near(&box2.span(), offset, reach);
-    moving_boxes::visit_pairs([shape1, shape2], [boxes1, boxes2], test, |_, _| found.set(true));
+    moving_boxes::visit_pairs([shape1, shape2], boxes, test, |_, _| found.set(true));
     found.get()
 }
 

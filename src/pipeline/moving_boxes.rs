@@ -5,33 +5,56 @@ use glam::{Vec3, Vec3A};
 use super::{Shape, Side};
 use crate::geometry::{Aabb, Placement, Pose3, Sphere, Sweep};
 
-/// Of so many bodies the boxes are kept while a step runs. Fewer, and those of a body in many pairs are placed again; more, and they take more memory,
+/// Of twice so many bodies the boxes are kept while a step runs. Fewer, and those of a body in many pairs are placed again; more, and they take more memory,
 /// tens of kilobytes each.
-const KEPT: usize = 64;
+const KEPT: usize = 16;
 
 /// The boxes of the bodies that were asked for last, relative to where each is at the start, with the world's axes.
 #[derive(Debug, Default)]
 pub(super) struct BoxCache {
-    slots: Vec<(Option<Side>, MovingBoxes)>,
+    slots: Vec<[Slot; 2]>,
     spheres: Vec<MovingBox>,
 }
+
+#[derive(Debug, Default)]
+struct Slot {
+    side: Option<Side>,
+    boxes: MovingBoxes,
+    /// Of two the one that was asked for last: the other is given up for a third.
+    is_last: bool,
+}
+
+/// Where the boxes of a body are, until those of two others have been placed.
+#[derive(Clone, Copy)]
+pub(super) struct Place([usize; 2]);
 
 impl BoxCache {
     /// Knows no body any more: they have moved.
     pub fn clear(&mut self) {
-        self.slots.iter_mut().for_each(|(side, _)| *side = None);
+        self.slots.iter_mut().flatten().for_each(|slot| slot.side = None);
     }
 
-    /// The boxes of a body between two times of its motion.
-    pub fn between(&mut self, side: Side, shape: &Shape, sweep: &Sweep, times: [f32; 2]) -> TimedBoxes<'_> {
+    /// Places the boxes of a body on its motion.
+    pub fn place(&mut self, side: Side, shape: &Shape, sweep: &Sweep) -> Place {
         let (Side::Body(index) | Side::Static(index)) = side;
+        let row = index as usize % KEPT;
         self.slots.resize_with(KEPT, Default::default);
-        let (known, boxes) = &mut self.slots[index as usize % KEPT];
-        if *known != Some(side) {
-            boxes.place(shape, sweep, sweep.start.translation, &mut self.spheres);
-            *known = Some(side);
+        let slots = &mut self.slots[row];
+        let known = slots.iter().position(|slot| slot.side == Some(side));
+        let column = known.unwrap_or(usize::from(slots[0].is_last));
+        let slot = &mut slots[column];
+        if known.is_none() {
+            slot.boxes.place(shape, sweep, sweep.start.translation, &mut self.spheres);
+            slot.side = Some(side);
         }
-        boxes.between(times)
+        slots[column].is_last = true;
+        slots[1 - column].is_last = false;
+        Place([row, column])
+    }
+
+    /// The boxes at a place between two times of the motion.
+    pub fn between(&self, Place([row, column]): Place, times: [f32; 2]) -> TimedBoxes<'_> {
+        self.slots[row][column].boxes.between(times)
     }
 }
 
@@ -204,7 +227,34 @@ impl MovingBox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::medial_axis::oracle::Random;
+    use crate::medial_axis::{MedialAxis, oracle::Random};
+
+    #[test]
+    fn the_boxes_of_both_bodies_of_a_pair_are_there() {
+        let mut random = Random::new(5);
+        let shape = Shape { axis: MedialAxis::torus(0.2, 0.05, 6).unwrap(), scale: 1.0 };
+        let row = KEPT as u32;
+        let sides = [Side::Body(1), Side::Body(1 + row), Side::Body(1 + 2 * row), Side::Static(1), Side::Body(2)];
+        let sweeps = sides.map(|_| {
+            let start = Pose3::from_translation(random.vector());
+            Sweep::between(start, Pose3::from_translation(random.vector()), Vec3::ZERO, Vec3::ZERO)
+        });
+        let mut cache = BoxCache::default();
+        let mut shared = 0;
+        for _ in 0..200 {
+            let pair = [(); 2].map(|()| random.below(sides.len() as u64) as usize);
+            let places = pair.map(|i| cache.place(sides[i], &shape, &sweeps[i]));
+            shared += usize::from(pair[0] != pair[1] && places[0].0[0] == places[1].0[0]);
+            for (i, place) in pair.into_iter().zip(places) {
+                let mut own = MovingBoxes::default();
+                own.place(&shape, &sweeps[i], sweeps[i].start.translation, &mut Vec::new());
+                let [kept, own] = [cache.between(place, [0.0, 1.0]), own.whole()].map(|boxes| boxes.node(3));
+                assert_eq!((kept.min, kept.max), (own.min, own.max), "{pair:?}");
+                assert_eq!(cache.between(place, [0.0, 1.0]).origin(), Vec3A::from(sweeps[i].start.translation));
+            }
+        }
+        assert!(shared > 50, "only {shared} pairs share a row");
+    }
 
     #[test]
     fn boxes_that_meet_are_not_missed() {

@@ -31,8 +31,7 @@ pub struct Workspace {
 /// What a task works with.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
-    /// Of first and second sides.
-    pub boxes: [BoxCache; 2],
+    pub boxes: BoxCache,
     pub first_impact: first_impact::Buffers,
     pub contact: contact::Buffers,
     pub contacts: Vec<Contact>,
@@ -96,7 +95,7 @@ impl Workspace {
         pool: &TaskPool,
     ) {
         let Self { tasks, pairs, impacts, stop, manifolds, .. } = self;
-        tasks.iter_mut().for_each(|scratch| scratch.boxes.iter_mut().for_each(BoxCache::clear));
+        tasks.iter_mut().for_each(|scratch| scratch.boxes.clear());
         let mut lap = laps();
         narrow_phase::impacts(input, statics, pairs, known, tasks, impacts, pool);
         [output.times.mid, output.times.narrow] = split(lap(), tasks);
