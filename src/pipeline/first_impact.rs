@@ -6,7 +6,7 @@ use glam::Vec3;
 use smallvec::SmallVec;
 
 use super::{
-    Impact, Scratch, Side, Statics, StepInput,
+    Impact, Scratch, Statics, StepInput,
     broad_phase::BodyPair,
     mid_phase::{self, Candidates, OwnBoxes, PrimitivePair},
     motion::{Facing, Motions, PairMotion, with_sides},
