@@ -4,7 +4,8 @@
 //! cargo run --release --example shape_errors -- [MESH ...] [--spheres N] [--fine]
 //! ```
 //!
-//! Coarse is the coarsest level of detail that has as many parts as the decomposition, better the coarsest of which the greatest and the mean error from the mesh are both less.
+//! Coarse is the coarsest level of detail that has as many parts as the decomposition, better the coarsest of which the greatest and the mean
+//! error from the mesh are both less.
 //!
 //! Errors are two-sided, in percent of the diagonal of the mesh's bounding box, as `medial measure` states them: greatest and mean distance
 //! from the mesh's surface to the shape's, and back. Of a decomposition only the first is told: its parts have cuts, which are no surface of

@@ -5,14 +5,14 @@ use glam::{Vec3, Vec3A};
 use super::{Shape, Side};
 use crate::geometry::{Aabb, Placement, Pose3, Sphere, Sweep};
 
-/// Of twice so many bodies the boxes are kept while a step runs. Fewer, and those of a body in many pairs are placed again; more, and they take more memory,
-/// tens of kilobytes each.
-const KEPT: usize = 16;
+/// Rows of two bodies of which the boxes are kept while a step runs. Fewer, and those of a body in many pairs are placed again; more, and they take more
+/// memory, tens of kilobytes each.
+const ROWS: usize = 16;
 
 /// The boxes of the bodies that were asked for last, relative to where each is at the start, with the world's axes.
 #[derive(Debug, Default)]
 pub(super) struct BoxCache {
-    slots: Vec<[Slot; 2]>,
+    rows: Vec<[Slot; 2]>,
     spheres: Vec<MovingBox>,
 }
 
@@ -20,7 +20,7 @@ pub(super) struct BoxCache {
 struct Slot {
     side: Option<Side>,
     boxes: MovingBoxes,
-    /// Of two the one that was asked for last: the other is given up for a third.
+    /// Of the row the one that was asked for last: the other is given up for a third.
     is_last: bool,
 }
 
@@ -31,15 +31,15 @@ pub(super) struct Place([usize; 2]);
 impl BoxCache {
     /// Knows no body any more: they have moved.
     pub fn clear(&mut self) {
-        self.slots.iter_mut().flatten().for_each(|slot| slot.side = None);
+        self.rows.iter_mut().flatten().for_each(|slot| slot.side = None);
     }
 
     /// Places the boxes of a body on its motion.
     pub fn place(&mut self, side: Side, shape: &Shape, sweep: &Sweep) -> Place {
         let (Side::Body(index) | Side::Static(index)) = side;
-        let row = index as usize % KEPT;
-        self.slots.resize_with(KEPT, Default::default);
-        let slots = &mut self.slots[row];
+        let row = index as usize % ROWS;
+        self.rows.resize_with(ROWS, Default::default);
+        let slots = &mut self.rows[row];
         let known = slots.iter().position(|slot| slot.side == Some(side));
         let column = known.unwrap_or(usize::from(slots[0].is_last));
         let slot = &mut slots[column];
@@ -54,7 +54,7 @@ impl BoxCache {
 
     /// The boxes at a place between two times of the motion.
     pub fn between(&self, Place([row, column]): Place, times: [f32; 2]) -> TimedBoxes<'_> {
-        self.slots[row][column].boxes.between(times)
+        self.rows[row][column].boxes.between(times)
     }
 }
 
@@ -233,7 +233,7 @@ mod tests {
     fn the_boxes_of_both_bodies_of_a_pair_are_there() {
         let mut random = Random::new(5);
         let shape = Shape { axis: MedialAxis::torus(0.2, 0.05, 6).unwrap(), scale: 1.0 };
-        let row = KEPT as u32;
+        let row = ROWS as u32;
         let sides = [Side::Body(1), Side::Body(1 + row), Side::Body(1 + 2 * row), Side::Static(1), Side::Body(2)];
         let sweeps = sides.map(|_| {
             let start = Pose3::from_translation(random.vector());

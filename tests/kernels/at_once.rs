@@ -64,7 +64,7 @@ impl Task for AtOnce {
 
 #[test]
 fn times_of_impact_agree_with_reference() {
-    let pairs = setting("KERNEL_PAIRS", 2_000);
+    let pairs = setting("KERNEL_PAIRS", 9_700);
     let scores = for_each_case(4, |category, kind, random| {
         if kind < HULLS {
             Score::of(category, kind, random, pairs, |pairs| typed(kind, pairs, AtOnce))
