@@ -13,7 +13,7 @@ mod pairs;
 use std::{collections::BTreeMap, hint::black_box, path::Path, time::Duration};
 
 use bevy_medial::{
-    geometry::{Aabb, Bvh, Pose3, Sphere},
+    geometry::{Aabb, Bvh, Pose3, Sphere, Values},
     query::{
         Cuboid, Moving, MovingConvex, MovingPair, TimeOfImpact, TimeOfImpactStatus, Touch, ray_cast, separation,
         time_of_impact, times_of_impact,
@@ -218,9 +218,10 @@ fn hierarchies(criterion: &mut Criterion) {
         let aside = Vec3::X * bvh.aabb().half_extents().x * 4.0 / 3.0;
         let pose = Pose3::from_parts(aside, glam::Quat::from_rotation_y(2.0));
         let merge = |a: &Aabb, b: &Aabb| a.merge(*b);
-        let [mut here, mut there] = [Vec::new(), Vec::new()];
-        bvh.values(|i| boxes[i as usize], merge, &mut here);
-        bvh.values(|i| boxes[i as usize].transformed(&pose, 1.0), merge, &mut there);
+        let [mut here, mut there] = [Values::default(), Values::default()];
+        let all = bvh.aabb();
+        bvh.values(&all, Aabb::EMPTY, |i| boxes[i as usize], merge, &mut here);
+        bvh.values(&all, Aabb::EMPTY, |i| boxes[i as usize].transformed(&pose, 1.0), merge, &mut there);
         let pairs = || {
             let mut pairs = 0u32;
             bvh.visit_pairs(&bvh, |i, j| here[i].overlaps(&there[j]), |_, _| pairs += 1);

@@ -35,6 +35,12 @@ impl Aabb {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
+    /// The box times a positive factor.
+    #[must_use]
+    pub fn scaled(self, factor: f32) -> Self {
+        Self { min: self.min * factor, max: self.max * factor }
+    }
+
     /// The box around this box in a frame in which its own frame has the pose `pose` and the size `scale`.
     #[must_use]
     pub fn transformed(self, pose: &Pose3, scale: f32) -> Self {

@@ -160,22 +160,39 @@ impl Bvh {
         best
     }
 
-    /// A value for each node: those of the leaves from their items, the others merged from those of their children.
-    pub fn values<T>(&self, leaf: impl Fn(u32) -> T, merge: impl Fn(&T, &T) -> T, values: &mut Vec<T>) {
-        // Children come later than their parents: from the last node to the first.
-        let count = self.nodes.len();
-        values.clear();
-        for index in (0..count).rev() {
-            let value = match self.nodes[index].item() {
+    /// Values of the nodes whose boxes overlap with another, and whose ancestors' boxes do: those of leaves from their items, the others merged from those of
+    /// their children. Of children that do not overlap it is `none`; what lies below those is left as it is.
+    pub fn values<T: Copy>(
+        &self,
+        other: &Aabb,
+        none: T,
+        leaf: impl Fn(u32) -> T,
+        merge: impl Fn(&T, &T) -> T,
+        Values { of_nodes, overlapping }: &mut Values<T>,
+    ) {
+        of_nodes.resize(self.nodes.len().max(of_nodes.len()), none);
+        overlapping.clear();
+        let other = Box3A::from(*other);
+        let mut index = 0;
+        while let Some(node) = self.nodes.get(index) {
+            if Box3A::from(node.aabb()).overlaps(&other) {
+                overlapping.push(index as u32);
+                index += 1;
+            } else {
+                of_nodes[index] = none;
+                index = self.end(index);
+            }
+        }
+        // Children come later than their parents.
+        for index in overlapping.iter().rev().map(|&index| index as usize) {
+            of_nodes[index] = match self.nodes[index].item() {
                 Some(item) => leaf(item),
                 None => {
-                    let [left, right] = self.children(index).map(|child| &values[count - 1 - child]);
+                    let [left, right] = self.children(index).map(|child| &of_nodes[child]);
                     merge(left, right)
                 }
             };
-            values.push(value);
         }
-        values.reverse();
     }
 
     fn children(&self, index: usize) -> [usize; 2] {
@@ -227,6 +244,28 @@ impl Bvh {
                 }
             }
         }
+    }
+}
+
+/// Values for some nodes of a [`Bvh`], by their indices.
+#[derive(Clone, Debug)]
+pub struct Values<T> {
+    of_nodes: Vec<T>,
+    /// Nodes that overlap, parents first.
+    overlapping: Vec<u32>,
+}
+
+impl<T> Default for Values<T> {
+    fn default() -> Self {
+        Self { of_nodes: Vec::new(), overlapping: Vec::new() }
+    }
+}
+
+impl<T> std::ops::Index<usize> for Values<T> {
+    type Output = T;
+
+    fn index(&self, node: usize) -> &T {
+        &self.of_nodes[node]
     }
 }
 
@@ -353,9 +392,9 @@ mod tests {
             let mut visited = Vec::new();
             let trees = [&items1, &items2].map(|items| Bvh::new(items));
             let merge = |a: &Aabb, b: &Aabb| a.merge(*b);
-            let mut values = [Vec::new(), Vec::new()];
-            trees[0].values(|i| items1[i as usize], merge, &mut values[0]);
-            trees[1].values(|i| items2[i as usize], merge, &mut values[1]);
+            let mut values = [Values::default(), Values::default()];
+            trees[0].values(&trees[1].aabb(), Aabb::EMPTY, |i| items1[i as usize], merge, &mut values[0]);
+            trees[1].values(&trees[0].aabb(), Aabb::EMPTY, |i| items2[i as usize], merge, &mut values[1]);
             let test = |i: usize, j: usize| values[0][i].overlaps(&values[1][j]);
             trees[0].visit_pairs(&trees[1], test, |i, j| visited.push((i, j)));
             visited.sort_unstable();

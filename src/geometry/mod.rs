@@ -22,7 +22,7 @@ mod sweep;
 pub use aabb::Aabb;
 pub(crate) use aabb::Box3A;
 pub(crate) use bvh::Item;
-pub use bvh::{Bvh, Leaf};
+pub use bvh::{Bvh, Leaf, Values};
 pub use glamx::Pose3;
 pub use obb::Obb;
 pub(crate) use obb::part_within;

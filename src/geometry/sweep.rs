@@ -3,6 +3,7 @@ use std::f32::consts::TAU;
 use glam::{Quat, Vec3};
 use glamx::Pose3;
 
+use super::Aabb;
 use crate::constants::MAX_CHORDS;
 
 /// Rigid motion over one step: the centre of mass moves on a line, the body turns about it at a constant rate.
@@ -116,6 +117,22 @@ impl Sweep {
         }
     }
 
+    /// A box in the body's own frame around another body, as it is seen from this one on their ways: around all of its points that ever come within `radius`
+    /// metres of the centre of mass. `aabb`: around the other in its frame.
+    ///
+    /// A point is between where it is seen at the start and at the end but for `b / 8`, if `b` is the most by which its way bends: `|x''|` for times
+    /// from 0 to 1.
+    pub fn view(&self, radius: f32, other: &Sweep, aabb: &Aabb) -> Aabb {
+        let [start, end] = [(self.start, other.start), (self.end, other.end)]
+            .map(|(own, other)| aabb.transformed(&own.inv_mul(&other), 1.0));
+        let [turn, turn2] = [self, other].map(|sweep| sweep.rotation.length());
+        let arm = aabb.center().distance(other.local_center) + aabb.half_extents().length();
+        let way = self.translation.distance(other.translation) + turn2 * arm;
+        // Its own turn about the other's centre of mass, Coriolis' share, and the centrifugal one.
+        let bend = turn2 * turn2 * arm + 2.0 * turn * way + turn * turn * (radius + way);
+        start.merge(end).inflated(bend / 8.0)
+    }
+
     /// How far a point at the distance `radius` from the centre of mass strays from the chord of its arc when the
     /// step is split into `chords` equal parts: the sagitta, `radius (1 - cos(angle / 2))`.
     pub fn sagitta(&self, radius: f32, chords: u32) -> f32 {
@@ -138,5 +155,45 @@ impl Sweep {
     /// Longest way that a point within `radius` of the centre of mass goes.
     pub fn reach(&self, radius: f32) -> f32 {
         self.translation.length() + self.rotation.length() * radius
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::medial_axis::oracle::Random;
+
+    #[test]
+    fn what_comes_near_is_in_view() {
+        let mut random = Random::new(9);
+        let (mut near, mut bent, mut out_of_view) = (0, 0, 0);
+        for case in 0..300 {
+            let turn = [0.05, 0.5, 2.0][case % 3];
+            let mut sweep = |distance: f32| {
+                let start =
+                    Pose3::from_parts(random.vector() * distance, Quat::from_scaled_axis(random.vector() * 3.0));
+                Sweep::at_rates(start, random.vector() * 0.3, random.vector(), random.vector() * turn)
+            };
+            let (own, other) = (sweep(0.0), sweep(1.5));
+            let half = random.vector().abs() * 0.4;
+            let middle = random.vector() * 0.3;
+            let aabb = Aabb { min: middle - half, max: middle + half };
+            let view = own.view(1.0, &other, &aabb);
+            let at = |time: f32| own.pose_at(time).inv_mul(&other.pose_at(time));
+            let ends = [0.0, 1.0].map(|time| aabb.transformed(&at(time), 1.0));
+            for _ in 0..20 {
+                let point = aabb.min + 2.0 * half * Vec3::from_array([(); 3].map(|()| random.unit()));
+                for time in (0..=16).map(|i| i as f32 / 16.0) {
+                    let seen = at(time).transform_point(point);
+                    let is_near = seen.distance(own.local_center) < 1.0;
+                    assert!(!is_near || view.inflated(1e-5).contains_point(seen), "{seen} at {time} of case {case}");
+                    near += usize::from(is_near);
+                    bent += usize::from(is_near && !ends[0].merge(ends[1]).contains_point(seen));
+                }
+            }
+            let corner = own.local_center + Vec3::splat(0.5);
+            out_of_view += usize::from(!view.contains_point(corner));
+        }
+        assert!(near > 10_000 && bent > 100 && out_of_view > 50, "{near} {bent} {out_of_view}");
     }
 }

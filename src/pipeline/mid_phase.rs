@@ -2,7 +2,8 @@
 //!
 //! The boxes of a body's hierarchy are placed at the start of the step and at its end, once for several pairs, and the two hierarchies of a pair are
 //! traversed against each other: what is left are primitives whose boxes meet on their way. They have room for the arcs of what is in them, so no pair is
-//! lost as long as the bodies keep to their way. A way that is searched for impacts in parts is culled in the same ones.
+//! lost as long as the bodies keep to their way. A way that is searched for impacts in parts is culled in the same ones: in each, boxes are placed only where
+//! the other body is seen from their own.
 
 use glam::{Vec3, Vec3A};
 
@@ -11,7 +12,10 @@ use super::{
     motion::{Facing, PairMotion},
     moving_boxes::{self, MovingBox, MovingBoxes, TimedBoxes},
 };
-use crate::constants::CONTACT_ROUNDING;
+use crate::{
+    constants::CONTACT_ROUNDING,
+    geometry::{Aabb, Sweep},
+};
 
 /// Indices of a primitive of the first body and one of the second; of a part, which is one, 0.
 pub(super) type PrimitivePair = [u32; 2];
@@ -19,12 +23,8 @@ pub(super) type PrimitivePair = [u32; 2];
 /// Primitives of a pair that may meet, in ascending order.
 pub(super) type Candidates = Vec<PrimitivePair>;
 
-/// Boxes that are placed for one look.
-#[derive(Debug, Default)]
-pub(super) struct OwnBoxes {
-    sides: [MovingBoxes; 2],
-    spheres: Vec<MovingBox>,
-}
+/// Boxes that are placed for one look, of either side.
+pub(super) type OwnBoxes = [MovingBoxes; 2];
 
 /// Those of given candidates of a pair that a motion is about.
 pub(super) fn of_motion(motion: &PairMotion, primitives: &[PrimitivePair], found: &mut Candidates) {
@@ -73,13 +73,10 @@ fn of_part(
     let (boxes, offset) = match (boxes, motion.world_offset()) {
         (Some(boxes), Some(frame)) => (boxes, Vec3A::from(frame) - boxes.origin()),
         _ => {
-            let around = MovingBox::around(motion.shape1, &motion.sweep1);
-            if !around.meets(&target, Vec3A::ZERO, margin) {
-                return;
-            }
-            let OwnBoxes { sides: [first, _], spheres } = own;
-            first.place(motion.shape1, &motion.sweep1, Vec3::ZERO, spheres);
-            (first.whole(), Vec3A::ZERO)
+            let [own, _] = own;
+            let seen = view(motion.shape1, &motion.sweep1, &motion.sweep2, &part.aabb(), reach);
+            own.place(motion.shape1, &motion.sweep1, Vec3::ZERO, &seen);
+            (own.whole(), Vec3A::ZERO)
         }
     };
     let meets = |node: usize| boxes.node(node).meets(&target, offset, margin);
@@ -100,22 +97,85 @@ fn of_shapes(
     let boxes = match boxes {
         [Some(boxes1), Some(boxes2)] => [boxes1, boxes2],
         _ => {
-            let sides = [(motion.shape1, &motion.sweep1), (shape2, &motion.sweep2)];
-            let [around1, around2] = sides.map(|(shape, sweep)| MovingBox::around(shape, sweep));
-            if !around1.meets(&around2, Vec3A::ZERO, reach) {
-                return;
-            }
-            for ((shape, sweep), boxes) in sides.into_iter().zip(&mut own.sides) {
-                boxes.place(shape, sweep, Vec3::ZERO, &mut own.spheres);
-            }
-            own.sides.each_ref().map(MovingBoxes::whole)
+            let [(shape1, sweep1), (shape2, sweep2)] = [(motion.shape1, &motion.sweep1), (shape2, &motion.sweep2)];
+            let [own1, own2] = own;
+            own1.place(shape1, sweep1, Vec3::ZERO, &view(shape1, sweep1, sweep2, &shape2.aabb(), reach));
+            own2.place(shape2, sweep2, Vec3::ZERO, &view(shape2, sweep2, sweep1, &shape1.aabb(), reach));
+            [own1.whole(), own2.whole()]
         }
     };
     let meets = |box1: &MovingBox, box2: &MovingBox, offset| box1.meets(box2, offset, reach);
     moving_boxes::visit_pairs(shapes, boxes, meets, |i, j| found.push([i, j]));
 }
 
+/// Where a shape on its way may come within `reach` of another body, in the shape's frame. `aabb`: around the other in its own.
+fn view(shape: &Shape, sweep: &Sweep, other: &Sweep, aabb: &Aabb, reach: f32) -> Aabb {
+    sweep.view(shape.radius_about(sweep.local_center) + reach, other, aabb).inflated(reach)
+}
+
 /// Every pair of so many primitives with so many.
 pub(super) fn all(count1: usize, count2: usize) -> impl Iterator<Item = PrimitivePair> {
     (0..count1 as u32).flat_map(move |i| (0..count2 as u32).map(move |j| [i, j]))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Quat;
+
+    use super::*;
+    use crate::{
+        geometry::{Obb, Placement, Pose3},
+        medial_axis::{MedialAxis, oracle::Random},
+        pipeline::{Body, Core, Side, StaticBody, Statics, StepInput, broad_phase::BodyPair, with_spheres},
+        query::{Cuboid, separation},
+    };
+
+    /// The least distance of two primitives over the motion, or a little more.
+    fn distance(motion: &PairMotion, [first, second]: PrimitivePair) -> f32 {
+        let at = |time: f32| {
+            let [pose1, pose2] = [&motion.sweep1, &motion.sweep2].map(|sweep| sweep.pose_at(time));
+            let to_second = Placement::from(pose2.inv_mul(&pose1));
+            with_spheres!(motion.shape1.hull(first).placed(&to_second), |ours| match &motion.facing {
+                Facing::Shape(shape) => with_spheres!(&shape.hull(second), |theirs| separation(&ours, theirs, 0)),
+                Facing::Part(part) => match &part.core {
+                    Core::Cuboid(half) => separation(&ours, &Cuboid { half: *half }, 0),
+                    _ => unreachable!("a box is one part"),
+                },
+            })
+        };
+        (0..=16).map(|i| at(i as f32 / 16.0).distance).fold(f32::INFINITY, f32::min)
+    }
+
+    #[test]
+    fn what_comes_near_on_a_turning_way_is_a_candidate() {
+        let mut random = Random::new(8);
+        let shape = Shape { axis: MedialAxis::torus(0.3, 0.05, 24).unwrap(), scale: 1.5 };
+        let (mut near, mut left_out) = (0, 0);
+        for case in 0..90 {
+            let turn = [0.1, 0.6, 1.5][case % 3];
+            let mut sweep = |distance: f32| {
+                let start =
+                    Pose3::from_parts(random.vector() * distance, Quat::from_scaled_axis(random.vector() * 3.0));
+                Sweep::at_rates(start, Vec3::ZERO, random.vector() * 0.4, random.vector() * turn)
+            };
+            let bodies = vec![Body::new(shape.clone(), sweep(0.2)), Body::new(shape.clone(), sweep(0.8))];
+            let wall = Obb { pose: sweep(0.6).start, half_extents: Vec3::new(0.4, 0.02, 0.1) };
+            let statics = Statics::new(vec![StaticBody::solid_box(wall)]);
+            let input = StepInput { bodies, ..Default::default() };
+            for (second, count) in [(Side::Body(1), shape.len()), (Side::Static(0), 1)] {
+                let pair = BodyPair { first: Side::Body(0), second, stops: true };
+                for motion in PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep) {
+                    let (mut own, mut found) = (OwnBoxes::default(), Candidates::new());
+                    candidates(&motion, Culling::Hybrid, 0.01, [None; 2], &mut own, &mut found);
+                    for pair in all(shape.len(), count) {
+                        let is_near = distance(&motion, pair) <= 0.01;
+                        assert!(!is_near || found.contains(&pair), "{pair:?} of case {case} are not found");
+                        near += usize::from(is_near);
+                        left_out += usize::from(!found.contains(&pair));
+                    }
+                }
+            }
+        }
+        assert!(near > 500 && left_out > 20_000, "{near} near, {left_out} left out");
+    }
 }

@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec3A};
 
 use super::{Shape, Side};
-use crate::geometry::{Aabb, Placement, Pose3, Sphere, Sweep};
+use crate::geometry::{Aabb, Placement, Pose3, Sphere, Sweep, Values};
 
 /// Rows of two bodies of which the boxes are kept while a step runs. Fewer, and those of a body in many pairs are placed again; more, and they take more
 /// memory, tens of kilobytes each.
@@ -13,7 +13,6 @@ const ROWS: usize = 16;
 #[derive(Debug, Default)]
 pub(super) struct BoxCache {
     rows: Vec<[Slot; 2]>,
-    spheres: Vec<MovingBox>,
 }
 
 #[derive(Debug, Default)]
@@ -44,7 +43,7 @@ impl BoxCache {
         let column = known.unwrap_or(usize::from(slots[0].is_last));
         let slot = &mut slots[column];
         if known.is_none() {
-            slot.boxes.place(shape, sweep, sweep.start.translation, &mut self.spheres);
+            slot.boxes.place(shape, sweep, sweep.start.translation, &shape.aabb());
             slot.side = Some(side);
         }
         slots[column].is_last = true;
@@ -62,7 +61,7 @@ impl BoxCache {
 /// end, with room for what its primitives stray from their chords in between.
 #[derive(Debug, Default)]
 pub(super) struct MovingBoxes {
-    nodes: Vec<MovingBox>,
+    nodes: Values<MovingBox>,
     /// What they are relative to, in the frame of the sweep.
     origin: Vec3,
 }
@@ -84,26 +83,25 @@ pub(super) struct TimedBoxes<'a> {
 }
 
 impl MovingBoxes {
-    /// Become those of a shape, in the frame of the sweep, relative to `origin`. `spheres`: room to work in.
-    pub fn place(&mut self, shape: &Shape, sweep: &Sweep, origin: Vec3, spheres: &mut Vec<MovingBox>) {
+    /// Become those of the primitives of a shape that are within `target`, a box in the body's frame; others are nowhere. In the frame of the sweep, relative to
+    /// `origin`.
+    pub fn place(&mut self, shape: &Shape, sweep: &Sweep, origin: Vec3, target: &Aabb) {
         let frame = Pose3::from_translation(origin);
         let placements = [sweep.start, sweep.end].map(|pose| Placement::from(frame.inv_mul(&pose)));
         // How far a sphere strays from its chord, for each metre from the centre of mass.
         let stray = sweep.sagitta(1.0, 1);
-        // Primitives share spheres: each is placed once.
         let place = |sphere: &Sphere| {
             let Sphere { center, radius } = sphere.scaled(shape.scale);
             let reach = Vec3A::splat(radius + stray * center.distance(sweep.local_center));
             let centers = placements.each_ref().map(|placement| Vec3A::from(placement.point(center)));
             MovingBox { min: centers.map(|center| center - reach), max: centers.map(|center| center + reach) }
         };
-        spheres.clear();
-        spheres.extend(shape.axis.spheres().iter().map(place));
         let around = |primitive: u32| {
             let indices = shape.axis.primitives()[primitive as usize].indices();
-            indices.iter().fold(MovingBox::EMPTY, |around, &i| around.merge(&spheres[i as usize]))
+            indices.iter().fold(MovingBox::NOWHERE, |all, &i| all.merge(&place(&shape.axis.spheres()[i as usize])))
         };
-        shape.bvh().values(around, MovingBox::merge, &mut self.nodes);
+        let target = target.scaled(shape.scale.recip());
+        shape.bvh().values(&target, MovingBox::NOWHERE, around, MovingBox::merge, &mut self.nodes);
         self.origin = origin;
     }
 
@@ -127,7 +125,7 @@ pub(super) fn visit_pairs(
 ) {
     let offset = boxes1.offset(&boxes2);
     if boxes1.is_whole && boxes2.is_whole {
-        let [nodes1, nodes2] = [boxes1, boxes2].map(|boxes| &boxes.boxes.nodes[..]);
+        let [nodes1, nodes2] = [boxes1, boxes2].map(|boxes| &boxes.boxes.nodes);
         shape1.bvh().visit_pairs(shape2.bvh(), |i, j| test(&nodes1[i], &nodes2[j], offset), visit);
     } else {
         let test = |i, j| test(&boxes1.node(i), &boxes2.node(j), offset);
@@ -154,14 +152,8 @@ impl TimedBoxes<'_> {
 }
 
 impl MovingBox {
-    /// Holds nothing.
-    const EMPTY: Self = Self { min: [Vec3A::INFINITY; 2], max: [Vec3A::NEG_INFINITY; 2] };
-
-    /// Around all of a shape, in the frame of its sweep.
-    pub fn around(shape: &Shape, sweep: &Sweep) -> Self {
-        let margin = sweep.sagitta(shape.arm(sweep.local_center), 1);
-        Self::new([sweep.start, sweep.end].map(|pose| shape.aabb().transformed(&pose, 1.0).inflated(margin)))
-    }
+    /// Holds nothing, and meets nothing.
+    const NOWHERE: Self = Self { min: [Vec3A::INFINITY; 2], max: [Vec3A::NEG_INFINITY; 2] };
 
     /// From where it is at the start and at the end.
     pub fn new(boxes: [Aabb; 2]) -> Self {
@@ -247,7 +239,7 @@ mod tests {
             shared += usize::from(pair[0] != pair[1] && places[0].0[0] == places[1].0[0]);
             for (i, place) in pair.into_iter().zip(places) {
                 let mut own = MovingBoxes::default();
-                own.place(&shape, &sweeps[i], sweeps[i].start.translation, &mut Vec::new());
+                own.place(&shape, &sweeps[i], sweeps[i].start.translation, &shape.aabb());
                 let [kept, own] = [cache.between(place, [0.0, 1.0]), own.whole()].map(|boxes| boxes.node(3));
                 assert_eq!((kept.min, kept.max), (own.min, own.max), "{pair:?}");
                 assert_eq!(cache.between(place, [0.0, 1.0]).origin(), Vec3A::from(sweeps[i].start.translation));

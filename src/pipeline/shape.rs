@@ -52,8 +52,7 @@ impl Shape {
 
     /// Box around the shape.
     pub fn aabb(&self) -> Aabb {
-        let aabb = self.axis.aabb();
-        Aabb { min: aabb.min * self.scale, max: aabb.max * self.scale }
+        self.axis.aabb().scaled(self.scale)
     }
 
     /// Sphere around the shape.
