@@ -30,7 +30,10 @@ pub(super) struct Place([usize; 2]);
 impl BoxCache {
     /// Knows no body any more: they have moved.
     pub fn clear(&mut self) {
-        self.rows.iter_mut().flatten().for_each(|slot| slot.side = None);
+        for slot in self.rows.iter_mut().flatten() {
+            slot.side = None;
+            slot.is_last = false;
+        }
     }
 
     /// Places the boxes of a body on its motion.
