@@ -125,8 +125,8 @@ pub const DEEP: f32 = 0.05;
 /// Contacts within this many length units of the deepest, or of half of its depth, carry the body: they go to the solver before those farther off.
 pub const CARRYING_DEPTH: f32 = 2.0e-3;
 
-/// How much farther out a contact has to be to come before one that is deeper, per metre of depth. Larger, and rounding chooses among contacts of a
-/// body at rest; smaller, and one that is deeper may be left out.
+/// How much farther out a contact has to be to come before one that is deeper, per metre of depth, down to [`TOUCH_DISTANCE`]. Larger, and rounding chooses
+/// among contacts of a body at rest; smaller, and one that is deeper may be left out.
 pub const DEPTH_WEIGHT: f32 = 50.0;
 
 /// How many length units deeper than those that lie farther out a contact has to be to come into the place of one of them. Smaller, and a pile loses

@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::{Contact, Manifold};
 use crate::constants::{
     CARRYING_DEPTH, CLOSE_CONTACT, DEEPER, DEPTH_WEIGHT, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS,
-    OBLIQUE_AXIS,
+    OBLIQUE_AXIS, TOUCH_DISTANCE,
 };
 
 /// Room to work in.
@@ -83,13 +83,15 @@ fn keep_deepest(deepest: Contact, unit: f32, kept: &mut [Contact]) {
 }
 
 /// Of many contacts those farthest out along four directions that are fixed to the body, where depth counts for more than place: a body at
-/// rest keeps the same ones from step to step, though rounding changes which is the deepest, and the solver goes on from what they bore.
+/// rest keeps the same ones from step to step, though rounding changes which is the deepest, and the solver goes on from what they bore. Of those
+/// deeper than what the solver leaves place alone counts: a small body that is held on its deeper side only rocks to the other with each step, and never gets out.
 fn outermost(group: &[Contact], unit: f32, kept: &mut Kept) {
     let normal = group[0].normal1;
     let side = normal.cross(OBLIQUE_AXIS).normalize_or(Vec3::X);
     let across = normal.cross(side);
     for direction in [side, across, -side, -across] {
-        let reach = |contact: &Contact| contact.point1.dot(direction) - DEPTH_WEIGHT * contact.distance;
+        let depth = |contact: &Contact| (-contact.distance).min(TOUCH_DISTANCE * unit);
+        let reach = |contact: &Contact| contact.point1.dot(direction) + DEPTH_WEIGHT * depth(contact);
         let farthest = group.iter().max_by(|a, b| reach(a).total_cmp(&reach(b)));
         let is_new = |contact: &&Contact| {
             kept.iter().all(|other| other.point1.distance(contact.point1) > DUPLICATE_CONTACT * unit)
@@ -174,6 +176,17 @@ mod tests {
         for deeper in 0..24 {
             assert_eq!(kept_of_ring(&mut random, deeper).len(), 4);
         }
+    }
+
+    #[test]
+    fn a_small_ring_that_is_deep_and_tilted_is_held_on_every_side() {
+        // A coin's size, and a few of its thicknesses deep, by a tenth of that deeper on one side.
+        let on_coin = |i: usize| on_ring(i) * 0.05;
+        let kept = kept_of((0..24).map(|i| contact(i, on_coin(i), -0.02 - 0.2 * on_coin(i).x)));
+        assert_eq!(kept.len(), 4);
+        let [left, right] =
+            [-1.0, 1.0].map(|side| kept.iter().filter(|&&i| side * on_coin(i as usize).x > 3.0e-3).count());
+        assert!(left > 0 && right > 0, "{kept:?}");
     }
 
     #[test]

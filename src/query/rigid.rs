@@ -170,7 +170,7 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
     max_fraction: f32,
     [overlap, slop, near]: [f32; 3],
 ) -> TimeOfImpact {
-    let depth = overlap + slop * (1.0 - overlap / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
+    let growth = slop * (1.0 - overlap / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
     let count = chords.count() as f32;
     let max_fraction = max_fraction.min(1.0);
     if start.distance() > chords.way * count * max_fraction {
@@ -184,7 +184,7 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
         let (moving1, moving2) = along(chord);
         let limit = max_fraction * count - chord as f32;
         let known = (chord == 0).then_some(start.separation);
-        let found = time_of_depth(&moving1, &moving2, limit.min(1.0), depth, known);
+        let found = time_of_depth(&moving1, &moving2, limit.min(1.0), [overlap, growth], known);
         rounds += found.rounds;
         if found.status != TimeOfImpactStatus::Separated {
             break found;
@@ -237,5 +237,25 @@ mod tests {
         let fraction = |near: f32| rigid_impact(&ball, &ball, &chords, &start, 1.0, [0.0, slop, near]).fraction;
         assert!((fraction(0.009) - 0.1).abs() < 1.0e-4, "{}", fraction(0.009));
         assert!((fraction(0.011) - 0.11).abs() < 1.0e-4, "{}", fraction(0.011));
+    }
+
+    #[test]
+    fn what_is_in_a_large_primitive_goes_on_along_it() {
+        // A marble two millimetres deep in a bar of thirty metres, whose rounding is as much as it may gain.
+        let marble = [Sphere::new(Vec3::ZERO, 0.01)];
+        let bar = [-15.0, 15.0].map(|x| Sphere::new(Vec3::new(x, -0.5, 0.0), 0.5));
+        let at = |x: f32, y: f32| Pose3::from_translation(Vec3::new(x, 0.008 + y, 0.0));
+        let impact = |sinks: f32| {
+            let sweep = Sweep::between(at(0.0, 0.0), at(0.01, -sinks), Vec3::ZERO, Vec3::ZERO);
+            let mut chords = Chords::default();
+            chords.set([&sweep, &Sweep::at_rest(Pose3::IDENTITY)], [0.01; 2], 1.0e-5);
+            let start = rigid_start(&marble, &bar, &chords);
+            assert!((start.overlap() - 2.0e-3).abs() < 1.0e-5);
+            rigid_impact(&marble, &bar, &chords, &start, 1.0, [start.overlap(), 2.5e-4, 0.02])
+        };
+        assert_eq!(impact(0.0).status, TimeOfImpactStatus::Separated);
+        let sinking = impact(1.0e-3);
+        assert!(sinking.status == TimeOfImpactStatus::Hit && sinking.fraction > 0.01, "{sinking:?}");
+        assert!(sinking.fraction < 0.2, "{sinking:?}");
     }
 }

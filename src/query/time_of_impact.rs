@@ -286,7 +286,9 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
             }
             TimeOfImpact { status, fraction, contact, rounds }
         };
-        if start.fraction == 0.0 && start.separation.distance <= self.target + CONTACT_ROUNDING * extent {
+        // An overlap begins with a hair; a depth that is missed by one is found with the next.
+        let rounding = if self.target < 0.0 { TOUCH_ROUNDING } else { CONTACT_ROUNDING };
+        if start.fraction == 0.0 && start.separation.distance <= self.target + rounding * extent {
             return result(TimeOfImpactStatus::Overlapping, 0.0, &start, rounds);
         }
         let touching = self.target + TOUCH_ROUNDING * extent;
@@ -385,15 +387,17 @@ pub(super) fn start<const N: usize, B: MovingConvex>(
     (start.separation, start.separation.distance > 0.0 && pair.cleared_until(&start) > max_fraction)
 }
 
-/// First fraction at which they overlap by more than `depth` metres; `known`: the separation that [`start`] has found.
+/// First fraction at which an overlap has grown by so much, both in metres, and by more than rounding: what has the overlap at the start has to get away from
+/// there. `known`: the separation that [`start`] has found.
 pub(super) fn time_of_depth<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
     max_fraction: f32,
-    depth: f32,
+    [overlap, growth]: [f32; 2],
     known: Option<Separation>,
 ) -> TimeOfImpact {
-    let pair = Pair { first, second, target: -depth };
+    let extent = first.extent_at_start().max(second.extent_at_start());
+    let pair = Pair { first, second, target: -(overlap + growth.max(2.0 * TOUCH_ROUNDING * extent)) };
     let start = match known {
         Some(separation) => {
             let (first, second) = pair.shapes(0.0);
