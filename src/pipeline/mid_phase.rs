@@ -124,26 +124,14 @@ mod tests {
 
     use super::*;
     use crate::{
-        geometry::{Obb, Placement, Pose3},
+        geometry::{Obb, Pose3},
         medial_axis::{MedialAxis, oracle::Random},
-        pipeline::{Body, Core, Side, StaticBody, Statics, StepInput, broad_phase::BodyPair, with_spheres},
-        query::{Cuboid, separation},
+        pipeline::{Body, Side, StaticBody, Statics, StepInput, broad_phase::BodyPair},
     };
 
     /// The least distance of two primitives over the motion, or a little more.
-    fn distance(motion: &PairMotion, [first, second]: PrimitivePair) -> f32 {
-        let at = |time: f32| {
-            let [pose1, pose2] = [&motion.sweep1, &motion.sweep2].map(|sweep| sweep.pose_at(time));
-            let to_second = Placement::from(pose2.inv_mul(&pose1));
-            with_spheres!(motion.shape1.hull(first).placed(&to_second), |ours| match &motion.facing {
-                Facing::Shape(shape) => with_spheres!(&shape.hull(second), |theirs| separation(&ours, theirs, 0)),
-                Facing::Part(part) => match &part.core {
-                    Core::Cuboid(half) => separation(&ours, &Cuboid { half: *half }, 0),
-                    _ => unreachable!("a box is one part"),
-                },
-            })
-        };
-        (0..=16).map(|i| at(i as f32 / 16.0).distance).fold(f32::INFINITY, f32::min)
+    fn distance(motion: &PairMotion, pair: PrimitivePair) -> f32 {
+        (0..=16).map(|i| motion.distance_at(i as f32 / 16.0, pair)).fold(f32::INFINITY, f32::min)
     }
 
     #[test]

@@ -235,6 +235,16 @@ impl<'a> PairMotion<'a> {
     }
 }
 
+#[cfg(test)]
+impl PairMotion<'_> {
+    /// The distance of two primitives at a fraction of the motion.
+    pub fn distance_at(&self, fraction: f32, [first, second]: [u32; 2]) -> f32 {
+        let [pose1, pose2] = [&self.sweep1, &self.sweep2].map(|sweep| sweep.pose_at(fraction));
+        let ours = self.shape1.hull(first).placed(&pose2.inv_mul(&pose1).into());
+        with_sides!(self.facing, ours, second, |ours, theirs| crate::query::separation(&ours, theirs, 0).distance)
+    }
+}
+
 /// All of the second body that the shape can meet, as a box in that body's frame.
 fn reach(shape1: &Shape, sweep1: &Sweep, sweep2: &Sweep, arm2: f32) -> Aabb {
     let radius = shape1.radius_about(sweep1.local_center);

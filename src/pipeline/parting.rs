@@ -134,23 +134,12 @@ mod tests {
         geometry::{Obb, Pose3, Sweep},
         medial_axis::{MedialAxis, oracle::Random},
         pipeline::{Body, Side, StaticBody, Statics, StepInput, broad_phase::BodyPair},
-        query::separation,
     };
 
     /// The distance of the first side's primitive from the other at the start of the step, and the least over all of it.
-    fn distances(motion: &PairMotion, [first, second]: [u32; 2]) -> [f32; 2] {
-        let at = |instant: u8| {
-            let [pose1, pose2] = [&motion.sweep1, &motion.sweep2].map(|s| s.pose_at(f32::from(instant) / 64.0));
-            let to_second = Placement::from(pose2.inv_mul(&pose1));
-            with_spheres!(motion.shape1.hull(first).placed(&to_second), |ours| match &motion.facing {
-                Facing::Shape(shape) => with_spheres!(&shape.hull(second), |theirs| separation(&ours, theirs, 0)),
-                Facing::Part(part) => match &part.core {
-                    Core::Cuboid(half) => separation(&ours, &Cuboid { half: *half }, 0),
-                    _ => unreachable!("a box is one part"),
-                },
-            })
-        };
-        [at(0).distance, (0..=64).map(|instant| at(instant).distance).fold(f32::INFINITY, f32::min)]
+    fn distances(motion: &PairMotion, pair: [u32; 2]) -> [f32; 2] {
+        let at = |instant: u8| motion.distance_at(f32::from(instant) / 64.0, pair);
+        [at(0), (0..=64).map(at).fold(f32::INFINITY, f32::min)]
     }
 
     #[test]
