@@ -89,8 +89,8 @@ fn outermost(group: &[Contact], unit: f32, kept: &mut Kept) {
     let normal = group[0].normal1;
     let side = normal.cross(OBLIQUE_AXIS).normalize_or(Vec3::X);
     let across = normal.cross(side);
+    let depth = |contact: &Contact| (-contact.distance).min(TOUCH_DISTANCE * unit);
     for direction in [side, across, -side, -across] {
-        let depth = |contact: &Contact| (-contact.distance).min(TOUCH_DISTANCE * unit);
         let reach = |contact: &Contact| contact.point1.dot(direction) + DEPTH_WEIGHT * depth(contact);
         let farthest = group.iter().max_by(|a, b| reach(a).total_cmp(&reach(b)));
         let is_new = |contact: &&Contact| {

@@ -286,12 +286,12 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
             }
             TimeOfImpact { status, fraction, contact, rounds }
         };
+        let touching = self.target + TOUCH_ROUNDING * extent;
         // An overlap begins with a hair; a depth that is missed by one is found with the next.
-        let rounding = if self.target < 0.0 { TOUCH_ROUNDING } else { CONTACT_ROUNDING };
-        if start.fraction == 0.0 && start.separation.distance <= self.target + rounding * extent {
+        let overlapping = if self.target < 0.0 { touching } else { CONTACT_ROUNDING * extent };
+        if start.fraction == 0.0 && start.separation.distance <= overlapping {
             return result(TimeOfImpactStatus::Overlapping, 0.0, &start, rounds);
         }
-        let touching = self.target + TOUCH_ROUNDING * extent;
         let mut here = start;
         let mut cleared = self.cleared_until(&here);
         while rounds < MAX_ADVANCES {

@@ -170,11 +170,13 @@ fn touches_of_a_static_without_a_proper_rotation_have_a_normal() {
             app.world_mut().entity_mut(body).insert(Velocity::linear(Vec3::NEG_Y * speed));
             record.run(&mut app, 30);
         }
-        let of_floor = record.started.iter().map(|(_, started)| started).filter(|started| started.entity2 == floor);
-        let touches: Vec<_> = of_floor.map(|started| started.touch).collect();
-        assert!(touches.len() >= 2, "{stretch}: {}", touches.len());
-        for touch in touches {
-            assert!(touch.normal.is_normalized() && touch.normal.y.abs() > 0.9, "{stretch}: {touch:?}");
+        let of_floor = |started: &MedialContactStarted| started.entity2 == floor;
+        let touches = record.started.iter().filter(|(_, started)| of_floor(started)).count();
+        assert!(touches >= 2, "{stretch}: {touches}");
+        for (_, started) in &record.started {
+            let touch = &started.touch;
+            assert!(touch.normal.is_normalized(), "{stretch}: {touch:?}");
+            assert!(!of_floor(started) || touch.normal.y.abs() > 0.9, "{stretch}: {touch:?}");
         }
     }
 }
