@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
-use bevy_rapier3d::prelude::*;
+use bevy_rapier3d::{plugin::context::RapierContextSimulation, prelude::*};
 
 use crate::common::*;
 
@@ -88,6 +88,41 @@ fn dominance_does_to_a_medial_body_what_it_does_to_rapiers_own() {
         }
         let speed = rigid(&mut app, fast[0]).linvel().x;
         assert!((group > 0) == (speed > 3.9), "group {group}: {speed}");
+    }
+}
+
+/// How far a box that is a thousand times as heavy as the equal one below it has sunk after 4 s and after 12 s, in metres.
+fn sunk(half: f32, stiff: bool) -> [f32; 2] {
+    let mut app = app();
+    spawn_ground(&mut app);
+    app.update();
+    if stiff {
+        let mut contexts = app.world_mut().query::<&mut RapierContextSimulation>();
+        for mut simulation in contexts.iter_mut(app.world_mut()) {
+            simulation.integration_parameters.contact_softness.natural_frequency = 120.0;
+            simulation.integration_parameters.static_contact_softness.natural_frequency = 240.0;
+        }
+    }
+    let axis = MedialAxis::rounded_box(Vec3::splat(half), 0.02).unwrap();
+    let [_, heavy] = [(1.0, half), (1000.0, 3.0 * half + 0.01)].map(|(density, height)| {
+        let body = spawn_body(&mut app, axis.clone(), Transform::from_xyz(0.0, height, 0.0));
+        app.world_mut().entity_mut(body).insert(ColliderMassProperties::Density(density));
+        body
+    });
+    [240, 480].map(|steps| {
+        run(&mut app, steps);
+        3.0 * half - position(&mut app, heavy).y
+    })
+}
+
+#[test]
+fn stiff_contacts_hold_a_heavy_body_on_a_light_one() {
+    for half in [0.2, 0.23, 0.275, 0.3] {
+        let [soft, stiff] = [false, true].map(|stiff| sunk(half, stiff));
+        println!("{half}: {soft:?} m, stiff {stiff:?} m");
+        assert!(soft[1] > soft[0] + 0.01, "{half}: held all the same, {soft:?}");
+        // Where the springs hold it.
+        assert!(stiff[1] < 0.022, "{half}: {stiff:?}");
     }
 }
 
