@@ -1,6 +1,6 @@
 //! The builder on shapes made here, whole and damaged.
 
-use std::{collections::HashSet, f32::consts::TAU, ops::ControlFlow};
+use std::{collections::HashSet, f32::consts::TAU, ops::ControlFlow, sync::Mutex};
 
 use bevy_medial::{
     builder::{BuildError, BuildOptions, Built, TriangleMesh, build, build_levels, measure},
@@ -143,7 +143,15 @@ fn limits_hold() {
 fn levels_shrink_by_a_third_down_to_one_sphere() {
     let mesh = torus(0.3, 0.1, 60, 20);
     let options = BuildOptions { edges: Some(20), faces: Some(0), ..with(20) };
-    let levels = build_levels(&mesh, &options, &|_| ControlFlow::Continue(())).unwrap();
+    let told = Mutex::new(Vec::new());
+    let tell = |part: f32| {
+        told.lock().unwrap().push(part);
+        ControlFlow::Continue(())
+    };
+    let levels = build_levels(&mesh, &options, &tell).unwrap();
+    let told = told.into_inner().unwrap();
+    assert!(told.is_sorted() && told[0] >= 0.0, "progress falls: {told:?}");
+    assert!((0.9..=1.0).contains(told.last().unwrap()), "{told:?}");
     let spheres: Vec<usize> = levels.iter().map(|l| l.axis.spheres().len()).collect();
     println!("{spheres:?} {:?}", levels.iter().map(|l| l.report.rms_error).collect::<Vec<_>>());
     assert_eq!(spheres, [20, 14, 9, 6, 4, 2, 1]);

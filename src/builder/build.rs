@@ -8,7 +8,7 @@ use super::{
     TriangleMesh,
     judge::Judge,
     parallel,
-    progress::{Progress, Shares},
+    progress::{Progress, Shares, between},
     search::Search,
     solid::Solid,
     surface_samples::Random,
@@ -126,13 +126,20 @@ fn searches(triangles: usize, spheres: usize) -> usize {
 pub fn build(mesh: &TriangleMesh, options: &BuildOptions, progress: &Progress) -> Result<Built, BuildError> {
     let solid = Solid::new(mesh)?;
     let judge = Judge::new(&solid, options.seed);
-    finest(&judge, mesh, options, progress)?.built(&solid, progress)
+    finest(&judge, mesh, options, progress)?.built(&solid)
 }
 
 /// So many spheres of a level for so many of the one before: about the root of a half.
 const STEP: [usize; 2] = [7, 10];
 
+/// The numbers of spheres of a chain.
+fn chain(spheres: usize, least: usize) -> impl Iterator<Item = usize> {
+    successors(Some(spheres), move |&before| (before > least).then(|| (before * STEP[0] / STEP[1]).max(least)))
+}
+
 /// A chain of medial meshes, each with 0.7 times as many spheres as the one before, or less, down to one sphere a component.
+///
+/// `progress` is told of the chain as a whole.
 ///
 /// # Errors
 /// As for [`build`].
@@ -143,19 +150,40 @@ pub fn build_levels(
 ) -> Result<Vec<Built>, BuildError> {
     let solid = Solid::new(mesh)?;
     let judge = Judge::new(&solid, options.seed);
-    let mut search = finest(&judge, mesh, options, progress)?;
-    let mut levels = vec![search.built(&solid, progress)?];
-    let least = search.full_components();
-    let mut spheres = search.spheres();
-    while spheres > least {
-        spheres = (spheres * STEP[0] / STEP[1]).max(least);
+    let share = finest_share(options.spheres);
+    let search = finest(&judge, mesh, options, &between(progress, 0.0, share))?;
+    let first = search.built(&solid)?;
+    let others = coarser(&judge, mesh, options, search, &between(progress, share, 1.0))?;
+    Ok(once(first).chain(others).collect())
+}
+
+/// The part of the work on a chain that is its finest level's: each takes about as long as it has spheres.
+pub(super) fn finest_share(spheres: usize) -> f32 {
+    let spheres = spheres.max(1);
+    spheres as f32 / chain(spheres, 1).sum::<usize>() as f32
+}
+
+/// The levels of a chain that come of its finest one.
+pub(super) fn coarser(
+    judge: &Judge,
+    mesh: &TriangleMesh,
+    options: &BuildOptions,
+    mut search: Search,
+    progress: &Progress,
+) -> Result<Vec<Built>, BuildError> {
+    let counts: Vec<usize> = chain(search.spheres(), search.full_components()).skip(1).collect();
+    let whole: usize = counts.iter().sum();
+    let (mut levels, mut done) = (Vec::new(), 0);
+    for spheres in counts {
         let share = |limit: usize| limit.saturating_mul(spheres) / options.spheres.max(1);
         let (edges, faces) = (options.edges.map(share), options.faces.map(share));
         let options = BuildOptions { spheres, edges, faces, ..*options };
         let starts: Vec<Start> =
             once(Start::Finer(Box::new(search))).chain(seeds(&options, options.searches.unwrap_or(0))).collect();
-        search = best(&judge, mesh, &options, &starts, progress)?;
-        levels.push(search.built(&solid, progress)?);
+        let [from, to] = [done, done + spheres].map(|spheres| spheres as f32 / whole as f32);
+        done += spheres;
+        search = best(judge, mesh, &options, &starts, &between(progress, from, to))?;
+        levels.push(search.built(judge.solid)?);
     }
     Ok(levels)
 }
@@ -173,7 +201,7 @@ fn seeds(options: &BuildOptions, count: usize) -> impl Iterator<Item = Start> {
 }
 
 /// The best of several searches from samples.
-fn finest(
+pub(super) fn finest(
     judge: &Judge,
     mesh: &TriangleMesh,
     options: &BuildOptions,

@@ -36,15 +36,9 @@ impl Complex {
         slabs.chain(cones).chain(alone).collect()
     }
 
-    /// Drops spheres that nothing refers to, and numbers the others anew.
+    /// Drops spheres that no edge or face refers to any more, and numbers the others anew.
     pub fn compact(&mut self, gone: &BTreeSet<u32>) {
-        let mut next = 0;
-        let numbers: Vec<u32> = (0..self.balls.len() as u32)
-            .map(|i| {
-                next += u32::from(!gone.contains(&i));
-                next.saturating_sub(1)
-            })
-            .collect();
+        let numbers = numbers((0..self.balls.len() as u32).map(|i| !gone.contains(&i)));
         let mut index = 0;
         self.balls.retain(|_| {
             index += 1;
@@ -59,6 +53,16 @@ impl Complex {
     pub fn envelope(&self) -> Envelope {
         Envelope::of(&self.balls, self.primitives())
     }
+}
+
+/// The number of each item that is kept when the others are gone; what those have means nothing.
+pub(super) fn numbers(kept: impl Iterator<Item = bool>) -> Vec<u32> {
+    let mut next = 0;
+    kept.map(|kept| {
+        next += u32::from(kept);
+        next - u32::from(kept)
+    })
+    .collect()
 }
 
 /// The primitives of a complex, prepared for distances.

@@ -5,7 +5,13 @@ use std::ops::ControlFlow;
 use bevy::prelude::{Reflect, ReflectDefault};
 
 use super::{
-    BuildError, BuildOptions, Built, DEFAULT_SEED, Level, MedialLevels, TriangleMesh, build, build_levels, measure,
+    BuildError, BuildOptions, Built, DEFAULT_SEED, Level, MedialLevels, TriangleMesh,
+    build::{coarser, finest, finest_share},
+    judge::Judge,
+    measure,
+    progress::between,
+    search::Search,
+    solid::Solid,
 };
 
 /// Spheres where nothing is said.
@@ -41,7 +47,7 @@ impl Default for FitOptions {
 
 /// Medial meshes of a solid with their two-sided errors.
 ///
-/// `progress` is told the part of the work that is done, from 0 to 1, and may break it off. It starts anew with each trial.
+/// `progress` is told the part of the work that is done, from 0 to 1, and may break it off. It starts anew with each trial of an error.
 ///
 /// # Errors
 /// As for [`build`].
@@ -56,32 +62,39 @@ pub fn fit(
         seed: options.seed,
         ..BuildOptions::default()
     };
+    let solid = Solid::new(mesh)?;
+    let judge = Judge::new(&solid, options.seed);
     let level = |built: Built| Level { error: measure(mesh, &built.axis), axis: built.axis };
-    let (spheres, finest) = match options.max_error {
-        None => (options.spheres.unwrap_or(DEFAULT_SPHERES), None),
+    let share = |spheres: usize| if options.levels { finest_share(spheres) } else { 1.0 };
+    let trial = |spheres: usize| -> Result<(Search, Level), BuildError> {
+        let search = finest(&judge, mesh, &with(spheres), &between(progress, 0.0, share(spheres)))?;
+        let level = level(search.built(&solid)?);
+        Ok((search, level))
+    };
+    let (search, first) = match options.max_error {
+        None => trial(options.spheres.unwrap_or(DEFAULT_SPHERES))?,
         Some(error) => {
             let most = options.spheres.unwrap_or(TRIED[1]);
             let mut spheres = TRIED[0].min(most);
             loop {
-                let found = match build(mesh, &with(spheres), progress) {
-                    Ok(built) => Some(level(built)),
+                match trial(spheres) {
+                    Ok(found) if spheres == most || found.1.error.max() <= error => break found,
                     // Each component takes one.
-                    Err(BuildError::TooFewSpheres { .. }) if spheres < most => None,
+                    Ok(_) => {}
+                    Err(BuildError::TooFewSpheres { .. }) if spheres < most => {}
                     Err(error) => return Err(error),
-                };
-                if spheres == most || found.as_ref().is_some_and(|level| level.error.max() <= error) {
-                    break (spheres, found);
                 }
                 spheres = spheres.saturating_mul(2).min(most);
             }
         }
     };
-    let levels = match finest {
-        Some(finest) if !options.levels => vec![finest],
-        _ if options.levels => useful(build_levels(mesh, &with(spheres), progress)?.into_iter().map(level).collect()),
-        _ => vec![level(build(mesh, &with(spheres), progress)?)],
-    };
-    Ok(MedialLevels { levels })
+    let mut levels = vec![first];
+    if options.levels {
+        let spheres = search.spheres();
+        let progress = between(progress, share(spheres), 1.0);
+        levels.extend(coarser(&judge, mesh, &with(spheres), search, &progress)?.into_iter().map(level));
+    }
+    Ok(MedialLevels { levels: useful(levels) })
 }
 
 /// The finest level, and those that are better than any coarser one.

@@ -71,7 +71,7 @@ pub enum MedialLevelsError {
 #[derive(Debug, Error)]
 pub enum MedialFileError {
     /// The system refuses.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: it cannot be read or written: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,

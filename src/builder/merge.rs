@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{
-    envelope::{Complex, Envelope},
+    envelope::{Complex, Envelope, numbers},
     hull::Hull,
     parallel,
     points::Points,
@@ -96,14 +96,8 @@ pub(super) fn merge(
         heir[from as usize] = to;
         left -= 1;
     }
-    let mut next = 0;
-    let numbers: Vec<u32> = (0..heir.len())
-        .map(|i| {
-            next += u32::from(heir[i] == i as u32);
-            next - 1
-        })
-        .collect();
     let kept = |i: usize| heir[i] == i as u32;
+    let numbers = numbers((0..heir.len()).map(kept));
     let number = |i: u32| numbers[heir[i as usize] as usize];
     renumber(&mut complex.edges, number);
     renumber(&mut complex.faces, number);

@@ -10,12 +10,16 @@ thread_local! {
 }
 
 /// Runs a function with its loops where it is, so that the other cores are free for what is in more of a hurry.
-#[cfg(feature = "bevy_mesh")]
 pub(crate) fn on_this_thread<R>(function: impl FnOnce() -> R) -> R {
-    let outer = WITHIN.replace(true);
-    let result = function();
-    WITHIN.set(outer);
-    result
+    /// Of a panic as well.
+    struct Outer(bool);
+    impl Drop for Outer {
+        fn drop(&mut self) {
+            WITHIN.set(self.0);
+        }
+    }
+    let _outer = Outer(WITHIN.replace(true));
+    function()
 }
 
 /// `function` of each of `0..count`, in order.
@@ -46,12 +50,7 @@ pub(super) fn flat_map<R: Send + 'static>(
     let of_range = &of_range;
     let chunks = pool.scope(|scope| {
         for from in (0..count).step_by(chunk) {
-            scope.spawn(async move {
-                let outer = WITHIN.replace(true);
-                let results = of_range(from..count.min(from + chunk));
-                WITHIN.set(outer);
-                results
-            });
+            scope.spawn(async move { on_this_thread(|| of_range(from..count.min(from + chunk))) });
         }
     });
     let mut all = Vec::with_capacity(chunks.iter().map(Vec::len).sum());

@@ -8,6 +8,15 @@ use std::{
 /// Is told the part of the work that is done, from 0 to 1, and may break it off.
 pub(super) type Progress<'a> = dyn Fn(f32) -> ControlFlow<()> + Sync + 'a;
 
+/// The progress of a piece of work that is the part of another between two parts of it.
+pub(super) fn between<'a>(
+    progress: &'a Progress<'a>,
+    from: f32,
+    to: f32,
+) -> impl Fn(f32) -> ControlFlow<()> + Sync + 'a {
+    move |part| progress(from + part * (to - from))
+}
+
 /// The progress of several pieces of work side by side, as that of one.
 pub(super) struct Shares<'a> {
     progress: &'a Progress<'a>,

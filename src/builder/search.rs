@@ -1,6 +1,6 @@
 //! One search for a medial mesh: the stages from samples to spheres that fit.
 
-use std::{ops::ControlFlow, sync::Arc};
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -11,7 +11,7 @@ use super::{
     envelope::Complex,
     judge::{Judge, Verdict},
     mend, parallel,
-    progress::Progress,
+    progress::{Progress, between},
     refine::{self, Plan},
     solid::Solid,
     surface_samples::{Samples, medial_ball},
@@ -150,8 +150,7 @@ impl Search {
     pub fn refine(&mut self, judge: &Judge, progress: &Progress) -> Result<(), BuildError> {
         let Self { coarse, fine, complex, parts, plan, verdict } = self;
         let solid = judge.solid;
-        let searching = |part: f32| progress(0.2 + 0.5 * part);
-        if refine::refine(complex, parts, solid, coarse, plan, &searching).is_break() {
+        if refine::refine(complex, parts, solid, coarse, plan, &between(progress, 0.2, 0.7)).is_break() {
             return Err(BuildError::Cancelled);
         }
         let target = refine::target_for(complex, solid, fine, SPACING[1]);
@@ -166,15 +165,12 @@ impl Search {
         if of_other.error() < verdict.error() {
             (*complex, *verdict) = (other, of_other);
         }
-        let mending = |part: f32| progress(0.7 + 0.2 * part);
-        match mend::mend(complex, parts, verdict, judge, fine, plan, &mending) {
-            ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(()) => Err(BuildError::Cancelled),
-        }
+        let mended = mend::mend(complex, parts, verdict, judge, fine, plan, &between(progress, 0.7, 1.0));
+        if mended.is_break() { Err(BuildError::Cancelled) } else { Ok(()) }
     }
 
     /// The shape as it is.
-    pub fn built(&self, solid: &Solid, progress: &Progress) -> Result<Built, BuildError> {
+    pub fn built(&self, solid: &Solid) -> Result<Built, BuildError> {
         let Self { complex, fine, .. } = self;
         let spheres = complex.balls.iter().map(|ball| {
             let center = ball.center * solid.diagonal + solid.origin;
@@ -190,9 +186,6 @@ impl Search {
             max_error: distances.iter().map(|d| d.abs()).fold(0.0, f64::max) as f32,
             cleanup,
         };
-        if progress(1.0).is_break() {
-            return Err(BuildError::Cancelled);
-        }
         Ok(Built { axis, report })
     }
 }

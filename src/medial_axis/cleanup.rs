@@ -1,8 +1,8 @@
 //! Lists as they come from files and builders, brought into the form that [`MedialAxis`](super::MedialAxis) promises.
 
-use std::{collections::HashMap, fmt};
+use std::{cell::Cell, collections::HashMap, fmt};
 
-use crate::geometry::{Primitive, Sphere};
+use crate::geometry::{Aabb, Bvh, Primitive, Sphere};
 
 /// What a clean-up changed.
 ///
@@ -131,17 +131,32 @@ fn drop_duplicates(primitives: &mut Vec<Primitive>, report: &mut CleanupReport) 
 /// Nothing is lost: as no sphere of a proper primitive holds another of it, and equal spheres are merged, no two
 /// primitives cover each other.
 fn drop_covered(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mut CleanupReport) {
-    let holders = holders(spheres);
+    let boxes: Vec<Aabb> = spheres.iter().map(|&sphere| Aabb::from_spheres([sphere])).collect();
+    let bvh = Bvh::new(&boxes);
     let mut users = vec![Vec::new(); spheres.len()];
     for (number, primitive) in primitives.iter().enumerate() {
         primitive.indices().iter().for_each(|&i| users[i as usize].push(number));
     }
+    let holds = |outer: u32, inner: u32| outer == inner || spheres[outer as usize].contains(&spheres[inner as usize]);
     let is_covered = |number: usize, indices: &[u32]| {
-        // Whatever covers the primitive covers its first sphere.
-        holders[indices[0] as usize].iter().flat_map(|&holder| &users[holder as usize]).any(|&other| {
-            let by = primitives[other].indices();
-            other != number && indices.iter().all(|&i| by.iter().any(|j| holders[i as usize].contains(j)))
-        })
+        let covered = Cell::new(false);
+        let covers = |other: &usize| {
+            let by = primitives[*other].indices();
+            *other != number && indices.iter().all(|&i| by.iter().any(|&j| holds(j, i)))
+        };
+        // Whatever covers the primitive covers its first sphere, whose box meets that of the sphere which holds it, but for rounding.
+        let first = boxes[indices[0] as usize];
+        let rounding = 4.0 * f32::EPSILON * first.min.abs().max(first.max.abs()).max_element();
+        let near = first.inflated(rounding);
+        bvh.visit(
+            |aabb| !covered.get() && aabb.overlaps(&near),
+            |holder| {
+                if !covered.get() && holds(holder, indices[0]) && users[holder as usize].iter().any(covers) {
+                    covered.set(true);
+                }
+            },
+        );
+        covered.get()
     };
     let covered: Vec<bool> =
         primitives.iter().enumerate().map(|(number, primitive)| is_covered(number, primitive.indices())).collect();
@@ -156,27 +171,6 @@ fn drop_covered(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mu
         *count += usize::from(drop);
         !drop
     });
-}
-
-/// For each sphere, itself and the spheres that hold it; of equal spheres the first holds the others.
-fn holders(spheres: &[Sphere]) -> Vec<Vec<u32>> {
-    let mut holders: Vec<Vec<u32>> = (0..spheres.len() as u32).map(|i| vec![i]).collect();
-    // What a sphere holds starts, along x, between its ends.
-    let start = |i: u32| spheres[i as usize].center.x - spheres[i as usize].radius;
-    let end = |i: u32| spheres[i as usize].center.x + spheres[i as usize].radius;
-    let mut order: Vec<u32> = (0..spheres.len() as u32).collect();
-    order.sort_by(|&i, &j| start(i).total_cmp(&start(j)));
-    for (at, &outer) in order.iter().enumerate() {
-        // A rounded start may precede that of a sphere which touches it from inside: look both ways.
-        let before = order[..at].iter().rev().take_while(|&&i| start(i) == start(outer));
-        let after = order[at + 1..].iter().take_while(|&&i| start(i) <= end(outer));
-        for &inner in before.chain(after) {
-            if spheres[outer as usize].contains(&spheres[inner as usize]) {
-                holders[inner as usize].push(outer);
-            }
-        }
-    }
-    holders
 }
 
 fn drop_unused_spheres(spheres: &mut Vec<Sphere>, primitives: &mut [Primitive], report: &mut CleanupReport) {

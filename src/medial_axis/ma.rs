@@ -122,8 +122,8 @@ impl MaFile {
     /// The shape, cleaned up, with what the clean-up changed.
     ///
     /// # Errors
-    /// As for [`MedialAxis::new`]: numbers beyond [`MAX_EXTENT`](super::MAX_EXTENT) are the one cause that
-    /// [`parse`] lets pass.
+    /// As for [`MedialAxis::new`]: numbers beyond [`MAX_EXTENT`](super::MAX_EXTENT), and more spheres than
+    /// [`MAX_SPHERES`](super::MAX_SPHERES), are the causes that [`parse`] lets pass.
     pub fn into_medial_axis(self) -> Result<(MedialAxis, CleanupReport), MedialAxisError> {
         let primitives = self.primitives();
         MedialAxis::new(self.spheres, primitives)
@@ -151,6 +151,8 @@ impl From<&MedialAxis> for MaFile {
 /// The first line that breaks the format, with the reason. Memory use is bounded by the size of `bytes`, whatever the
 /// header promises.
 pub fn parse(bytes: &[u8]) -> Result<MaFile, MaError> {
+    // Some programs begin a text with a byte order mark.
+    let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count();
         MaError { line, kind: Kind::NotUtf8 }
@@ -195,6 +197,14 @@ pub fn write(file: &MaFile) -> String {
     text
 }
 
+/// Most characters of a field in a message.
+const LONGEST_QUOTE: usize = 60;
+
+/// What a message says of a field: its first characters, as a file of another kind may be one long line.
+fn quoted(token: &str) -> String {
+    token.chars().take(LONGEST_QUOTE).collect()
+}
+
 /// The rest of a line.
 struct Fields<'a>(std::str::SplitWhitespace<'a>);
 
@@ -225,7 +235,7 @@ impl<'a> Fields<'a> {
                 room('f', file.faces.len(), faces)?;
                 file.faces.push(self.indices(spheres)?);
             }
-            other => return Err(Kind::UnknownRecord(other.to_owned())),
+            other => return Err(Kind::UnknownRecord(quoted(other))),
         }
         Ok(())
     }
@@ -253,13 +263,13 @@ impl<'a> Fields<'a> {
 
     fn count(&mut self, what: &'static str) -> Result<u32, Kind> {
         let token = self.token(what)?;
-        token.parse().map_err(|_| Kind::NotCount { what, token: token.to_owned() })
+        token.parse().map_err(|_| Kind::NotCount { what, token: quoted(token) })
     }
 
     fn number(&mut self, what: &'static str) -> Result<f32, Kind> {
         let token = self.token(what)?;
         let number = token.parse::<f32>().ok().filter(|number| number.is_finite());
-        number.ok_or_else(|| Kind::NotFinite { what, token: token.to_owned() })
+        number.ok_or_else(|| Kind::NotFinite { what, token: quoted(token) })
     }
 
     fn token(&mut self, what: &'static str) -> Result<&'a str, Kind> {
@@ -267,7 +277,7 @@ impl<'a> Fields<'a> {
     }
 
     fn end(&mut self) -> Result<(), Kind> {
-        self.0.next().map_or(Ok(()), |token| Err(Kind::Trailing(token.to_owned())))
+        self.0.next().map_or(Ok(()), |token| Err(Kind::Trailing(quoted(token))))
     }
 }
 

@@ -3,18 +3,20 @@
 use std::{
     collections::HashMap,
     ops::ControlFlow,
+    panic::{AssertUnwindSafe, catch_unwind},
     path::{Path, PathBuf},
     sync::{
-        Arc, OnceLock, Weak,
+        Arc, LazyLock, OnceLock, Weak,
         atomic::{AtomicU32, Ordering},
     },
+    thread::available_parallelism,
 };
 
 use bevy::{
     asset::LoadState,
     mesh::{Mesh, Mesh3d},
     prelude::*,
-    tasks::{AsyncComputeTaskPool, TaskPool},
+    tasks::{TaskPool, TaskPoolBuilder},
 };
 
 use super::{MedialMesh, build_cache::fit_cached, init_medial_axis, modified};
@@ -23,7 +25,7 @@ use crate::{
     medial_axis::MedialAxis,
 };
 
-/// Builds the entity's [`MedialMesh`] of its `Mesh3d`, on a thread of the `AsyncComputeTaskPool`, and again when that mesh or the options change.
+/// Builds the entity's [`MedialMesh`] of its `Mesh3d`, on threads of its own beside those of Bevy, and again when that mesh or the options change.
 ///
 /// Entities with the same mesh asset and options share one build and one asset. Taking the component away, or the `Mesh3d`, or despawning the
 /// entity breaks the build off unless another entity waits for it; a `MedialMesh` that is there stays. [`MedialBuildStatus`] tells how it goes.
@@ -140,7 +142,10 @@ impl Build {
                 return;
             }
             // Loops on the pool of the frame's systems would hold up frames.
-            let result = on_this_thread(|| medial_axis_of(&mesh, &options, cache.as_deref(), &progress));
+            let work = || on_this_thread(|| medial_axis_of(&mesh, &options, cache.as_deref(), &progress));
+            // Whoever waits is told, whatever happens.
+            let result =
+                catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err("the builder has panicked".into()));
             let Some(build) = build.upgrade() else { return };
             if let Err(error) = &result {
                 error!("{name}: its Mesh3d gives no medial mesh: {error}");
@@ -148,9 +153,15 @@ impl Build {
             // There is no other that sets it.
             let _ = build.result.set(result);
         };
-        AsyncComputeTaskPool::get_or_init(TaskPool::default).spawn(task).detach();
+        BUILDERS.spawn(task).detach();
     }
 }
+
+/// Builds take seconds, and Bevy makes pipelines and loads assets on the few threads of its own pools.
+static BUILDERS: LazyLock<TaskPool> = LazyLock::new(|| {
+    let threads = available_parallelism().map_or(1, usize::from).div_ceil(4);
+    TaskPoolBuilder::new().num_threads(threads).thread_name("medial mesh builder".into()).build()
+});
 
 fn medial_axis_of(
     mesh: &Mesh,

@@ -185,7 +185,7 @@ fn errors_are_one_line_and_a_code() {
     let bad_axis = folder.file("bad.ma", "1 0 0\nv 0 0 0 -1\n");
     let good_mesh = folder.file("good.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let bear = format!("{MODELS}bear.ma");
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 10] = [
         (&["info", "no such.ma"], "no such.ma: cannot be read"),
         (&["info", "no such.obj"], "no such.obj: cannot be read"),
         (&["info", &bad_mesh], "bad.obj: line 2: there is no vertex 2"),
@@ -194,11 +194,18 @@ fn errors_are_one_line_and_a_code() {
         (&["measure", &bear, &bear], "the extension is not .obj"),
         (&["clean", &bear, "-o", "/no such folder/out.ma"], "out.ma: cannot be written"),
         (&["build", &bad_mesh, "-o", "out.ma"], "bad.obj: line 2"),
+        (&["build", &good_mesh, "-o", "out.medial"], "out.medial: it is the finest level that is written there"),
+        (&["build", &good_mesh, "-o", "/no such folder/out.ma"], "/no such folder: there is no such folder"),
     ];
     for (args, expected) in cases {
         let errors = fails(args, 1);
         assert!(errors.contains(expected) && errors.lines().count() == 1, "{args:?}: {errors}");
     }
+    // What is wrong with the mesh is told first: it may be the reason.
+    let output = medial(&["build", &good_mesh, "-o", folder.0.join("out.ma").to_str().unwrap()]);
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(!output.status.success() && errors.starts_with("warning: "), "{errors}");
+    assert!(errors.contains("boundary edges") && errors.lines().last().unwrap().starts_with("error: "), "{errors}");
     let usage: [&[&str]; 6] = [
         &["measure", &good_mesh],
         &["build", &good_mesh],

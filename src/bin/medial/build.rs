@@ -1,9 +1,12 @@
-use std::{ops::ControlFlow, path::PathBuf};
+use std::{
+    ops::ControlFlow,
+    path::{Path, PathBuf},
+};
 
 use bevy_medial::builder::{DEFAULT_SEED, FitOptions, Level, MeshReport, fit};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{Outcome, load_mesh, write_axis};
+use super::{Outcome, info, load_mesh, write_axis};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -34,12 +37,32 @@ fn percent(text: &str) -> Result<f32, String> {
     value.ok_or_else(|| "not a positive number".into())
 }
 
+/// What would be in vain is told before the work.
+fn check_output(output: &Path) -> Result<(), String> {
+    if info::has_levels(output) {
+        let text = output.with_extension("ma");
+        return Err(format!(
+            "{}: it is the finest level that is written there, as text: name it {}; with --levels the .medial file comes beside it",
+            output.display(),
+            text.display()
+        ));
+    }
+    match output.parent() {
+        Some(folder) if folder != Path::new("") && !folder.is_dir() => {
+            Err(format!("{}: there is no such folder; make it first", folder.display()))
+        }
+        _ => Ok(()),
+    }
+}
+
 pub fn run(args: &Args) -> Outcome {
     let mesh = load_mesh(&args.mesh)?;
-    let mut text = String::new();
+    check_output(&args.output)?;
+    // At once, as they may tell why there is nothing to build.
     for flaw in MeshReport::new(&mesh).flaws() {
-        text += &format!("warning: {}: {flaw}\n", args.mesh.display());
+        eprintln!("warning: {}: {flaw}", args.mesh.display());
     }
+    let mut text = String::new();
     let bar = ProgressBar::new(1000);
     if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {wide_bar} {percent} %") {
         bar.set_style(style);

@@ -1,4 +1,8 @@
-use std::path::Path;
+use std::{
+    fs,
+    io::{self, Read},
+    path::Path,
+};
 
 use glam::{DMat4, Mat4, Vec3};
 use gltf::{
@@ -17,6 +21,9 @@ use crate::builder::{
 /// Bytes of the head of a GLB file, which its own length includes.
 const GLB_HEADER: u32 = 12;
 
+/// Extensions with names that begin so are of no matter to the shape.
+const COLOURS: [&str; 3] = ["KHR_materials_", "KHR_texture_", "KHR_lights_"];
+
 /// Reads all meshes of the default scene, or of the first one if there is no default, placed by their nodes.
 pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatError> {
     let length = bytes.get(8..12).and_then(|length| length.try_into().ok()).map(u32::from_le_bytes);
@@ -25,7 +32,13 @@ pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatE
     }
     let damaged = |error: gltf::Error| FormatError::damaged("the glTF document", error.to_string());
     let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(damaged)?;
-    let json = document.into_json();
+    let mut json = document.into_json();
+    // What colours a surface does not change it.
+    json.extensions_required.retain(|name| !COLOURS.iter().any(|prefix| name.starts_with(prefix)));
+    if let Some(name) = json.extensions_required.first() {
+        let remedy = "export it without quantization, compression and other extensions";
+        return Err(FormatError::new("the glTF document", format!("it needs the extension {name}"), remedy));
+    }
     // The validation looks these up unchecked.
     let mut attributes = json.meshes.iter().flat_map(|mesh| &mesh.primitives).flat_map(|p| p.attributes.values());
     if let Some(accessor) = attributes.find(|accessor| accessor.value() >= json.accessors.len()) {
@@ -48,6 +61,11 @@ pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatE
             return Err(FormatError::damaged(place, "the scene reaches it twice, so its nodes are no tree"));
         }
         let pose = parent * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
+        if let Some(skin) = node.skin() {
+            let problem = format!("it is bent by skin {}, and its own place does not count", skin.index());
+            let remedy = "apply the armature's pose and all transforms, and export it without";
+            return Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
+        }
         if let Some(mesh) = node.mesh() {
             file.add(&mesh, &pose, &mut positions, &mut triangles)?;
         }
@@ -62,7 +80,7 @@ fn buffers(document: &Document, mut blob: Option<Vec<u8>>, folder: &Path) -> Res
         let place = format!("buffer {}", buffer.index());
         let bytes = match buffer.source() {
             Source::Bin => blob.take().ok_or_else(|| "the GLB file has no binary part".into()),
-            Source::Uri(uri) => read_uri(uri, folder),
+            Source::Uri(uri) => read_uri(uri, folder, buffer.length()),
         };
         let bytes = bytes.map_err(|problem| {
             FormatError::new(place.clone(), problem, "export it as one .glb file, or put the .bin file beside it")
@@ -76,14 +94,25 @@ fn buffers(document: &Document, mut blob: Option<Vec<u8>>, folder: &Path) -> Res
     document.buffers().map(read).collect()
 }
 
-fn read_uri(uri: &str, folder: &Path) -> Result<Vec<u8>, String> {
+/// So many bytes of what a URI names, or fewer if it has no more.
+fn read_uri(uri: &str, folder: &Path, length: usize) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         let (_, text) = data.split_once(";base64,").ok_or("its data URI is not in base64")?;
         return data_encoding::BASE64.decode(text.as_bytes()).map_err(|error| format!("its data URI: {error}"));
     }
-    let name = percent_decoded(uri).filter(|name| !name.contains(':'));
+    let name = percent_decoded(uri).filter(|name| !name.contains(':') && !Path::new(name).has_root());
     let name = name.ok_or_else(|| format!("its URI is no relative path: `{uri}`"))?;
-    std::fs::read(folder.join(&name)).map_err(|error| format!("it cannot be read: {error}: `{name}`"))
+    read_start(&folder.join(&name), length).map_err(|error| format!("it cannot be read: {error}: `{name}`"))
+}
+
+/// The first bytes of a file. Of a device or a pipe there may be no end.
+fn read_start(path: &Path, length: usize) -> io::Result<Vec<u8>> {
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::Error::other("it is no file"));
+    }
+    let mut bytes = Vec::new();
+    fs::File::open(path)?.take(length as u64).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// A relative URI as a file name: `%20` is a space. None if that is no UTF-8 text.

@@ -1,6 +1,6 @@
 use glam::Vec3;
 
-use super::{FormatError, polygon::triangulate, position};
+use super::{BYTE_ORDER_MARK, FormatError, polygon::triangulate, position};
 use crate::builder::TriangleMesh;
 
 /// Reads `v` and `f` records. Indices count from 1, or from the latest vertex backwards if negative.
@@ -9,12 +9,16 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     // The corners of all faces one after the other, and for each face its line and the end of its corners.
     let (mut corners, mut faces) = (Vec::new(), Vec::new());
     let mut joined = String::new();
+    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
+    let last = bytes.iter().filter(|&&byte| byte == b'\n').count() + 1;
     for (line, content) in (1..).zip(bytes.split(|&byte| byte == b'\n')) {
         // Names may be in any encoding; what is read is ASCII.
         joined.push_str(String::from_utf8_lossy(content).trim_end());
         if joined.ends_with('\\') {
             joined.pop();
-            continue;
+            if line < last {
+                continue;
+            }
         }
         let mut fields = joined.split_whitespace();
         let damaged = |problem: String| FormatError::damaged(format!("line {line}"), problem);

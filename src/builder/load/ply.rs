@@ -70,7 +70,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let (mut positions, mut faces) = (Vec::new(), Vec::new());
     for (name, definition) in &header.elements {
         let count = definition.count;
-        // Every element takes a byte or more, unless it has no property: then it would take time and memory, but no byte.
+        // Without a property they would take time and memory, but no byte.
+        if definition.properties.is_empty() && count > 0 {
+            return Err(FormatError::damaged(format!("element `{name}`"), "it has no property"));
+        }
         if count > bytes.len() {
             return Err(FormatError::damaged(
                 format!("element `{name}`"),

@@ -1,11 +1,17 @@
 use glam::DVec3;
 use glam::Vec3;
 
+/// A triangle faces the other way if it does by more than this, per area of the polygon: corners that are in no plane and on no line are rounded.
+const ROUNDING: f64 = 1e-6;
+
 /// Corners that are tried as the one from which a polygon is fanned.
 const TRIED: usize = 16;
 
-/// Cuts a polygon into the fan of triangles that face its way best: a convex polygon always, one with a dent if all of it can be
-/// seen from one of its first corners. Indices must be in range; fewer than three corners are no triangle.
+/// Most corners of a polygon from which ears are clipped, as that takes time with their square.
+const CLIPPED: usize = 4096;
+
+/// Cuts a polygon into triangles: into the fan from one of its first corners whose triangles face its way best, or, where each fan has one that faces the
+/// other way, ear by ear. Indices must be in range; fewer than three corners are no triangle.
 pub(super) fn triangulate(corners: &[u32], positions: &[Vec3], triangles: &mut Vec<[u32; 3]>) {
     let count = corners.len();
     let fan = |apex: usize| {
@@ -16,21 +22,74 @@ pub(super) fn triangulate(corners: &[u32], positions: &[Vec3], triangles: &mut V
         let [a, b, c] = triangle.map(|i| positions[i as usize].as_dvec3());
         (b - a).cross(c - a)
     };
-    let best = if count > 3 {
-        let normal = fan(0).map(area).sum::<DVec3>().normalize_or_zero();
-        let worst = |apex: usize| fan(apex).map(|t| area(t).dot(normal)).fold(f64::INFINITY, f64::min);
-        let apexes = (0..count.min(TRIED)).map(|apex| (apex, worst(apex)));
-        // The first of equals.
-        apexes.reduce(|best, next| if next.1 > best.1 { next } else { best }).map_or(0, |best| best.0)
+    if count <= 3 {
+        triangles.extend(fan(0));
+        return;
+    }
+    let whole = fan(0).map(area).sum::<DVec3>();
+    let facing = |triangle: [u32; 3]| area(triangle).dot(whole.normalize_or_zero());
+    let worst = |apex: usize| fan(apex).map(facing).fold(f64::INFINITY, f64::min);
+    let apexes = (0..count.min(TRIED)).map(|apex| (apex, worst(apex)));
+    // The first of equals.
+    let (best, worst) = apexes.reduce(|best, next| if next.1 > best.1 { next } else { best }).unwrap_or_default();
+    if worst < -ROUNDING * whole.length() && count <= CLIPPED {
+        clip_ears(corners, facing, triangles);
     } else {
-        0
-    };
-    triangles.extend(fan(best));
+        triangles.extend(fan(best));
+    }
+}
+
+/// Cuts corners off that no other corner is in, one after the other, as long as there are any; what is left is fanned.
+fn clip_ears(corners: &[u32], facing: impl Fn([u32; 3]) -> f64, triangles: &mut Vec<[u32; 3]>) {
+    let mut left = corners.to_vec();
+    let mut at = 0;
+    let mut tried = 0;
+    while left.len() > 3 && tried < left.len() {
+        let count = left.len();
+        let ear @ [a, b, c] = [0, 1, 2].map(|k| left[(at + k) % count]);
+        let is_within = |&point: &u32| {
+            !ear.contains(&point) && [[a, b, point], [b, c, point], [c, a, point]].into_iter().all(|t| facing(t) >= 0.0)
+        };
+        if facing(ear) > 0.0 && !left.iter().any(is_within) {
+            triangles.push(ear);
+            left.remove((at + 1) % count);
+            tried = 0;
+        } else {
+            tried += 1;
+        }
+        at = (at + 1) % left.len();
+    }
+    triangles.extend(left[1..].windows(2).map(|pair| [left[0], pair[0], pair[1]]));
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_polygon_that_cannot_be_fanned_is_cut_within() {
+        // A letter U, of which no corner sees all, and a comb with as many corners as are never fanned from.
+        let u = [[0, 0], [3, 0], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]];
+        let teeth = (0..20).flat_map(|i| [[40 - 2 * i, 5], [39 - 2 * i, 1]]);
+        let comb: Vec<[i32; 2]> = [[0, 0], [40, 0]].into_iter().chain(teeth).chain([[0, 5]]).collect();
+        for (outline, expected) in [(&u[..], 7.0), (&comb[..], 40.0 + 80.0)] {
+            let positions: Vec<Vec3> = outline.iter().map(|&[x, y]| Vec3::new(x as f32, y as f32, 0.0)).collect();
+            for turn in 0..outline.len() {
+                let mut corners: Vec<u32> = (0..outline.len() as u32).collect();
+                corners.rotate_left(turn);
+                let mut triangles = Vec::new();
+                triangulate(&corners, &positions, &mut triangles);
+                let areas = triangles.iter().map(|t| {
+                    let [a, b, c] = t.map(|i| positions[i as usize]);
+                    (b - a).cross(c - a).z * 0.5
+                });
+                // Those that faced the other way would be taken off, and what they cover counted twice.
+                let (sum, least) = areas.fold((0.0, f32::INFINITY), |(sum, least), a| (sum + a, least.min(a)));
+                assert_eq!((triangles.len(), sum), (outline.len() - 2, expected), "from corner {turn}: {triangles:?}");
+                assert!(least >= 0.0, "from corner {turn}: {triangles:?}");
+            }
+        }
+    }
 
     #[test]
     fn a_dent_is_not_covered() {

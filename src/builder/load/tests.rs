@@ -250,7 +250,7 @@ fn promises_cost_nothing() {
         );
     }
     let nothing = "ply\nformat binary_little_endian 1.0\nelement air 4000000000\nend_header\n";
-    assert_eq!(error(MeshFormat::Ply, nothing), "element `air`: the file is too short for 4000000000; export it again");
+    assert_eq!(error(MeshFormat::Ply, nothing), "element `air`: it has no property; export it again");
     let json = gltf_json(&tetrahedron());
     for (from, to) in
         [("\"count\": 4,", "\"count\": 4000000000,"), ("\"count\": 12,", "\"count\": 18446744073709551615,")]
@@ -267,6 +267,8 @@ fn obj_records_and_errors() {
     assert_eq!(triangles("f 1 2 3 4"), [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(triangles("f -4/1 -3/2/3 -2//1\r\n"), [[0, 1, 2]]);
     assert_eq!(triangles("f 1 2 \\\n 3\nl 1 2\n# \u{e9}"), [[0, 1, 2]]);
+    assert_eq!(triangles("f 1 2 3 \\"), [[0, 1, 2]], "a last line that promises another");
+    assert_eq!(parse(MeshFormat::Obj, format!("\u{feff}{head}f 1 2 3").as_bytes()).unwrap().positions.len(), 3);
     assert_eq!(parse(MeshFormat::Obj, format!("f 1 2 3\n{head}").as_bytes()).unwrap().triangles, [[0, 1, 2]]);
     for (faces, expected) in [
         ("f 1 2", "line 5: a face has fewer than 3 corners; export it again"),
@@ -329,6 +331,14 @@ fn gltf_nodes_place_their_meshes() {
     assert!((report.volume - 9.0 / 6.0).abs() < 1e-6, "the mirrored one is inside out: {report}");
     assert_eq!((mesh.aabb().min, mesh.aabb().max), (Vec3::new(9.0, 0.0, 0.0), Vec3::new(12.0, 6.0, 2.0)));
 
+    let skinned = with_nodes(r#"{ "mesh": 0, "skin": 0, "scale": [0.01, 0.01, 0.01] }"#);
+    let skinned = skinned.replacen('{', r#"{ "skins": [{ "joints": [0] }],"#, 1);
+    assert!(
+        error(MeshFormat::Gltf, &skinned).starts_with("node 0: it is bent by skin 0"),
+        "{}",
+        error(MeshFormat::Gltf, &skinned)
+    );
+
     let cycle = error(MeshFormat::Gltf, &with_nodes(r#"{ "children": [1] }, { "children": [0], "mesh": 0 }"#));
     assert_eq!(cycle, "node 0: the scene reaches it twice, so its nodes are no tree; export it again");
 }
@@ -363,8 +373,18 @@ fn gltf_modes_and_errors() {
     assert_eq!(load(&folder.join("model.GLTF")).unwrap(), tetrahedron().welded());
     std::fs::write(folder.join("a file.bin"), &beside.1[1..]).unwrap();
     let short = load(&folder.join("model.GLTF")).unwrap_err().to_string();
+    std::fs::write(folder.join("model.GLTF"), gltf_document(&tetrahedron(), Some(".")).0).unwrap();
+    let no_file = load(&folder.join("model.GLTF")).unwrap_err().to_string();
     std::fs::remove_dir_all(&folder).unwrap();
+    assert!(no_file.contains("buffer 0: it cannot be read: it is no file"), "{no_file}");
     assert!(short.ends_with("model.GLTF: buffer 0: it promises 72 bytes and has 71; export it again"), "{short}");
+
+    let device = gltf_document(&tetrahedron(), Some("/dev/zero")).0;
+    assert!(error(MeshFormat::Gltf, &device).contains("its URI is no relative path: `/dev/zero`"));
+    let needing = |name: &str| json.replacen('{', &format!("{{ \"extensionsRequired\": [\"{name}\"],"), 1);
+    assert!(parse(MeshFormat::Gltf, needing("KHR_materials_unlit").as_bytes()).is_ok());
+    let needed = error(MeshFormat::Gltf, &needing("KHR_draco_mesh_compression"));
+    assert!(needed.contains("KHR_draco_mesh_compression; export it without quantization, compression"), "{needed}");
 
     let remote = gltf_document(&tetrahedron(), Some("https://example.org/a.bin")).0;
     assert!(error(MeshFormat::Gltf, &remote).contains("its URI is no relative path: `https://"));
