@@ -191,6 +191,9 @@ pub const MAX_SUBSTEPS: usize = 1000;
 /// distances of cones and slabs are made, are finite up to here.
 pub const MAX_MAGNITUDE: f32 = 1.0e9;
 
+/// Scales that went through a rotation are the same but for this, relatively.
+pub const SCALE_ROUNDING: f32 = 1.0e-4;
+
 /// Largest number of contacts of a pair that the reduction looks at. Larger, and fine shapes that lie on each other cost more; smaller, and what is
 /// covered by what is told less well.
 pub const MANY_CONTACTS: usize = 96;

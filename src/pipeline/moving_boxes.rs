@@ -103,7 +103,9 @@ impl MovingBoxes {
             let indices = shape.axis.primitives()[primitive as usize].indices();
             indices.iter().fold(MovingBox::NOWHERE, |all, &i| all.merge(&place(&shape.axis.spheres()[i as usize])))
         };
-        let target = target.scaled(shape.scale.recip());
+        // Back and forth a flat shape's face would be rounded out of its own box.
+        let target =
+            target.scaled(shape.scale.recip()).inflated(4.0 * f32::EPSILON * shape.axis.bounding_sphere().radius);
         shape.bvh().values(&target, MovingBox::NOWHERE, around, MovingBox::merge, &mut self.nodes);
         self.origin = origin;
     }

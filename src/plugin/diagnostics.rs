@@ -38,7 +38,7 @@ pub mod paths {
     pub const TOI_TESTS: DiagnosticPath = DiagnosticPath::const_new("medial/toi_tests");
     /// Contact points.
     pub const CONTACTS: DiagnosticPath = DiagnosticPath::const_new("medial/contacts");
-    /// Those of them that ran out of rounds: what is told for them is on the safe side.
+    /// Times of impact that ran out of rounds: what is told for them is on the safe side.
     pub const UNRESOLVED: DiagnosticPath = DiagnosticPath::const_new("medial/unresolved");
     /// Passes on the GPU, in milliseconds of its time: those of [`GpuCulling`](crate::gpu::GpuCulling).
     #[cfg(feature = "gpu")]

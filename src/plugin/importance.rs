@@ -17,7 +17,7 @@ impl Default for MedialImportance {
     }
 }
 
-/// A point of interest, as a camera or a player is: dynamic medial bodies beyond `near` metres from every such point may have an error that is larger
+/// A point of interest, as a camera or a player is: medial bodies without a [`StaticObb`] beyond `near` metres from every such point may have an error that is larger
 /// in proportion to their distance, as it looks the same from there.
 ///
 /// A body takes another level of detail, never more than once it has come nearer or gone farther by a fifth. It needs no

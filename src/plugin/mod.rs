@@ -50,7 +50,7 @@ use bevy::{
 #[cfg(feature = "rapier")]
 use bevy_rapier3d::prelude::{BevyPhysicsHooks, NoUserData};
 
-use crate::medial_axis::MedialAxis;
+use crate::{constants::SCALE_ROUNDING, medial_axis::MedialAxis};
 
 #[cfg(feature = "bevy_mesh")]
 pub use build::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
@@ -147,8 +147,13 @@ fn init_medial_axis(app: &mut App) {
     }
 }
 
+/// True for a scale that a medial mesh can have: the same along all axes, but for the rounding of a rotation, and positive.
+pub(crate) fn is_uniform(scale: Vec3) -> bool {
+    let least = scale.min_element();
+    scale.is_finite() && least > 0.0 && scale.max_element() <= least * (1.0 + SCALE_ROUNDING)
+}
+
 /// The assets that have changed since the reader has read.
-#[cfg(any(feature = "rapier", feature = "bevy_mesh", feature = "debug"))]
 pub(crate) fn modified<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> Vec<AssetId<A>> {
     let of_event = |event: &AssetEvent<A>| match event {
         AssetEvent::Modified { id } => Some(*id),

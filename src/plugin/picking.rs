@@ -134,12 +134,12 @@ fn update_hits(
 /// Distance to where the ray enters the target, and the normal there; 0 from inside.
 fn hit(target: &TargetItem, axes: &Assets<MedialAxis>, ray: &Ray3d) -> Option<(f32, Vec3)> {
     let (scale, rotation, translation) = target.transform.to_scale_rotation_translation();
-    if scale.x <= 0.0 {
-        return None;
-    }
     let (origin, direction) = (rotation.inverse() * (ray.origin - translation), rotation.inverse() * *ray.direction);
     let (depth, normal) = match (target.mesh, target.obb) {
         (Some(mesh), _) => {
+            if scale.x <= 0.0 {
+                return None;
+            }
             let axis = axes.get(&mesh.0)?.level(target.level.map_or(0, |level| level.0)).clone();
             let (hit, _) = Shape { axis, scale: scale.x }.ray_cast(origin, direction, f32::MAX)?;
             (hit.time, hit.normal)

@@ -1,4 +1,7 @@
-use std::collections::{BTreeMap, HashMap};
+use std::{
+    cell::LazyCell,
+    collections::{BTreeMap, HashMap},
+};
 
 use bevy::prelude::*;
 
@@ -40,11 +43,11 @@ pub(super) fn tell_contacts(
         }
     }
     // A sleeping body is not looked at unless the other side moves, and touches as before.
-    let bodies = step.input.bodies.iter().zip(&step.infos);
-    let states: HashMap<Entity, (bool, bool)> = bodies
-        .map(|(body, info)| (info.entity, (body.active, info.asleep)))
-        .chain(step.static_infos.iter().map(|info| (info.entity, (false, false))))
-        .collect();
+    let states: LazyCell<HashMap<Entity, (bool, bool)>, _> = LazyCell::new(|| {
+        let bodies = step.input.bodies.iter().zip(&step.infos);
+        let statics = step.static_infos.iter().map(|info| (info.entity, (false, false)));
+        bodies.map(|(body, info)| (info.entity, (body.active, info.asleep))).chain(statics).collect()
+    });
     for (&key, &[entity1, entity2]) in touching.iter() {
         if now.contains_key(&key) {
             continue;

@@ -1,18 +1,18 @@
 //! Without rapier: bodies move as their transforms say, from one frame to the next, and nothing stops them. Messages tell what they hit.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use bevy::{
-    ecs::{intern::Interned, schedule::ScheduleLabel},
+    ecs::{intern::Interned, name::NameOrEntityItem, schedule::ScheduleLabel},
     prelude::*,
 };
 
 use super::{
-    BodyInfo, Detail, DetailItem, MedialBudget, MedialCcd, MedialImportance, MedialLevel, MedialMesh, MedialSettings,
-    MedialStep, MedialSystems, StaticObb,
+    BodyInfo, Detail, DetailItem, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep, MedialSystems,
+    StaticObb, is_uniform, modified,
 };
 use crate::{
-    constants::DEFAULT_PREDICTION,
+    constants::{DEFAULT_PREDICTION, MAX_MAGNITUDE},
     geometry::{Obb, Pose3, Sweep},
     medial_axis::MedialAxis,
     pipeline::{Body, Meeting, Shape, StaticBody, Statics},
@@ -26,69 +26,113 @@ pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
     .add_systems(schedule, (gather_statics, detect).chain().in_set(MedialSystems::Detect));
 }
 
-fn pose_of(transform: &GlobalTransform) -> (Pose3, Vec3) {
+/// Where something is, and its scale; none of what cannot be computed with.
+fn pose_of(transform: &GlobalTransform) -> Option<(Pose3, Vec3)> {
     let (scale, rotation, translation) = transform.to_scale_rotation_translation();
-    (Pose3::from_parts(translation, rotation), scale)
+    let pose = Pose3::from_parts(translation, rotation);
+    let is_moderate = |values: Vec3| values.is_finite() && values.abs().max_element() <= MAX_MAGNITUDE;
+    (is_moderate(translation) && is_moderate(scale) && rotation.is_normalized()).then_some((pose, scale))
+}
+
+/// The same of a medial mesh, which has one scale.
+fn uniform_pose_of(transform: &GlobalTransform) -> Option<(Pose3, f32)> {
+    pose_of(transform).filter(|(_, scale)| is_uniform(*scale)).map(|(pose, scale)| (pose, scale.x))
+}
+
+/// What was told of entities that cannot be placed.
+#[derive(Default)]
+struct Refused(HashSet<Entity>);
+
+impl Refused {
+    /// Tells once of each that it collides with nothing, until it can be placed.
+    fn check<T>(&mut self, name: NameOrEntityItem, transform: &GlobalTransform, placed: Option<T>) -> Option<T> {
+        if placed.is_some() {
+            self.0.remove(&name.entity);
+        } else if self.0.insert(name.entity) {
+            let transform = transform.compute_transform();
+            error!(
+                "{name}: it collides with nothing at {transform:?}; give it finite values and, if it has a medial mesh, a uniform, positive scale"
+            );
+        }
+        placed
+    }
 }
 
 /// How exact a body has to be, and the level of detail that it has been told.
 type Told = (Detail, Option<&'static MedialLevel>);
 
-/// The shape at its level of detail, of which the entity is told.
-fn shape_of(
+/// The level of detail of a shape, of which the entity is told.
+fn level_of(
     commands: &mut Commands,
     entity: Entity,
     axis: &MedialAxis,
     (detail, told): (DetailItem, Option<&MedialLevel>),
     scale: f32,
-) -> Shape {
+) -> usize {
     let level = detail.level(axis, scale);
     if told != Some(&MedialLevel(level)) {
         commands.entity(entity).try_insert(MedialLevel(level));
     }
-    Shape { axis: axis.level(level).clone(), scale }
+    level
+}
+
+/// A static, by all that its place in the hierarchy depends on.
+#[derive(Clone, PartialEq)]
+struct Known {
+    entity: Entity,
+    pose: Pose3,
+    solid: KnownSolid,
+}
+
+#[derive(Clone, PartialEq)]
+enum KnownSolid {
+    /// A box by its half extents.
+    Box(Vec3),
+    Medial {
+        asset: AssetId<MedialAxis>,
+        level: usize,
+        scale: f32,
+    },
 }
 
 fn gather_statics(
     mut commands: Commands,
     mut step: ResMut<MedialStep>,
-    changed: Query<
-        (),
-        (
-            With<StaticObb>,
-            Or<(
-                Changed<GlobalTransform>,
-                Changed<StaticObb>,
-                Changed<MedialMesh>,
-                Changed<MedialBudget>,
-                Changed<MedialImportance>,
-            )>,
-        ),
-    >,
-    mut removed: (RemovedComponents<MedialBudget>, RemovedComponents<MedialImportance>),
-    statics: Query<(Entity, &StaticObb, Option<&MedialMesh>, Told, &GlobalTransform)>,
+    statics: Query<(NameOrEntity, &StaticObb, Option<&MedialMesh>, Told, &GlobalTransform)>,
     axes: Res<Assets<MedialAxis>>,
+    mut events: MessageReader<AssetEvent<MedialAxis>>,
+    mut known: Local<Vec<Known>>,
+    mut refused: Local<Refused>,
 ) {
-    let known = step.static_infos.len();
-    if changed.is_empty() && removed.0.read().count() + removed.1.read().count() == 0 && statics.iter().len() == known {
-        return;
-    }
-    let mut infos = Vec::new();
-    let mut bodies = Vec::new();
-    for (entity, obb, mesh, detail, transform) in statics.iter().sort::<Entity>() {
-        let (pose, scale) = pose_of(transform);
-        let body = match mesh {
-            None => StaticBody::solid_box(Obb { pose, half_extents: obb.half_extents * scale.abs() }),
+    let changed = modified(&mut events);
+    let (mut found, mut bodies) = (Vec::new(), Vec::new());
+    for (name, obb, mesh, (detail, told), transform) in statics.iter().sort::<Entity>() {
+        let entity = name.entity;
+        let (pose, solid) = match mesh {
+            None => {
+                let Some((pose, scale)) = refused.check(name, transform, pose_of(transform)) else { continue };
+                let half_extents = obb.half_extents * scale.abs();
+                bodies.push(StaticBody::solid_box(Obb { pose, half_extents }));
+                (pose, KnownSolid::Box(half_extents))
+            }
             Some(mesh) => {
                 let Some(axis) = axes.get(&mesh.0) else { continue };
-                StaticBody::new(shape_of(&mut commands, entity, axis, detail, scale.x), pose)
+                let Some((pose, scale)) = refused.check(name, transform, uniform_pose_of(transform)) else { continue };
+                let level = level_of(&mut commands, entity, axis, (detail, told), scale);
+                bodies.push(StaticBody::new(Shape { axis: axis.level(level).clone(), scale }, pose));
+                (pose, KnownSolid::Medial { asset: mesh.0.id(), level, scale })
             }
         };
-        infos.push(BodyInfo::at_rest(entity));
-        bodies.push(body);
+        found.push(Known { entity, pose, solid });
     }
-    step.static_infos = infos;
+    let is_changed =
+        |known: &Known| matches!(known.solid, KnownSolid::Medial { asset, .. } if changed.contains(&asset));
+    if found == *known && !found.iter().any(is_changed) {
+        return;
+    }
+    step.static_infos = found.iter().map(|found| BodyInfo::at_rest(found.entity)).collect();
     step.statics = Statics::new(bodies);
+    *known = found;
 }
 
 fn detect(
@@ -97,8 +141,9 @@ fn detect(
     settings: Res<MedialSettings>,
     time: Res<Time>,
     axes: Res<Assets<MedialAxis>>,
-    bodies: Query<(Entity, &MedialMesh, Told, &GlobalTransform, Option<&MedialCcd>), Without<StaticObb>>,
+    bodies: Query<(NameOrEntity, &MedialMesh, Told, &GlobalTransform, Option<&MedialCcd>), Without<StaticObb>>,
     mut poses: Local<HashMap<Entity, Pose3>>,
+    mut refused: Local<Refused>,
 ) {
     let step = step.as_mut();
     step.settings = MedialSettings { stop_at_impact: false, ..*settings };
@@ -109,10 +154,12 @@ fn detect(
     step.input.bodies.clear();
     step.infos.clear();
     let before = std::mem::take(&mut *poses);
-    for (entity, mesh, detail, transform, ccd) in bodies.iter().sort::<Entity>() {
+    for (name, mesh, detail, transform, ccd) in bodies.iter().sort::<Entity>() {
+        let entity = name.entity;
         let Some(axis) = axes.get(&mesh.0) else { continue };
-        let (end, scale) = pose_of(transform);
-        let shape = shape_of(&mut commands, entity, axis, detail, scale.x);
+        let Some((end, scale)) = refused.check(name, transform, uniform_pose_of(transform)) else { continue };
+        let level = level_of(&mut commands, entity, axis, detail, scale);
+        let shape = Shape { axis: axis.level(level).clone(), scale };
         let start = before.get(&entity).copied().unwrap_or(end);
         poses.insert(entity, end);
         let sweep = Sweep::between(start, end, shape.center_of_mass(), Vec3::ZERO);
@@ -210,6 +257,47 @@ mod tests {
             let [hit] = started[..] else { panic!("{started:?}") };
             assert!((hit.touch.fraction - 0.45).abs() < 1e-3, "{hit:?}");
         }
+    }
+
+    #[test]
+    fn a_static_that_goes_while_another_loads_is_gone() {
+        let mut app = app();
+        let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
+        let handle = app.world().resource::<Assets<MedialAxis>>().reserve_handle();
+        let loading = app.world_mut().spawn((
+            StaticObb::default(),
+            MedialMesh(handle.clone()),
+            Transform::from_xyz(5.0, 0.0, 0.0),
+        ));
+        let loading = loading.id();
+        app.update();
+        app.world_mut().despawn(wall);
+        place(&mut app, ball, 1.0);
+        assert_eq!(told(&app).0, []);
+        let sphere = MedialAxis::sphere(RADIUS).unwrap();
+        app.world_mut().resource_mut::<Assets<MedialAxis>>().insert(&handle, sphere).unwrap();
+        place(&mut app, loading, 0.0);
+        place(&mut app, ball, -1.0);
+        assert_eq!(told(&app).0.len(), 1);
+    }
+
+    #[test]
+    fn what_cannot_be_placed_harms_nobody_else() {
+        let mut app = app();
+        let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
+        app.update();
+        let [flat, stray] = [0.3, 0.4].map(|x| self::ball(&mut app, x));
+        app.world_mut().get_mut::<Transform>(flat).unwrap().scale = Vec3::new(1.0, 0.0, 1.0);
+        app.world_mut().get_mut::<Transform>(stray).unwrap().translation.y = f32::NAN;
+        let broken = app.world_mut().spawn((StaticObb::default(), Transform::from_xyz(f32::INFINITY, 0.0, 0.0))).id();
+        app.update();
+        place(&mut app, ball, 1.0);
+        let step = app.world().resource::<MedialStep>();
+        assert_eq!((step.input.bodies.len(), step.statics.bodies().len()), (1, 1));
+        let hits: Vec<_> = told(&app).0.iter().map(|hit| (hit.entity1, hit.entity2)).collect();
+        assert_eq!(hits, [(ball, wall)]);
+        place(&mut app, broken, 5.0);
+        assert_eq!(app.world().resource::<MedialStep>().statics.bodies().len(), 2);
     }
 
     #[test]

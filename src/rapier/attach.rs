@@ -15,9 +15,10 @@ use bevy_rapier3d::{
 
 use super::shape::MedialShape;
 use crate::{
+    constants::SCALE_ROUNDING,
     medial_axis::MedialAxis,
     pipeline::Shape,
-    plugin::{Detail, MedialLevel, MedialMesh, StaticObb, modified},
+    plugin::{Detail, MedialLevel, MedialMesh, StaticObb, is_uniform, modified},
 };
 
 /// Which shape an entity's collider was made from, or could not be.
@@ -28,9 +29,6 @@ pub(super) struct Attached {
     level: Option<usize>,
     scale: Vec3,
 }
-
-/// Scales that went through a rotation are the same but for this, relatively.
-const SCALE_ROUNDING: f32 = 1e-4;
 
 fn is_same_scale(scale: Vec3, wanted: Vec3) -> bool {
     match (scale.is_finite(), wanted.is_finite()) {
@@ -76,9 +74,7 @@ pub(super) fn attach_shapes(
             continue;
         };
         entity.try_insert(wanted);
-        let least = scale.min_element();
-        let uniform = scale.is_finite() && least > 0.0 && scale.max_element() <= least * (1.0 + SCALE_ROUNDING);
-        if !uniform || !(axis.mass().inertia * scale.x.powi(5)).is_finite() {
+        if !is_uniform(scale) || !(axis.mass().inertia * scale.x.powi(5)).is_finite() {
             error!(
                 "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \
                  give it a uniform, positive, moderate Transform::scale, or build a mesh of the wanted proportions"
@@ -109,42 +105,71 @@ pub(super) fn keep_unscaled(
     }
 }
 
-/// Takes the collider from entities that have lost what it was made from.
-pub(super) fn detach(
+/// Takes the collider along with the shape that it was made from, at once: whatever the user puts there next is not touched. A box that is left
+/// makes its own again.
+pub(super) fn detach_shape(
+    removed: On<Remove, MedialMesh>,
     mut commands: Commands,
-    mut removed: (RemovedComponents<MedialMesh>, RemovedComponents<StaticObb>),
-    left: Query<(Has<MedialMesh>, Has<StaticObb>, Has<Attached>)>,
+    attached: Query<Has<StaticObb>, With<Attached>>,
 ) {
-    for entity in removed.0.read().chain(removed.1.read()) {
-        let Ok((has_mesh, has_box, attached)) = left.get(entity) else { continue };
-        let mut commands = commands.entity(entity);
-        if attached && !has_mesh {
-            commands.try_remove::<(Attached, ColliderScale, MedialLevel)>();
-        }
-        if !has_mesh {
-            commands.try_remove::<Collider>();
-        }
-        // What is left makes its own again.
-        if has_box && !has_mesh {
-            commands.entry::<StaticObb>().and_modify(|mut obb| obb.set_changed());
-        }
+    let Ok(has_box) = attached.get(removed.entity) else { return };
+    let mut entity = commands.entity(removed.entity);
+    entity.try_remove::<(Attached, Collider, ColliderScale, MedialLevel)>();
+    if has_box {
+        // Unless the entity itself goes.
+        entity.queue_silenced(|mut entity: EntityWorldMut| {
+            if let Some(mut obb) = entity.get_mut::<StaticObb>() {
+                obb.set_changed();
+            }
+        });
+    }
+}
+
+/// The same for a box.
+pub(super) fn detach_box(
+    removed: On<Remove, StaticObb>,
+    mut commands: Commands,
+    boxes: Query<(), Without<MedialMesh>>,
+) {
+    if boxes.contains(removed.entity) {
+        commands.entity(removed.entity).try_remove::<Collider>();
     }
 }
 
 /// Gives every entity with a [`StaticObb`] and no shape of its own a fixed box collider.
+///
+/// A box is its own mirror image, but rapier would scale it to a negative size.
 pub(super) fn attach_boxes(
     mut commands: Commands,
-    boxes: Query<(Entity, &StaticObb, Has<RigidBody>), (Changed<StaticObb>, Without<MedialMesh>)>,
+    boxes: Query<
+        (Entity, Ref<StaticObb>, Has<RigidBody>, Option<&ColliderScale>),
+        (Or<(Changed<StaticObb>, Changed<GlobalTransform>)>, Without<MedialMesh>),
+    >,
+    hierarchy: TransformHelper,
 ) {
-    for (entity, obb, has_body) in &boxes {
-        let half = obb.half_extents;
-        let mut entity = commands.entity(entity);
-        entity.try_insert(Collider::cuboid(half.x, half.y, half.z));
-        if !has_body {
-            entity.try_insert(RigidBody::Fixed);
+    for (id, obb, has_body, scale) in &boxes {
+        let mut entity = commands.entity(id);
+        if obb.is_changed() {
+            let half = obb.half_extents;
+            entity.try_insert(Collider::cuboid(half.x, half.y, half.z));
+            if !has_body {
+                entity.try_insert(RigidBody::Fixed);
+            }
+        }
+        let is_mirrored =
+            hierarchy.compute_global_transform(id).is_ok_and(|place| place.affine().matrix3.determinant() < 0.0);
+        match scale {
+            None | Some(&PLAIN) if is_mirrored => _ = entity.try_insert(MIRRORED),
+            // To take it away would change nothing.
+            Some(&MIRRORED) if !is_mirrored => _ = entity.try_insert(PLAIN),
+            _ => {}
         }
     }
 }
+
+/// The scale of a box: Bevy has the sign of a mirrored one along x.
+const MIRRORED: ColliderScale = ColliderScale::Relative(Vec3::new(-1.0, 1.0, 1.0));
+const PLAIN: ColliderScale = ColliderScale::Relative(Vec3::ONE);
 
 /// A body without a collider has no mass and falls asleep; it does not wake up by getting one, nor by getting another.
 pub(super) fn wake_attached(

@@ -79,7 +79,6 @@ struct Start {
     pose: Pose3,
     linear: Vec3,
     angular: Vec3,
-    pace: Pace,
 }
 
 /// Pose of a collider by its body's, which is newer than the collider's own after a change by the user.
@@ -109,7 +108,13 @@ fn pace(collider: &RapierCollider, body: &RapierBody, dt: f32) -> Pace {
     Pace { way: body.linvel() * dt, rotation: body.angvel() * dt, radius }
 }
 
-pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, table: Res<ContactTable>, contexts: Query<Context>) {
+pub(super) fn snapshot(
+    mut snapshot: ResMut<Snapshot>,
+    table: Res<ContactTable>,
+    mode: Res<TimestepMode>,
+    time: Res<Time>,
+    contexts: Query<Context>,
+) {
     let clock = Instant::now();
     let snapshot = snapshot.as_mut();
     let mut paces = HashMap::new();
@@ -119,19 +124,32 @@ pub(super) fn snapshot(mut snapshot: ResMut<Snapshot>, table: Res<ContactTable>,
     for context in contexts.iter().filter(|context| context.is_medial()) {
         snapshot.leads.insert(context.entity, context.lead.diff);
         length_unit = length_unit.max(context.length_unit());
-        let dt = context.simulation.integration_parameters.dt;
+        let dt = to_come(&mode, &time);
         for (handle, collider) in context.colliders.colliders.iter() {
             let body = context.body(collider);
             let Some(moving) = body.filter(|body| !body.is_fixed()) else { continue };
             let pace = pace(collider, moving, dt);
-            paces.insert(SecondKey::of(collider.shape()), pace);
+            // Of several colliders that share a shape the dispatcher knows no one: the fastest counts, so that none is told of what it only passes.
+            let known = paces.entry(SecondKey::of(collider.shape())).or_insert(pace);
+            if pace.against(&Pace::REST) > known.against(&Pace::REST) {
+                *known = pace;
+            }
             let (linear, angular) = (moving.linvel(), moving.angvel());
-            let start = Start { pose: collider_pose(collider, body), linear, angular, pace };
+            let start = Start { pose: collider_pose(collider, body), linear, angular };
             snapshot.starts.insert((context.entity, handle), start);
         }
     }
     table.prepare(paces, length_unit);
     snapshot.took = clock.elapsed();
+}
+
+/// Seconds that rapier simulates in a step to come, as far as that is known.
+fn to_come(mode: &TimestepMode, time: &Time) -> f32 {
+    match *mode {
+        TimestepMode::Interpolated { dt, time_scale, .. } => dt * time_scale,
+        TimestepMode::Variable { max_dt, time_scale, .. } => (time.delta_secs() * time_scale).min(max_dt),
+        TimestepMode::Fixed { dt, .. } => dt,
+    }
 }
 
 /// Seconds that rapier has simulated in its step.
@@ -222,9 +240,11 @@ pub(super) fn detect<Hooks>(
     Hooks: 'static + BevyPhysicsHooks,
     for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
 {
-    // While all is halted the last step holds, and whatever changes counts from the next step on.
-    let running = |context: ContextReadOnlyItem| context.configuration.physics_pipeline_active;
-    if !contexts.iter().any(running) {
+    // While all is halted, or a frame passes between two steps, the last step holds, and whatever changes counts from the next step on.
+    let running = |context: &ContextReadOnlyItem| {
+        context.configuration.physics_pipeline_active && simulated(context, &snapshot, &mode, &time) > 0.0
+    };
+    if !contexts.iter().any(|context| running(&context)) {
         return;
     }
     let clock = Instant::now();
@@ -244,11 +264,12 @@ pub(super) fn detect<Hooks>(
     step.infos.clear();
     let mut worlds: Vec<(Entity, f32)> = Vec::new();
     let mut fixed = Vec::new();
+    let to_come = to_come(&mode, &time);
     // Those whose motion ends elsewhere than rapier's.
     let mut astray = Vec::new();
     for context in contexts.iter().sort::<Entity>().filter(|context| context.is_medial()) {
         let world = worlds.len() as u32;
-        let running = context.configuration.physics_pipeline_active;
+        let running = running(&context);
         let dt = simulated(&context, &snapshot, &mode, &time);
         worlds.push((context.entity, dt));
         let parameters = &context.simulation.integration_parameters;
@@ -278,7 +299,8 @@ pub(super) fn detect<Hooks>(
             };
             let Some(solid) = solid(collider.shared_shape()) else { continue };
             let start = snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
-            let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO, pace: Pace::REST });
+            let before = start.map_or(Pace::REST, |_| table.pace(SecondKey::of(collider.shape())));
+            let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
             let center = end.inverse_transform_point(body.center_of_mass());
             let awake = running && body.is_enabled() && !body.is_sleeping();
             let active = awake || (running && body.is_enabled() && sleepers.get(&entity) != Some(&end));
@@ -306,8 +328,8 @@ pub(super) fn detect<Hooks>(
                 active,
                 stops,
                 passes,
-                paces: Some([start.pace, pace(collider, body, parameters.dt)]),
-                gained: gained * parameters.dt,
+                paces: Some([before, pace(collider, body, to_come)]),
+                gained: gained * to_come,
             });
             step.infos.push(BodyInfo {
                 entity,

@@ -80,7 +80,9 @@ where
         assert!(!other, "RapierPhysicsPlugin has other hooks: name them by MedialPhysicsPlugin::with_hooks");
         app.add_plugins(RapierPhysicsPlugin::<Hooks>::default().in_schedule(schedule));
     }
-    app.init_resource::<ContactTable>()
+    app.add_observer(attach::detach_shape)
+        .add_observer(attach::detach_box)
+        .init_resource::<ContactTable>()
         .register_type::<ContactTable>()
         .init_resource::<detect::Snapshot>()
         .init_resource::<quarantine::Running>()
@@ -95,7 +97,7 @@ where
         )
         .add_systems(
             schedule,
-            (install_dispatcher, attach::detach, attach::attach_shapes, attach::attach_boxes, attach::keep_unscaled)
+            (install_dispatcher, attach::attach_shapes, attach::attach_boxes, attach::keep_unscaled)
                 .chain()
                 .in_set(MedialSystems::Attach),
         )

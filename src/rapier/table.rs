@@ -107,6 +107,11 @@ impl ContactTable {
         self.read().paces.contains_key(&SecondKey::Medial(key))
     }
 
+    /// What the colliders of a shape move by in the step to come, the fastest of them.
+    pub(super) fn pace(&self, key: SecondKey) -> Pace {
+        self.read().paces.get(&key).copied().unwrap_or(Pace::REST)
+    }
+
     /// How far contacts of a pair are looked for, with rapier's prediction distance in metres.
     pub(super) fn reach(&self, first: u64, second: SecondKey, prediction: f32) -> Reach {
         let table = self.read();

@@ -517,3 +517,22 @@ fn hits_do_not_depend_on_which_side_came_first() {
         assert!(hits > 5, "{}: {hits}", case.name);
     }
 }
+
+#[test]
+fn what_passes_a_body_makes_no_contact_because_of_a_slow_twin() {
+    // A metre a step: wherever it is when the step ends in which it passes.
+    for start in (0..50).map(|i| -3.0 - 0.02 * i as f32) {
+        let mut app = app();
+        let collider = Collider::ball(0.2);
+        // Slow ones before it and after it in any order.
+        for (height, speed) in [(-9.0, 0.0), (0.0, 60.0), (9.0, 0.0)] {
+            let flight = (RigidBody::Dynamic, GravityScale(0.0), Velocity::linear(Vec3::X * speed));
+            app.world_mut().spawn((flight, collider.clone(), Transform::from_xyz(start, height, 0.0)));
+        }
+        let sphere = MedialAxis::sphere(0.2).unwrap();
+        let passed = spawn_flying(&mut app, sphere, Transform::from_xyz(0.0, 0.402, 0.0), Velocity::zero());
+        run(&mut app, 12);
+        let speed = rigid(&mut app, passed).linvel();
+        assert!(speed.length() < 1e-3, "from {start}: {speed}");
+    }
+}

@@ -486,6 +486,41 @@ fn a_fast_spin_in_slow_motion_or_several_steps_a_frame_is_the_turn_that_it_is() 
     }
 }
 
+/// Where three rods are that strike each other at 60 m/s, after so many steps at so many frames each; messages, and steps in which the solver was made
+/// finer.
+fn struck(frames: u32, steps: u32) -> (Vec<Transform>, [usize; 2], usize) {
+    // Powers of two, so that frames add up to steps exactly.
+    let dt = 1.0 / 64.0;
+    let mut app = app();
+    app.insert_resource(TimestepMode::Interpolated { dt, time_scale: 1.0, substeps: 1 });
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(dt / frames as f32)));
+    let rods = [-2.0f32, 0.0, 2.0].map(|x| {
+        let rod = MedialAxis::capsule(Vec3::Y * -0.4, Vec3::Y * 0.4, 0.05).unwrap();
+        let velocity = Velocity { linear: Vec3::X * x * -30.0, angular: Vec3::ONE * x };
+        spawn_flying(&mut app, rod, Transform::from_xyz(x, 0.3 * x, 0.0), velocity)
+    });
+    // The first frame takes no time.
+    app.update();
+    let (mut record, mut finer) = (Record::default(), 0);
+    for _ in 0..steps {
+        record.run(&mut app, frames);
+        finer += usize::from(rods.iter().any(|&rod| rigid(&mut app, rod).additional_solver_iterations() > 0));
+    }
+    let places = rods.map(|rod| {
+        Transform::from_translation(position(&mut app, rod)).with_rotation(*rigid(&mut app, rod).rotation())
+    });
+    (places.to_vec(), [record.started.len(), record.ended.len()], finer)
+}
+
+#[test]
+fn frames_between_steps_change_nothing() {
+    let expected = struck(1, 30);
+    assert!(expected.1[0] > 1 && expected.2 > 0, "{expected:?}");
+    for frames in [2, 4] {
+        assert_eq!(struck(frames, 30), expected, "{frames} frames a step");
+    }
+}
+
 /// How much there is of everything that might grow.
 fn inventory(app: &mut App) -> [usize; 8] {
     let world = app.world_mut();

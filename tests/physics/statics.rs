@@ -1,9 +1,11 @@
 //! Static boxes and static shapes, at any scale, moved and taken away at run time.
 
+use std::time::Duration;
+
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
 use bevy_rapier3d::prelude::{
-    Collider, ColliderDisabled, CollisionGroups, Group, RigidBody, RigidBodyDisabled, Sensor, Velocity,
+    Collider, ColliderDisabled, ColliderScale, CollisionGroups, Group, RigidBody, RigidBodyDisabled, Sensor, Velocity,
 };
 
 use crate::common::*;
@@ -151,6 +153,65 @@ fn what_loses_its_shape_loses_its_collider() {
     app.world_mut().entity_mut(body).remove::<MedialMesh>();
     run(&mut app, 2);
     assert!(app.world().get::<Collider>(body).is_none(), "the shape is still there");
+}
+
+#[test]
+fn a_shape_that_goes_between_steps_takes_its_collider_and_no_other() {
+    let mut app = app_with(MedialPhysicsPlugin::default().in_fixed_schedule(), &assets());
+    app.insert_resource(Time::<Fixed>::from_duration(Duration::from_secs_f32(8.0 * DT)));
+    let wall = app.world_mut().spawn((StaticObb::default(), Transform::default())).id();
+    let body = spawn_flying(&mut app, ball(), Transform::from_xyz(9.0, 0.0, 0.0), Velocity::zero());
+    let [replaced, swapped] = [wall, body].map(|entity| {
+        let copy = app.world_mut().entity_mut(entity).clone_and_spawn();
+        app.world_mut().get_mut::<Transform>(copy).unwrap().translation.y = 5.0;
+        copy
+    });
+    run(&mut app, 30);
+    for entity in [wall, body, replaced, swapped] {
+        assert!(app.world().get::<Collider>(entity).is_some(), "{entity}");
+    }
+    app.world_mut().entity_mut(wall).remove::<StaticObb>();
+    app.world_mut().entity_mut(body).remove::<MedialMesh>();
+    let own = || (Collider::ball(0.3), ColliderScale::Absolute(Vec3::splat(2.0)));
+    app.world_mut().entity_mut(replaced).remove::<StaticObb>().insert(own());
+    app.world_mut().entity_mut(swapped).remove::<MedialMesh>().insert(own());
+    run(&mut app, 30);
+    for entity in [wall, body] {
+        assert!(app.world().get::<Collider>(entity).is_none(), "{entity} has its collider still");
+    }
+    for entity in [replaced, swapped] {
+        let radius = app.world().get::<Collider>(entity).and_then(Collider::as_ball).map(|ball| ball.radius());
+        assert_eq!(radius, Some(0.6), "{entity}");
+    }
+}
+
+#[test]
+fn a_mirrored_box_is_a_box() {
+    let mut app = app();
+    let mirror = app.world_mut().spawn(Transform::from_scale(Vec3::new(1.0, 1.0, -1.0))).id();
+    let at = |x: f32, scale: Vec3| (StaticObb::new(2.0, 0.5, 2.0), Transform::from_xyz(x, -0.5, 0.0).with_scale(scale));
+    let floors = [
+        at(0.0, Vec3::new(-1.0, 1.0, 1.0)),
+        at(10.0, Vec3::new(1.0, -1.0, 1.0)),
+        at(20.0, Vec3::ONE),
+        at(30.0, Vec3::NEG_ONE),
+    ];
+    let floors = floors.map(|floor| app.world_mut().spawn(floor).id());
+    app.world_mut().entity_mut(mirror).add_child(floors[2]);
+    let bodies = [0.0, 10.0, 20.0, 30.0].map(|x| spawn_body(&mut app, plate(), Transform::from_xyz(x, 0.3, 0.0)));
+    let stand = |app: &mut App| {
+        run(app, 60);
+        for (floor, body) in floors.into_iter().zip(bodies) {
+            let half = app.world().get::<Collider>(floor).unwrap().as_cuboid().unwrap().half_extents();
+            assert!((half - Vec3::new(2.0, 0.5, 2.0)).abs().max_element() < 1e-3, "{half}");
+            assert!((position(app, body).y - 0.1).abs() < 5e-3, "{}", position(app, body));
+        }
+    };
+    stand(&mut app);
+    // And back.
+    app.world_mut().get_mut::<Transform>(floors[0]).unwrap().scale = Vec3::ONE;
+    app.world_mut().get_mut::<Transform>(mirror).unwrap().scale = Vec3::ONE;
+    stand(&mut app);
 }
 
 /// As sheared hierarchies of transforms make them.
