@@ -9,13 +9,13 @@ use super::{
     device::{GpuDevice, GpuError},
     layout::{self, NODE},
 };
-use crate::medial_axis::{MedialAxis, packed::PackedMedialMesh};
+use crate::medial_axis::{MedialAxis, WeakMedialAxis, packed::PackedMedialMesh};
 
 /// The shapes that have been uploaded.
 #[derive(Default)]
 pub(super) struct Shapes {
-    /// By the place of their data, which stays theirs as long as they are kept here.
-    known: HashMap<usize, (MedialAxis, u32)>,
+    /// By the place of their data, which stays theirs as long as they are known here.
+    known: HashMap<usize, (WeakMedialAxis, u32)>,
     table: Vec<layout::Shape>,
     spheres: Vec<[f32; 4]>,
     primitives: Vec<[i32; 3]>,
@@ -48,18 +48,17 @@ impl Shapes {
         self.spheres.extend(spheres);
         self.primitives.extend(primitives);
         self.nodes.extend_from_slice(nodes);
-        self.known.insert(axis.address(), (axis.clone(), index));
+        self.known.insert(axis.address(), (axis.downgrade(), index));
         index
     }
 
-    /// Drops shapes that nobody else has any more, once they are the greater part. True if others have new indices then.
+    /// Drops shapes that nobody has any more, once they are the greater part. True if others have new indices then.
     pub fn tidy(&mut self) -> bool {
-        let used = self.known.values().filter(|(axis, _)| axis.is_shared()).count();
-        if 2 * used >= self.known.len() {
+        let used = || self.known.values().filter_map(|(axis, index)| Some((axis.upgrade()?, *index)));
+        if 2 * used().count() >= self.known.len() {
             return false;
         }
-        let mut kept: Vec<(MedialAxis, u32)> = self.known.drain().map(|(_, entry)| entry).collect();
-        kept.retain(|(axis, _)| axis.is_shared());
+        let mut kept: Vec<(MedialAxis, u32)> = used().collect();
         kept.sort_by_key(|(_, index)| *index);
         *self = Self::default();
         for (axis, _) in kept {
@@ -83,5 +82,29 @@ impl Shapes {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shapes_that_are_gone_are_dropped_with_their_levels() {
+        let mut shapes = Shapes::default();
+        let mut make = |spheres: u32| {
+            let coarser = MedialAxis::torus(0.3, 0.1, spheres / 2).unwrap();
+            let axis = MedialAxis::torus(0.3, 0.1, spheres).unwrap().with_coarser(vec![(coarser, 0.01)]);
+            let [fine, coarse] = [0, 1].map(|level| shapes.index_of(axis.level(level)));
+            (axis, fine, coarse)
+        };
+        let kept = make(8);
+        let gone = [10, 12, 14].map(&mut make);
+        assert_eq!((kept.1, kept.2, gone[2].2), (0, 1, 7));
+        assert!(!shapes.tidy(), "all are in use");
+        let spheres = shapes.spheres.len();
+        drop(gone);
+        assert!(shapes.tidy() && shapes.known.len() == 2 && shapes.spheres.len() < spheres / 2);
+        assert_eq!([0, 1].map(|level| shapes.index_of(kept.0.level(level))), [0, 1]);
     }
 }

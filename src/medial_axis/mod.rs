@@ -17,6 +17,8 @@ mod surface;
 #[cfg(test)]
 pub(crate) mod oracle;
 
+#[cfg(feature = "gpu")]
+use std::sync::Weak;
 use std::sync::{Arc, OnceLock};
 
 use bevy::{asset::Asset, reflect::Reflect};
@@ -62,6 +64,19 @@ struct Data {
     mass: OnceLock<MassProperties>,
     min_radius: f32,
     coarser: Vec<(MedialAxis, f32)>,
+}
+
+/// A medial axis that others may drop.
+#[cfg(feature = "gpu")]
+#[derive(Debug)]
+pub(crate) struct WeakMedialAxis(Weak<Data>);
+
+#[cfg(feature = "gpu")]
+impl WeakMedialAxis {
+    /// The axis, if anybody has it, alone or as a level of detail.
+    pub fn upgrade(&self) -> Option<MedialAxis> {
+        self.0.upgrade().map(MedialAxis)
+    }
 }
 
 /// Why lists or parameters do not describe a shape.
@@ -207,16 +222,16 @@ impl MedialAxis {
         &self.0.primitives
     }
 
-    /// A number that no other axis has as long as this one is kept.
+    /// A number that no other axis has as long as this one, or a weak one, is kept.
     #[cfg(feature = "gpu")]
     pub(crate) fn address(&self) -> usize {
         Arc::as_ptr(&self.0).addr()
     }
 
-    /// True if there are other clones of this one.
+    /// What tells whether anybody still has it.
     #[cfg(feature = "gpu")]
-    pub(crate) fn is_shared(&self) -> bool {
-        Arc::strong_count(&self.0) > 1
+    pub(crate) fn downgrade(&self) -> WeakMedialAxis {
+        WeakMedialAxis(Arc::downgrade(&self.0))
     }
 
     /// Hierarchy over the boxes of the primitives.

@@ -93,15 +93,7 @@ impl BodyInfo {
     /// Tells it from others of all steps.
     #[cfg(feature = "gpu")]
     fn key(&self) -> u64 {
-        #[cfg(feature = "rapier")]
-        let key = {
-            // Some entities are several shapes.
-            let (index, generation) = self.collider.into_raw_parts();
-            u64::from(generation) << 32 | u64::from(index)
-        };
-        #[cfg(not(feature = "rapier"))]
-        let key = self.entity.to_bits();
-        key
+        self.entity.to_bits()
     }
 
     /// Velocity of a point of the body, before the step.
