@@ -5,7 +5,7 @@
 //! ```
 //!
 //! - the scenes: the inputs of a run's steps, culled again on the GPU and on the CPU (with all its threads); medians of the active steps;
-//! - the round trip of a call for two bodies, then 100, 1,000 and 10,000 tori of 180 primitives in a heap, and from where on the GPU is faster;
+//! - the round trip of a call for two bodies, then 10 to 10,000 tori of 180 primitives in a heap, and from where on the GPU is faster;
 //! - times of impact of 2.1 million primitive pairs, the paper's brute force.
 //!
 //! The built program needs nothing but a graphics driver; a software one will do.

@@ -41,7 +41,7 @@
 //!
 //! # Rooms
 //!
-//! A room uses only those above it.
+//! A room uses only those above it; [`plugin`] alone also adds the systems of [`rapier`].
 //!
 //! | module | what |
 //! |---|---|
@@ -79,7 +79,7 @@
 //! | `debug` | no | `MedialGizmos` and `MedialGizmo`: shapes, boxes, swept cones, candidates, contacts and stops as lines |
 //! | `picking` | no | `MedialPickingPlugin`: pointers pick medial bodies |
 //! | `gpu` | no | culling on the GPU |
-//! | `serialize` | no | serde for components, settings and geometry |
+//! | `serialize` | no | serde for components but `MedialMesh`, settings, messages, layers of the debug view and geometry |
 //! | `bevy_mesh` | no | triangle meshes from Bevy's, and medial meshes built of them while the app runs |
 //! | `mesh_files` | no | triangle meshes from OBJ, glTF, STL and PLY files |
 //! | `cli` | no | the program `medial` |

@@ -64,7 +64,7 @@ const HEAD: &str = "\
 # Results
 
 Made by the command below. All engines have the same bodies, masses, inertias, poses, gravity, damping and step,
-and run on one and the same core, several times alike, where of each step the fastest counts. Times are medians in milliseconds, of the *active* steps and, in brackets, of all: active are those with at
+and run on one and the same core, as often as `--runs` says (3 times if it says nothing), where of each step the fastest counts. Times are medians in milliseconds, of the *active* steps and, in brackets, of all: active are those with at
 least 30 % of the greatest number of contact pairs and 3 % of the greatest kinetic energy.
 
 - *collision*: finding contacts and impacts; *step*: all of a step, without copies from and to components.

@@ -4,7 +4,7 @@
 //! cargo run --release --example speed_accuracy -- [--out DIR] [--quick] [--approaches N] [--method NAME]
 //! ```
 //!
-//! Writes `queries.csv`, `scenes.csv`, charts as SVG, `README.md` and a page by itself, `speed_accuracy.html`.
+//! Writes `queries.csv`, `scenes.csv`, `batches.csv`, charts as SVG, `README.md` and a page by itself, `speed_accuracy.html`.
 
 #[path = "../../benches/common/activity.rs"]
 mod activity;

@@ -4,8 +4,8 @@
 //! cargo run --release --example stability -- [--out DIR] [--quick] [--hazard NAME] [--method NAME] [--list]
 //! ```
 //!
-//! Each hazard has a physical criterion, the same for all methods, and is run with several seeds. Without `--out` the table is printed only.
-//! The run fails if this crate fails anywhere but where that is known.
+//! Each hazard has a physical criterion, the same for all methods, and is run with one seed or more. Without `--out` the table is printed only.
+//! The run fails if this crate fails anywhere.
 
 mod hazards;
 mod heat_map;

@@ -68,7 +68,8 @@ impl Report<'_> {
         let ours = failing.filter(|cell| self.methods[cell.method].is_ours).count();
         let mut text = format!(
             "# Stability: where methods fail\n\n`{}`, {}, {cores} cores.\n\n\
-             Each hazard is run with several seeds and has one criterion for all methods. A cell tells how many seeds pass. \
+             Each hazard has one criterion for all methods, and is run with one seed or more; on the GPU with the first alone, as it finds what the CPU does, to the bit. \
+             A cell tells how many seeds pass. \
              This crate fails in {ours} of {} cells.\n\n![Pass rates](images/stability.svg)\n\n{}\n\
              ## Methods\n\n",
             self.command,
