@@ -50,7 +50,7 @@ impl Default for FitOptions {
 /// `progress` is told the part of the work that is done, from 0 to 1, and may break it off. It starts anew with each trial of an error.
 ///
 /// # Errors
-/// As for [`build`].
+/// As for [`build`](super::build()).
 pub fn fit(
     mesh: &TriangleMesh,
     options: &FitOptions,
