@@ -9,7 +9,7 @@ use super::{
     parallel,
     points::{PointBlock, Points},
 };
-use crate::geometry::Primitive;
+use crate::{geometry::Primitive, medial_axis::numbers_of_kept};
 
 /// Spheres joined by edges and faces. Edges are sorted pairs and include those of the faces.
 #[derive(Clone, Debug, Default)]
@@ -38,7 +38,7 @@ impl Complex {
 
     /// Drops spheres that no edge or face refers to any more, and numbers the others anew.
     pub fn compact(&mut self, gone: &BTreeSet<u32>) {
-        let numbers = numbers((0..self.balls.len() as u32).map(|i| !gone.contains(&i)));
+        let numbers = numbers_of_kept((0..self.balls.len() as u32).map(|i| !gone.contains(&i)));
         let mut index = 0;
         self.balls.retain(|_| {
             index += 1;
@@ -53,16 +53,6 @@ impl Complex {
     pub fn envelope(&self) -> Envelope {
         Envelope::of(&self.balls, self.primitives())
     }
-}
-
-/// The number of each item that is kept when the others are gone; what those have means nothing.
-pub(super) fn numbers(kept: impl Iterator<Item = bool>) -> Vec<u32> {
-    let mut next = 0;
-    kept.map(|kept| {
-        next += u32::from(kept);
-        next - u32::from(kept)
-    })
-    .collect()
 }
 
 /// The primitives of a complex, prepared for distances.

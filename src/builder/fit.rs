@@ -79,8 +79,8 @@ pub fn fit(
             loop {
                 match trial(spheres) {
                     Ok(found) if spheres == most || found.1.error.max() <= error => break found,
-                    // Each component takes one.
                     Ok(_) => {}
+                    // Each component takes one.
                     Err(BuildError::TooFewSpheres { .. }) if spheres < most => {}
                     Err(error) => return Err(error),
                 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{
-    envelope::{Complex, Envelope, numbers},
+    envelope::{Complex, Envelope},
     hull::Hull,
     parallel,
     points::Points,
@@ -11,7 +11,7 @@ use super::{
     surface_samples::Samples,
     target::Target,
 };
-use crate::geometry::Primitive;
+use crate::{geometry::Primitive, medial_axis::numbers_of_kept};
 
 fn incident(envelope: &Envelope, count: usize) -> Vec<Vec<u32>> {
     let mut of_sphere = vec![vec![]; count];
@@ -97,7 +97,7 @@ pub(super) fn merge(
         left -= 1;
     }
     let kept = |i: usize| heir[i] == i as u32;
-    let numbers = numbers((0..heir.len()).map(kept));
+    let numbers = numbers_of_kept((0..heir.len()).map(kept));
     let number = |i: u32| numbers[heir[i as usize] as usize];
     renumber(&mut complex.edges, number);
     renumber(&mut complex.faces, number);

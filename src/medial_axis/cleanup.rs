@@ -179,15 +179,18 @@ fn drop_unused_spheres(spheres: &mut Vec<Sphere>, primitives: &mut [Primitive], 
     let mut flags = used.iter();
     spheres.retain(|_| flags.next() == Some(&true));
     report.unused_spheres = before - spheres.len() - report.duplicate_spheres;
-    let mut kept = 0;
-    let number: Vec<u32> = used
-        .iter()
-        .map(|&used| {
-            kept += u32::from(used);
-            kept - u32::from(used)
-        })
-        .collect();
+    let number = numbers_of_kept(used.iter().copied());
     renumber(primitives, |i| number[i as usize]);
+}
+
+/// The number of each item that is kept when the others are gone; what those have means nothing.
+pub(crate) fn numbers_of_kept(kept: impl Iterator<Item = bool>) -> Vec<u32> {
+    let mut next = 0;
+    kept.map(|kept| {
+        next += u32::from(kept);
+        next - u32::from(kept)
+    })
+    .collect()
 }
 
 /// Whether a primitive refers to each of `count` spheres.

@@ -151,8 +151,7 @@ impl From<&MedialAxis> for MaFile {
 /// The first line that breaks the format, with the reason. Memory use is bounded by the size of `bytes`, whatever the
 /// header promises.
 pub fn parse(bytes: &[u8]) -> Result<MaFile, MaError> {
-    // Some programs begin a text with a byte order mark.
-    let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
+    let bytes = without_mark(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let line = 1 + bytes[..error.valid_up_to()].iter().filter(|&&byte| byte == b'\n').count();
         MaError { line, kind: Kind::NotUtf8 }
@@ -195,6 +194,11 @@ pub fn write(file: &MaFile) -> String {
         let _ = writeln!(text, "f {i} {j} {k}");
     }
     text
+}
+
+/// A text without the byte order mark that some programs begin it with.
+pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes)
 }
 
 /// Most characters of a field in a message.

@@ -28,6 +28,7 @@ use thiserror::Error;
 use crate::geometry::{Aabb, Bvh, Primitive, Sphere};
 
 pub use cleanup::CleanupReport;
+pub(crate) use cleanup::numbers_of_kept;
 pub use mass::MassProperties;
 pub use surface::{Surface, triangulate};
 #[cfg(feature = "debug")]

@@ -50,7 +50,11 @@ use bevy::{
 #[cfg(feature = "rapier")]
 use bevy_rapier3d::prelude::{BevyPhysicsHooks, NoUserData};
 
-use crate::{constants::SCALE_ROUNDING, medial_axis::MedialAxis};
+use crate::{
+    constants::{MAX_MAGNITUDE, SCALE_ROUNDING},
+    geometry::Pose3,
+    medial_axis::MedialAxis,
+};
 
 #[cfg(feature = "bevy_mesh")]
 pub use build::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
@@ -145,6 +149,16 @@ fn init_medial_axis(app: &mut App) {
             .init_asset_loader::<MaLoader>()
             .init_asset_loader::<MedialLoader>();
     }
+}
+
+/// True unless there is what cannot be computed with. False for what is not a number, too.
+pub(crate) fn is_bounded(v: Vec3) -> bool {
+    v.abs().cmple(Vec3::splat(MAX_MAGNITUDE)).all()
+}
+
+/// The same of a pose. An uneven scale of a turned parent shears: what is left of the rotation is none.
+pub(crate) fn is_sound_pose(pose: &Pose3) -> bool {
+    is_bounded(pose.translation) && (pose.rotation.length_squared() - 1.0).abs() < 1e-2
 }
 
 /// True for a scale that a medial mesh can have: the same along all axes, but for the rounding of a rotation, and positive.

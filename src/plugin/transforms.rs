@@ -9,10 +9,10 @@ use bevy::{
 
 use super::{
     BodyInfo, Detail, DetailItem, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep, MedialSystems,
-    StaticObb, is_uniform, modified,
+    StaticObb, is_bounded, is_sound_pose, is_uniform, modified,
 };
 use crate::{
-    constants::{DEFAULT_PREDICTION, MAX_MAGNITUDE},
+    constants::DEFAULT_PREDICTION,
     geometry::{Obb, Pose3, Sweep},
     medial_axis::MedialAxis,
     pipeline::{Body, Meeting, Shape, StaticBody, Statics},
@@ -30,8 +30,7 @@ pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
 fn pose_of(transform: &GlobalTransform) -> Option<(Pose3, Vec3)> {
     let (scale, rotation, translation) = transform.to_scale_rotation_translation();
     let pose = Pose3::from_parts(translation, rotation);
-    let is_moderate = |values: Vec3| values.is_finite() && values.abs().max_element() <= MAX_MAGNITUDE;
-    (is_moderate(translation) && is_moderate(scale) && rotation.is_normalized()).then_some((pose, scale))
+    (is_sound_pose(&pose) && is_bounded(scale)).then_some((pose, scale))
 }
 
 /// The same of a medial mesh, which has one scale.
@@ -298,6 +297,20 @@ mod tests {
         assert_eq!(hits, [(ball, wall)]);
         place(&mut app, broken, 5.0);
         assert_eq!(app.world().resource::<MedialStep>().statics.bodies().len(), 2);
+    }
+
+    /// As hierarchies of transforms with uneven scales make them.
+    #[test]
+    fn a_wall_without_a_proper_rotation_is_a_wall() {
+        let mut app = app();
+        let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
+        app.world_mut().get_mut::<Transform>(wall).unwrap().rotation = Quat::from_rotation_x(0.3);
+        app.world_mut().spawn(Transform::from_scale(Vec3::new(1.0, 1.3, 1.0))).add_child(wall);
+        app.update();
+        let rotation = app.world().get::<GlobalTransform>(wall).unwrap().rotation();
+        assert!(!rotation.is_normalized(), "{rotation} is a rotation");
+        place(&mut app, ball, 1.0);
+        assert_eq!(told(&app).0.len(), 1);
     }
 
     #[test]

@@ -16,7 +16,11 @@ use bevy_rapier3d::{
     },
 };
 
-use crate::{constants::MAX_MAGNITUDE, geometry::Pose3};
+use crate::{
+    constants::MAX_MAGNITUDE,
+    geometry::Pose3,
+    plugin::{is_bounded, is_sound_pose},
+};
 
 /// Marks an entity whose body is out of the simulation.
 #[derive(Component)]
@@ -25,16 +29,6 @@ pub(super) struct QuarantinedBody;
 /// Marks an entity whose collider is out of the simulation, whatever its body is.
 #[derive(Component)]
 pub(super) struct QuarantinedCollider;
-
-/// False for what is not a number, too.
-fn is_bounded(v: Vec3) -> bool {
-    v.abs().cmple(Vec3::splat(MAX_MAGNITUDE)).all()
-}
-
-/// An uneven scale of a turned parent shears: what is left of the rotation is none.
-fn is_sound_pose(pose: &Pose3) -> bool {
-    is_bounded(pose.translation) && (pose.rotation.length_squared() - 1.0).abs() < 1e-2
-}
 
 fn is_sound_body(body: &RapierBody) -> bool {
     let numbers = [body.gravity_scale(), body.linear_damping(), body.angular_damping()];

@@ -71,9 +71,6 @@ pub struct FormatError {
     pub remedy: &'static str,
 }
 
-/// What some programs begin a text with.
-const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
-
 /// Most characters of a problem's text.
 const LONGEST_PROBLEM: usize = 240;
 

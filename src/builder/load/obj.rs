@@ -1,7 +1,7 @@
 use glam::Vec3;
 
-use super::{BYTE_ORDER_MARK, FormatError, polygon::triangulate, position};
-use crate::builder::TriangleMesh;
+use super::{FormatError, polygon::triangulate, position};
+use crate::{builder::TriangleMesh, medial_axis::ma::without_mark};
 
 /// Reads `v` and `f` records. Indices count from 1, or from the latest vertex backwards if negative.
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
@@ -9,14 +9,13 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     // The corners of all faces one after the other, and for each face its line and the end of its corners.
     let (mut corners, mut faces) = (Vec::new(), Vec::new());
     let mut joined = String::new();
-    let bytes = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes);
-    let last = bytes.iter().filter(|&&byte| byte == b'\n').count() + 1;
-    for (line, content) in (1..).zip(bytes.split(|&byte| byte == b'\n')) {
+    let mut lines = (1..).zip(without_mark(bytes).split(|&byte| byte == b'\n')).peekable();
+    while let Some((line, content)) = lines.next() {
         // Names may be in any encoding; what is read is ASCII.
         joined.push_str(String::from_utf8_lossy(content).trim_end());
         if joined.ends_with('\\') {
             joined.pop();
-            if line < last {
+            if lines.peek().is_some() {
                 continue;
             }
         }

@@ -1,5 +1,4 @@
-use glam::DVec3;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A triangle faces the other way if it does by more than this, per area of the polygon: corners that are in no plane and on no line are rounded.
 const ROUNDING: f64 = 1e-6;
@@ -27,7 +26,8 @@ pub(super) fn triangulate(corners: &[u32], positions: &[Vec3], triangles: &mut V
         return;
     }
     let whole = fan(0).map(area).sum::<DVec3>();
-    let facing = |triangle: [u32; 3]| area(triangle).dot(whole.normalize_or_zero());
+    let normal = whole.normalize_or_zero();
+    let facing = |triangle: [u32; 3]| area(triangle).dot(normal);
     let worst = |apex: usize| fan(apex).map(facing).fold(f64::INFINITY, f64::min);
     let apexes = (0..count.min(TRIED)).map(|apex| (apex, worst(apex)));
     // The first of equals.
@@ -66,6 +66,14 @@ fn clip_ears(corners: &[u32], facing: impl Fn([u32; 3]) -> f64, triangles: &mut 
 mod tests {
     use super::*;
 
+    /// Those of triangles that are seen from above, negative where they wind clockwise.
+    fn areas(triangles: &[[u32; 3]], positions: &[Vec3]) -> impl Iterator<Item = f32> {
+        triangles.iter().map(|t| {
+            let [a, b, c] = t.map(|i| positions[i as usize]);
+            (b - a).cross(c - a).z * 0.5
+        })
+    }
+
     #[test]
     fn a_polygon_that_cannot_be_fanned_is_cut_within() {
         // A letter U, of which no corner sees all, and a comb with as many corners as are never fanned from.
@@ -79,10 +87,7 @@ mod tests {
                 corners.rotate_left(turn);
                 let mut triangles = Vec::new();
                 triangulate(&corners, &positions, &mut triangles);
-                let areas = triangles.iter().map(|t| {
-                    let [a, b, c] = t.map(|i| positions[i as usize]);
-                    (b - a).cross(c - a).z * 0.5
-                });
+                let areas = areas(&triangles, &positions);
                 // Those that faced the other way would be taken off, and what they cover counted twice.
                 let (sum, least) = areas.fold((0.0, f32::INFINITY), |(sum, least), a| (sum + a, least.min(a)));
                 assert_eq!((triangles.len(), sum), (outline.len() - 2, expected), "from corner {turn}: {triangles:?}");
@@ -100,10 +105,7 @@ mod tests {
             corners.rotate_left(turn);
             let mut triangles = Vec::new();
             triangulate(&corners, &positions, &mut triangles);
-            let areas = triangles.iter().map(|t| {
-                let [a, b, c] = t.map(|i| positions[i as usize]);
-                (b - a).cross(c - a).z * 0.5
-            });
+            let areas = areas(&triangles, &positions);
             // Facing the other way, this arrow head winds clockwise.
             let (sum, least) = areas.fold((0.0, f32::INFINITY), |(sum, least), a| (sum + a, least.min(a.abs())));
             assert!((sum.abs() - 0.5).abs() < 1e-6 && (least - 0.25).abs() < 1e-6, "{triangles:?}");
