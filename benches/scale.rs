@@ -11,7 +11,7 @@
 //! - **stops**: what it adds to a step of the scene `dinosaur` that bodies stop at impacts, on one thread: the same steps with and without, in turns;
 //! - **view**: what an update takes beside physics, which stands still, with 1,000 bodies of the rain in touch: with the debug view off, with the shapes, with all
 //!   layers but the candidates, with all. On the CPU, without a renderer;
-//! - **memory**: bytes of a step's input for each body, what is kept from step to step, and allocations of a step then, as a counting allocator tells them.
+//! - **memory**: bytes of a step's input for each body, what is kept from step to step beside what the last one tells, and allocations of a step then, as a counting allocator tells them.
 
 #[path = "common/activity.rs"]
 #[expect(dead_code, reason = "the median alone is asked for")]
@@ -37,7 +37,7 @@ use bevy::{
 use bevy_medial::{
     builder::{BuildOptions, build, load::load},
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Meeting, Shape, Statics, StepInput, StepOutput, Workspace},
+    pipeline::{Body, Manifold, Meeting, Pair, Shape, Statics, StepInput, StepOutput, Stop, Workspace},
     plugin::{MedialGizmos, MedialStep},
     prelude::*,
     scenes::{Scene, headless_app, load_models},
@@ -85,7 +85,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         rows.push(Row { what, bodies, value, unit });
     };
 
-    let (mut ends, mut recorded) = (Vec::new(), Vec::new());
+    let (mut ends, mut kept, mut recorded) = (Vec::new(), Vec::new(), Vec::new());
     for &count in counts {
         let rain = rain(&deer, count, steps, count == counts[counts.len().min(2) - 1], &one);
         let collision = median(rain.steps.iter().map(|step| step.collision.as_secs_f64() * 1e3));
@@ -94,12 +94,21 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         tell("rain: pairs in contact", count, pairs, "");
         tell("rain: collision of a pair", count, collision * 1e3 / pairs, "us");
         ends.push(((count as f64).ln(), collision.ln()));
+        if let Some((input, statics)) = &rain.last {
+            kept.push((count as f64, kept_by(input, statics, &one)));
+            tell("memory: kept, contacts aside", count, kept[kept.len() - 1].1 / 1e3, "kB");
+        }
         if !rain.recorded.is_empty() {
             recorded = rain.recorded;
         }
     }
     if let (Some(first), Some(last)) = (ends.first(), ends.last()) {
         tell("rain: exponent of time", counts[counts.len() - 1], (last.1 - first.1) / (last.0 - first.0), "");
+    }
+
+    if let [.., before, last] = kept[..] {
+        let more = (last.1 - before.1) / (last.0 - before.0);
+        tell("memory: of it for one body more", counts[counts.len() - 1], more, "bytes");
     }
 
     let count = counts[counts.len() - 1];
@@ -143,10 +152,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         let copied = measure(|| drop(std::hint::black_box(input.clone())));
         tell("memory: input of a body", bodies, copied.bytes_total as f64 / bodies as f64, "bytes");
         let mut stepper = Stepper::default();
-        let first = measure(|| _ = stepper.step(input, statics, &one));
-        let output = size_of_val(&stepper.output.manifolds[..]) + size_of_val(&stepper.output.pairs[..]);
-        let kept = first.bytes_current as f64 - output as f64;
-        tell("memory: kept, contacts aside, of a body", bodies, kept / bodies as f64, "bytes");
+        stepper.step(input, statics, &one);
         tell("memory: pairs of bodies that are near", bodies, stepper.output.counts.body_pairs as f64, "");
         let warm = measure(|| _ = stepper.step(input, statics, &one));
         tell("memory: allocations of a warm step", bodies, warm.count_total as f64, "");
@@ -204,8 +210,9 @@ struct Step {
 struct Rain {
     /// From the first touches on.
     steps: Vec<Step>,
-    /// Some of the inputs.
+    /// Some of the inputs, if they are to be recorded, and that of the last step.
     recorded: Vec<(StepInput, Statics)>,
+    last: Option<(StepInput, Statics)>,
 }
 
 /// Of a shape of about 180 primitives.
@@ -246,7 +253,7 @@ fn rainy(deer: &Shape, count: usize) -> App {
 fn rain(deer: &Shape, count: usize, steps: usize, record: bool, pool: &TaskPool) -> Rain {
     let mut app = rainy(deer, count);
     let mut stepper = Stepper::default();
-    let mut rain = Rain { steps: Vec::new(), recorded: Vec::new() };
+    let mut rain = Rain { steps: Vec::new(), recorded: Vec::new(), last: None };
     let progress = ProgressBar::new(steps as u64).with_message(format!("{count} bodies"));
     for number in 0..steps {
         app.update();
@@ -262,7 +269,20 @@ fn rain(deer: &Shape, count: usize, steps: usize, record: bool, pool: &TaskPool)
         }
     }
     progress.finish_and_clear();
+    let step = app.world().resource::<MedialStep>();
+    rain.last = Some((step.input.clone(), step.statics.clone()));
     rain
+}
+
+/// Bytes that are kept from a step to the next, but for what the step tells.
+fn kept_by(input: &StepInput, statics: &Statics, pool: &TaskPool) -> f64 {
+    let mut stepper = Stepper::default();
+    let kept = measure(|| _ = stepper.step(input, statics, pool)).bytes_current;
+    let StepOutput { stops, pairs, manifolds, .. } = &stepper.output;
+    let told = stops.capacity() * size_of::<Stop>()
+        + pairs.capacity() * size_of::<Pair>()
+        + manifolds.capacity() * size_of::<Manifold>();
+    kept as f64 - told as f64
 }
 
 /// Median of an update in milliseconds while physics stands still, with more and more of the debug view.

@@ -96,6 +96,7 @@
 
 pub mod builder;
 pub mod constants;
+mod disjoint_sets;
 pub mod geometry;
 #[cfg(feature = "gpu")]
 pub mod gpu;

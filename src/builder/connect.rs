@@ -9,11 +9,11 @@ use super::{
     hull::{Cone, Hull},
     parallel,
     points::Points,
-    solid::{Sets, Solid},
+    solid::Solid,
     surface_samples::Samples,
     target::Target,
 };
-use crate::geometry::Primitive;
+use crate::{disjoint_sets::DisjointSets, geometry::Primitive};
 
 /// Samples up to this many spacings apart are neighbours.
 const NEIGHBOR_SPACINGS: f64 = 2.0;
@@ -88,7 +88,7 @@ pub(super) fn connect(
     let mut ranked: Vec<(f64, [u32; 2])> =
         pairs.iter().zip(&protrusions).map(|(&pair, out)| (out + 0.02 * length(pair), pair)).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let mut sets = Sets::new(complex.balls.len());
+    let mut sets = DisjointSets::new(complex.balls.len());
     complex.edges = ranked.iter().filter(|(_, [i, j])| sets.join(*i, *j)).map(|r| r.1).collect();
     // What no surface joins is joined where it is nearest.
     let mut rest = vec![];

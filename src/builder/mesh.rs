@@ -3,7 +3,7 @@ use std::collections::HashMap;
 use glam::Vec3;
 use thiserror::Error;
 
-use crate::{geometry::Aabb, medial_axis::MAX_EXTENT};
+use crate::{disjoint_sets::DisjointSets, geometry::Aabb, medial_axis::MAX_EXTENT};
 
 /// Largest number of vertices, and of triangles, of a mesh.
 pub const MAX_MESH_SIZE: usize = 1 << 24;
@@ -166,17 +166,15 @@ impl TriangleMesh {
     /// The triangles of each connected piece, pieces and triangles in ascending order. Triangles hang together if they share a vertex of
     /// the list: weld first.
     pub fn components(&self) -> Vec<Vec<u32>> {
-        let mut parent: Vec<u32> = (0..self.positions.len() as u32).collect();
+        let mut sets = DisjointSets::new(self.positions.len());
         for &[a, b, c] in &self.triangles {
-            for other in [b, c] {
-                let (a, other) = (root(&mut parent, a), root(&mut parent, other));
-                parent[a.max(other) as usize] = a.min(other);
-            }
+            sets.join(a, b);
+            sets.join(a, c);
         }
         let mut number = HashMap::new();
         let mut components: Vec<Vec<u32>> = Vec::new();
         for (triangle, corners) in (0..).zip(&self.triangles) {
-            let at = *number.entry(root(&mut parent, corners[0])).or_insert_with(|| {
+            let at = *number.entry(sets.find(corners[0])).or_insert_with(|| {
                 components.push(Vec::new());
                 components.len() - 1
             });
@@ -184,15 +182,6 @@ impl TriangleMesh {
         }
         components
     }
-}
-
-/// The representative of a vertex; the paths to it get shorter on the way.
-fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
-    while parent[vertex as usize] != vertex {
-        parent[vertex as usize] = parent[parent[vertex as usize] as usize];
-        vertex = parent[vertex as usize];
-    }
-    vertex
 }
 
 /// Triangles of three indices each; what is left over is no triangle.

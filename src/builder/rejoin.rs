@@ -9,11 +9,10 @@ use super::{
     parallel,
     points::Points,
     refine::State,
-    solid::Sets,
     surface_samples::Samples,
     target::Target,
 };
-use crate::geometry::Primitive;
+use crate::{disjoint_sets::DisjointSets, geometry::Primitive};
 
 /// Drops edges and faces that keep nothing together and do little good.
 pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, target: &Target) {
@@ -52,7 +51,7 @@ pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, tar
             Primitive::Slab(f) if loss < 0.0 => complex.faces.retain(|g| *g != f),
             Primitive::Slab(_) => {}
             Primitive::Cone(e) => {
-                let mut sets = Sets::new(complex.balls.len());
+                let mut sets = DisjointSets::new(complex.balls.len());
                 complex.edges.iter().filter(|o| **o != e).for_each(|&[i, j]| {
                     sets.join(i, j);
                 });

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::{BuildError, TriangleMesh, tree::TriangleTree};
+use crate::disjoint_sets::DisjointSets;
 
 /// The proper triangles of a mesh, moved and scaled so that the diagonal of their bounding box is 1.
 pub(super) struct Solid {
@@ -110,7 +111,7 @@ fn parts(triangles: &[[DVec3; 3]]) -> (Vec<u32>, usize, Vec<[bool; 3]>) {
             })
         })
         .collect();
-    let mut sets = Sets::new(vertices.len());
+    let mut sets = DisjointSets::new(vertices.len());
     for t in &welded {
         sets.join(t[0], t[1]);
         sets.join(t[0], t[2]);
@@ -126,28 +127,4 @@ fn parts(triangles: &[[DVec3; 3]]) -> (Vec<u32>, usize, Vec<[bool; 3]>) {
     welded.iter().flat_map(|&t| edges(t)).for_each(|e| *uses.entry(e).or_default() += 1);
     let open = welded.iter().map(|&t| edges(t).map(|e| uses[&e] == 1)).collect();
     (of_triangle, numbers.len(), open)
-}
-
-/// Disjoint sets.
-pub(super) struct Sets(Vec<u32>);
-
-impl Sets {
-    pub fn new(count: usize) -> Self {
-        Self((0..count as u32).collect())
-    }
-
-    pub fn find(&mut self, mut item: u32) -> u32 {
-        while self.0[item as usize] != item {
-            self.0[item as usize] = self.0[self.0[item as usize] as usize];
-            item = self.0[item as usize];
-        }
-        item
-    }
-
-    /// Joins two sets; false if they were one.
-    pub fn join(&mut self, a: u32, b: u32) -> bool {
-        let (a, b) = (self.find(a), self.find(b));
-        self.0[a.max(b) as usize] = a.min(b);
-        a != b
-    }
 }

@@ -19,7 +19,7 @@ use crate::{
     query::{Chords, RigidStart, TimeOfImpactStatus, rigid_impact, rigid_start},
 };
 
-/// The first impact of a pair, and what it took to find.
+/// The first impact of a pair, and what a search from later on takes from it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ImpactResult {
     pub impact: Option<Impact>,
@@ -31,12 +31,15 @@ pub(super) struct ImpactResult {
     pub near: f32,
     /// Unit normal between the primitives that were nearest to each other at the start, in the world; zero if none was looked at.
     pub normal: Vec3,
+}
+
+/// What searches took.
+#[derive(Debug, Default)]
+pub(super) struct Tally {
     /// How many primitive pairs were left by culling.
-    pub candidates: u32,
-    /// Which, as far as they are to be reported.
-    pub reported: Vec<PrimitivePair>,
-    pub toi_tests: u32,
-    pub unresolved: u32,
+    pub candidates: usize,
+    pub toi_tests: usize,
+    pub unresolved: usize,
 }
 
 /// What is asked about a pair.
@@ -64,6 +67,8 @@ pub(super) struct Buffers {
     own: OwnBoxes,
     /// Of each motion.
     candidates: Vec<Candidates>,
+    /// What culling has left of the pair that was searched last, if that is to be reported.
+    pub reported: Vec<PrimitivePair>,
     search: SearchBuffers,
 }
 
@@ -92,21 +97,23 @@ pub(super) fn first_impact(
     mut lap: impl FnMut() -> Duration,
 ) -> ImpactResult {
     let Question { input, known, slack, near, normal, .. } = *question;
+    let Scratch {
+        boxes: cache,
+        first_impact: Buffers { own, candidates, reported, search: buffers },
+        tally,
+        laps: [culling, searching],
+        ..
+    } = scratch;
+    reported.clear();
     let slop = motions.iter().map(|motion| motion.slop).fold(0.0, f32::max);
     let result = ImpactResult { slop, near, normal, ..Default::default() };
     // On a shorter way no overlap grows by that.
     if motions.iter().all(|motion| motion.way() <= motion.slop) {
         return result;
     }
-    let Scratch {
-        boxes: cache,
-        first_impact: Buffers { own, candidates, search: buffers },
-        laps: [culling, searching],
-        ..
-    } = scratch;
     buffers.overlaps.clear();
     let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
-    let mut search = Search { result, carried: 0.0, met: None, buffers };
+    let mut search = Search { result, carried: 0.0, met: None, tally, buffers };
     // Those of the bodies are for all of the way.
     let boxes = if count == 1 && known.is_none() { question.boxes(cache) } else { [None; 2] };
     let parts = Parts::new(&motions, count);
@@ -119,9 +126,9 @@ pub(super) fn first_impact(
                 Some(known) if count == 1 => mid_phase::of_motion(motion, known, found),
                 _ => mid_phase::candidates(motion, input.culling, slack + motion.reach(), boxes, own, found),
             }
-            search.result.candidates += found.len() as u32;
+            search.tally.candidates += found.len();
             if input.report_candidates {
-                search.result.reported.extend_from_slice(found);
+                reported.extend_from_slice(found);
             }
         }
         *culling += lap();
@@ -179,6 +186,7 @@ struct Search<'b> {
     carried: f32,
     /// The motion and the primitives that meet first so far, and whether they have touched at the start of the part.
     met: Option<(usize, PrimitivePair, bool)>,
+    tally: &'b mut Tally,
     buffers: &'b mut SearchBuffers,
 }
 
@@ -220,7 +228,7 @@ impl Search<'_> {
                 continue;
             }
             motion.set_chords(chords);
-            result.toi_tests += candidates.len() as u32;
+            self.tally.toi_tests += candidates.len();
             let direction = match result.normal {
                 normal if normal == Vec3::ZERO => motion.center_line(),
                 normal => motion.to_chords(normal),
@@ -264,7 +272,7 @@ impl Search<'_> {
             let toi = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
                 rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop, near])
             });
-            result.unresolved += u32::from(toi.status == TimeOfImpactStatus::IterationLimit);
+            self.tally.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
             let earlier = result.impact.is_none_or(|first| toi.fraction < first.fraction);
             let left = (parts - part) as f32 - toi.fraction;
             if toi.status == TimeOfImpactStatus::Separated || !earlier || left * motion.way() <= motion.slop {

@@ -17,12 +17,14 @@ use super::{
 };
 use crate::{
     constants::{CHORD_TOLERANCE, CONTACT_ROUNDING},
+    disjoint_sets::DisjointSets,
     geometry::Sweep,
 };
 
 /// Which pairs may meet, and the sets of bodies that these join.
 #[derive(Debug, Default)]
 pub(super) struct Islands {
+    /// Of each body the one that stands for its island.
     sets: DisjointSets,
     may_meet: Vec<bool>,
     /// Which bodies are joined with others, and slide with them.
@@ -63,7 +65,7 @@ impl Islands {
                 }
             }
             for members in assemblies.iter() {
-                members.windows(2).for_each(|pair| sets.join(pair[0].1, pair[1].1));
+                members.windows(2).for_each(|pair| _ = sets.join(pair[0].1, pair[1].1));
             }
             sets.flatten();
         };
@@ -122,43 +124,6 @@ fn ways_meet(input: &StepInput, statics: &Statics, pair: &BodyPair, joined: &[bo
     found.get()
 }
 
-/// Sets of bodies, each a tree.
-#[derive(Debug, Default)]
-struct DisjointSets(Vec<u32>);
-
-impl DisjointSets {
-    /// Each body by itself.
-    fn reset(&mut self, bodies: usize) {
-        self.0.clear();
-        self.0.extend(0..bodies as u32);
-    }
-
-    fn root(&mut self, mut body: u32) -> u32 {
-        while self.0[body as usize] != body {
-            self.0[body as usize] = self.0[self.0[body as usize] as usize];
-            body = self.0[body as usize];
-        }
-        body
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let [a, b] = [a, b].map(|body| self.root(body));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
-
-    /// Every body knows the first of its set from now on.
-    fn flatten(&mut self) {
-        for body in 0..self.0.len() as u32 {
-            self.0[body as usize] = self.root(body);
-        }
-    }
-
-    /// The first of a body's set, once they are flat.
-    fn of(&self, body: u32) -> u32 {
-        self.0[body as usize]
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use bevy::tasks::TaskPoolBuilder;
@@ -196,7 +161,7 @@ mod tests {
         let (mut islands, mut assemblies) = (Islands::default(), Assemblies::default());
         assemblies.set(&input);
         islands.set(&input, &Statics::default(), &pairs, &results, &assemblies, &Scratches::default(), &pool);
-        (islands.sets.0, islands.may_meet)
+        ((0..4).map(|body| islands.of(body)).collect(), islands.may_meet)
     }
 
     #[test]

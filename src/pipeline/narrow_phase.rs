@@ -33,23 +33,26 @@ pub(super) fn impacts(
         let times = [Some([0.0, 1.0]); 2];
         let near = if pair.stops { input.known([pair.first, pair.second]) } else { 0.0 };
         let question = Question { input, statics, pair, known, times, slack: 0.0, near, normal: Vec3::ZERO };
-        first_impact(&question, motions, scratch, laps())
+        let result = first_impact(&question, motions, scratch, laps());
+        if input.report_candidates {
+            scratch.reported.push((i, std::mem::take(&mut scratch.first_impact.reported)));
+        }
+        result
     });
 }
 
-/// The manifolds of each pair where its bodies end the step, with the number of the pair.
+/// The manifolds of each pair where its bodies end the step. Their number is kept with the tasks.
 pub(super) fn manifolds(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
     stops: &Stops,
     tasks: &Scratches<Scratch>,
-    manifolds: &mut Vec<(usize, Manifold)>,
+    manifolds: &mut Vec<Manifold>,
     pool: &TaskPool,
 ) {
-    manifolds.clear();
     parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
-        let Scratch { contact: buffers, contacts, reduce, laps: [finding, reducing], .. } = scratch;
+        let Scratch { contact: buffers, contacts, reduce, found, laps: [finding, reducing], .. } = scratch;
         let mut lap = laps();
         let sides = [pair.first, pair.second];
         let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
@@ -68,28 +71,31 @@ pub(super) fn manifolds(
         if contacts.is_empty() {
             return;
         }
-        reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push((i, manifold)));
+        let before = manifolds.len();
+        reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push(manifold));
+        found.push((i, manifolds.len() - before));
         *reducing += lap();
     });
 }
 
-/// Adds the pairs with something to tell to the output. `reach`: how far contacts of a pair were looked for, in metres.
+/// Adds the pairs with something to tell to the output, which has their manifolds. `found`: the pairs that have some, and how many. `reach`: how far
+/// contacts of a pair were looked for, in metres.
 pub(super) fn tell(
     pairs: &[BodyPair],
     impacts: &[ImpactResult],
-    manifolds: &[(usize, Manifold)],
+    found: &[(usize, usize)],
     reach: impl Fn(&BodyPair) -> f32,
     output: &mut StepOutput,
 ) {
-    let mut rest = manifolds;
+    let mut found = found.iter().peekable();
+    let mut begin = 0;
     for (i, (pair, ImpactResult { impact, .. })) in pairs.iter().zip(impacts).enumerate() {
-        let (own, later) = rest.split_at(rest.iter().take_while(|(pair, _)| *pair == i).count());
-        rest = later;
-        let first = output.manifolds.len();
-        output.manifolds.extend(own.iter().map(|(_, manifold)| *manifold));
-        if !own.is_empty() || impact.is_some() {
-            output.counts.contacts += own.iter().map(|(_, manifold)| manifold.contacts().len()).sum::<usize>();
-            let manifolds = first..output.manifolds.len();
+        let count = found.next_if(|(pair, _)| *pair == i).map_or(0, |(_, count)| *count);
+        let manifolds = begin..begin + count;
+        begin = manifolds.end;
+        if count > 0 || impact.is_some() {
+            let points = output.manifolds[manifolds.clone()].iter().map(|manifold| manifold.contacts().len());
+            output.counts.contacts += points.sum::<usize>();
             let (first, second, reach) = (pair.first, pair.second, reach(pair));
             output.pairs.push(Pair { first, second, manifolds, reach, impact: *impact });
         }

@@ -166,8 +166,16 @@ impl Stops {
 /// A pair's impact in the queue, outdated if the pair has another by now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Event {
-    fraction: f32,
+    impact: Impact,
     pair: usize,
+}
+
+/// A pair that is to be searched again from a fraction on, and its island's queue.
+#[derive(Clone, Copy, Debug)]
+struct Search {
+    queue: usize,
+    pair: usize,
+    fraction: f32,
 }
 
 impl Eq for Event {}
@@ -181,7 +189,7 @@ impl PartialOrd for Event {
 impl Ord for Event {
     /// The greatest is the earliest, of those the first pair.
     fn cmp(&self, other: &Self) -> Ordering {
-        other.fraction.total_cmp(&self.fraction).then(other.pair.cmp(&self.pair))
+        other.impact.fraction.total_cmp(&self.impact.fraction).then(other.pair.cmp(&self.pair))
     }
 }
 
@@ -192,8 +200,8 @@ pub(super) struct Buffers {
     pairs_of: PairsOf,
     assemblies: Assemblies,
     islands: Islands,
-    /// The next impact of each pair.
-    next: Vec<Option<Impact>>,
+    /// When the next impact of each pair is, as a fraction of the step; infinite if there is none.
+    next: Vec<f32>,
     happened: Vec<bool>,
     /// Of each island that has an impact.
     queues: Vec<BinaryHeap<Event>>,
@@ -201,7 +209,7 @@ pub(super) struct Buffers {
     events: Vec<(usize, Event)>,
     courses: Vec<(u32, Course)>,
     affected: Vec<usize>,
-    searches: Vec<(usize, Event)>,
+    searches: Vec<Search>,
     found: Vec<ImpactResult>,
     scratch: Scratch,
 }
@@ -209,27 +217,33 @@ pub(super) struct Buffers {
 /// The pairs of each body.
 #[derive(Debug, Default)]
 struct PairsOf {
-    pairs: Vec<(u32, usize)>,
+    pairs: Vec<u32>,
     /// Where those of a body begin; one more for the end.
-    begins: Vec<usize>,
+    begins: Vec<u32>,
 }
 
 impl PairsOf {
     fn set(&mut self, bodies: usize, pairs: &[BodyPair]) {
-        self.pairs.clear();
-        self.pairs.extend(pairs.iter().enumerate().flat_map(|(i, pair)| pair.bodies().map(move |body| (body, i))));
-        self.pairs.sort_unstable();
-        self.begins.clear();
-        let mut begin = 0;
-        for body in 0..=bodies as u32 {
-            begin += self.pairs[begin..].iter().take_while(|(other, _)| *other < body).count();
-            self.begins.push(begin);
+        let Self { pairs: sorted, begins } = self;
+        // Each counts for the body after the next, so that it begins where the one before it ends once all are put in.
+        begins.clear();
+        begins.resize(bodies + 2, 0);
+        pairs.iter().flat_map(BodyPair::bodies).for_each(|body| begins[body as usize + 2] += 1);
+        (1..begins.len()).for_each(|i| begins[i] += begins[i - 1]);
+        sorted.clear();
+        sorted.resize(begins[bodies + 1] as usize, 0);
+        for (i, pair) in (0..).zip(pairs) {
+            for body in pair.bodies() {
+                let place = &mut begins[body as usize + 1];
+                sorted[*place as usize] = i;
+                *place += 1;
+            }
         }
     }
 
     fn of(&self, body: u32) -> impl Iterator<Item = usize> {
-        let [begin, end] = [0, 1].map(|i| self.begins[body as usize + i]);
-        self.pairs[begin..end].iter().map(|(_, pair)| *pair)
+        let [begin, end] = [0, 1].map(|i| self.begins[body as usize + i] as usize);
+        self.pairs[begin..end].iter().map(|&pair| pair as usize)
     }
 }
 
@@ -295,7 +309,7 @@ pub(super) fn run<'b>(
     assemblies.set(input);
     islands.set(input, statics, pairs, results, assemblies, tasks, pool);
     next.clear();
-    next.extend(results.iter().map(|result| result.impact));
+    next.extend(results.iter().map(|result| fraction_of(result.impact)));
     happened.clear();
     happened.resize(pairs.len(), false);
     let mut run = Run { input, statics, pairs, results, stops, pairs_of, assemblies, next, happened, scratch };
@@ -309,20 +323,20 @@ pub(super) fn run<'b>(
             return stops;
         }
         searches.clear();
-        for &(island, Event { fraction, pair }) in events.iter() {
+        for &(queue, event) in events.iter() {
             // Never 1, when all is over.
-            let fraction = fraction.min(1.0f32.next_down());
+            let fraction = event.impact.fraction.min(1.0f32.next_down());
             affected.clear();
-            run.meet(pair, fraction, courses, affected);
+            run.meet(&event, fraction, courses, affected);
             affected.retain(|&pair| islands.may_meet(pair));
-            searches.extend(affected.iter().map(|&pair| (island, Event { fraction, pair })));
+            searches.extend(affected.iter().map(|&pair| Search { queue, pair, fraction }));
         }
         let run_now = &run;
-        parallel::map(pool, tasks, searches, 32, found, |scratch, _, &(_, Event { fraction, pair })| {
+        parallel::map(pool, tasks, searches, 32, found, |scratch, _, &Search { pair, fraction, .. }| {
             impact_from(input, statics, &pairs[pair], run_now.stops, fraction, &run_now.results[pair], scratch)
         });
-        for (&(island, Event { pair, .. }), found) in searches.iter().zip(found.drain(..)) {
-            queues[island].extend(run.take(pair, found));
+        for (&Search { queue, pair, .. }, found) in searches.iter().zip(found.drain(..)) {
+            queues[queue].extend(run.take(pair, found.impact));
         }
     }
 }
@@ -337,7 +351,7 @@ struct Run<'a> {
     stops: &'a mut Stops,
     pairs_of: &'a PairsOf,
     assemblies: &'a Assemblies,
-    next: &'a mut [Option<Impact>],
+    next: &'a mut [f32],
     happened: &'a mut [bool],
     scratch: &'a mut Scratch,
 }
@@ -346,10 +360,10 @@ impl Run<'_> {
     /// Puts the impacts of each island into a queue of its own, in the order of time. `events`: room to work in.
     fn fill(&self, queues: &mut Vec<BinaryHeap<Event>>, events: &mut Vec<(usize, Event)>, islands: &Islands) {
         events.clear();
-        for (pair, impact) in self.next.iter().enumerate().filter(|(pair, _)| self.pairs[*pair].stops) {
+        for (pair, result) in self.results.iter().enumerate().filter(|(pair, _)| self.pairs[*pair].stops) {
             let body = self.pairs[pair].bodies().find(|&body| self.input.is_stopping(body));
-            if let (Some(impact), Some(body)) = (impact, body.or_else(|| self.pairs[pair].bodies().next())) {
-                events.push((islands.of(body) as usize, Event { fraction: impact.fraction, pair }));
+            if let (Some(impact), Some(body)) = (result.impact, body.or_else(|| self.pairs[pair].bodies().next())) {
+                events.push((islands.of(body) as usize, Event { impact, pair }));
             }
         }
         events.sort_unstable_by_key(|(island, _)| *island);
@@ -364,24 +378,27 @@ impl Run<'_> {
 
     /// The earliest impact of an island that is not outdated.
     fn earliest(&self, queue: &mut BinaryHeap<Event>) -> Option<Event> {
-        let is_next = |event: &Event| self.next[event.pair].is_some_and(|impact| impact.fraction == event.fraction);
-        std::iter::from_fn(|| queue.pop()).find(is_next)
+        std::iter::from_fn(|| queue.pop()).find(|event| self.next[event.pair] == event.impact.fraction)
     }
 
     /// Takes in what a search has found for a pair; its impact, if there is one.
-    fn take(&mut self, pair: usize, found: ImpactResult) -> Option<Event> {
-        self.results[pair].toi_tests += found.toi_tests;
-        self.results[pair].unresolved += found.unresolved;
-        self.next[pair] = found.impact;
+    fn take(&mut self, pair: usize, found: Option<Impact>) -> Option<Event> {
+        self.next[pair] = fraction_of(found);
         if !self.happened[pair] {
-            self.results[pair].impact = found.impact;
+            self.results[pair].impact = found;
         }
-        found.impact.map(|impact| Event { fraction: impact.fraction, pair })
+        found.map(|impact| Event { impact, pair })
     }
 
-    /// Lets the next impact of a pair happen. Adds the pairs that are to be searched again from there. `courses`: room to work in.
-    fn meet(&mut self, pair: usize, fraction: f32, courses: &mut Vec<(u32, Course)>, affected: &mut Vec<usize>) {
-        let Some(impact) = self.next[pair].take() else { return };
+    /// Lets an impact happen. Adds the pairs that are to be searched again from there. `courses`: room to work in.
+    fn meet(
+        &mut self,
+        &Event { impact, pair }: &Event,
+        fraction: f32,
+        courses: &mut Vec<(u32, Course)>,
+        affected: &mut Vec<usize>,
+    ) {
+        self.next[pair] = f32::INFINITY;
         self.happened[pair] = true;
         courses.clear();
         self.slide_on(pair, &impact, fraction, courses);
@@ -460,6 +477,11 @@ impl Run<'_> {
             }
         }
     }
+}
+
+/// When an impact is, as a fraction of the step; never, if there is none.
+fn fraction_of(impact: Option<Impact>) -> f32 {
+    impact.map_or(f32::INFINITY, |impact| impact.fraction)
 }
 
 /// The bodies of a pair that slide on along each other, and by what they leave their way. None of them, if they have to stop.

@@ -5,9 +5,8 @@ use std::time::Duration;
 use bevy::tasks::TaskPool;
 
 use super::{
-    BodyPair, Candidates, Contact, Counts, Manifold, Meeting, Side, Statics, StepInput, StepOutput, Stop, broad_phase,
-    contact,
-    first_impact::{self, ImpactResult},
+    BodyPair, Candidates, Contact, Counts, Meeting, Side, Statics, StepInput, StepOutput, Stop, broad_phase, contact,
+    first_impact::{self, ImpactResult, Tally},
     laps,
     mid_phase::PrimitivePair,
     moving_boxes::BoxCache,
@@ -24,11 +23,11 @@ pub struct Workspace {
     pairs: Vec<BodyPair>,
     impacts: Vec<ImpactResult>,
     stop: stop::Buffers,
-    /// Each with the number of its pair.
-    manifolds: Vec<(usize, Manifold)>,
+    /// The pairs that have manifolds, and how many.
+    found: Vec<(usize, usize)>,
 }
 
-/// What a task works with.
+/// What a task works with, and what it keeps of pairs until all have been looked at.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     pub boxes: BoxCache,
@@ -36,6 +35,11 @@ pub(super) struct Scratch {
     pub contact: contact::Buffers,
     pub contacts: Vec<Contact>,
     pub reduce: reduce::Room,
+    /// What culling has left of pairs, if that is to be reported.
+    pub reported: Vec<(usize, Vec<PrimitivePair>)>,
+    /// The pairs that have manifolds, and how many.
+    pub found: Vec<(usize, usize)>,
+    pub tally: Tally,
     /// What the two parts of its work took that are told apart.
     pub laps: [Duration; 2],
 }
@@ -94,16 +98,18 @@ impl Workspace {
         output: &mut StepOutput,
         pool: &TaskPool,
     ) {
-        let Self { tasks, pairs, impacts, stop, manifolds, .. } = self;
+        let Self { tasks, pairs, impacts, stop, found, .. } = self;
         tasks.iter_mut().for_each(|scratch| scratch.boxes.clear());
         let mut lap = laps();
         narrow_phase::impacts(input, statics, pairs, known, tasks, impacts, pool);
         [output.times.mid, output.times.narrow] = split(lap(), tasks);
+        let first = tally(tasks);
 
         let stops = stop::run(input, statics, pairs, impacts, stop, tasks, pool);
         output.times.stop = lap();
+        let again = tally(tasks);
 
-        narrow_phase::manifolds(input, statics, pairs, stops, tasks, manifolds, pool);
+        narrow_phase::manifolds(input, statics, pairs, stops, tasks, &mut output.manifolds, pool);
         let [contacts, reduction] = split(lap(), tasks);
         output.times.narrow += contacts;
 
@@ -111,15 +117,17 @@ impl Workspace {
             bodies: input.bodies.len(),
             primitive_pairs: broad_phase::primitive_pairs(input, statics),
             body_pairs: pairs.len(),
-            candidates: impacts.iter().map(|r| r.candidates as usize).sum(),
-            toi_tests: impacts.iter().map(|r| r.toi_tests as usize).sum(),
-            unresolved: impacts.iter().map(|r| r.unresolved as usize).sum(),
+            candidates: first.candidates,
+            toi_tests: first.toi_tests + again.toi_tests,
+            unresolved: first.unresolved + again.unresolved,
             contacts: 0,
         };
         if input.report_candidates {
-            output.candidates.extend(pairs.iter().zip(impacts.iter_mut()).map(|(pair, result)| Candidates {
+            let mut reported: Vec<_> = tasks.iter_mut().flat_map(|scratch| scratch.reported.drain(..)).collect();
+            reported.sort_unstable_by_key(|(pair, _)| *pair);
+            output.candidates.extend(pairs.iter().zip(reported).map(|(pair, (_, primitives))| Candidates {
                 sides: [pair.first, pair.second],
-                primitives: Some(std::mem::take(&mut result.reported)),
+                primitives: Some(primitives),
             }));
         }
         output.stops.extend(stops.iter().map(|(body, fraction)| Stop {
@@ -128,9 +136,21 @@ impl Workspace {
             pose: stops.final_pose(input, body),
         }));
         let reach = |pair: &BodyPair| input.reach([pair.first, pair.second], |body| stops.left(body)).prediction;
-        narrow_phase::tell(pairs, impacts, manifolds, reach, output);
+        found.clear();
+        found.extend(tasks.iter_mut().flat_map(|scratch| scratch.found.drain(..)));
+        found.sort_unstable();
+        narrow_phase::tell(pairs, impacts, found, reach, output);
         output.times.reduce = reduction + lap();
     }
+}
+
+/// What the tasks' searches took since this was asked last.
+fn tally(tasks: &mut Scratches<Scratch>) -> Tally {
+    tasks.iter_mut().map(|scratch| std::mem::take(&mut scratch.tally)).fold(Tally::default(), |sum, more| Tally {
+        candidates: sum.candidates + more.candidates,
+        toi_tests: sum.toi_tests + more.toi_tests,
+        unresolved: sum.unresolved + more.unresolved,
+    })
 }
 
 /// The time of a stage in proportion to what its tasks have told of two parts of their work, which go on side by side.

@@ -104,6 +104,7 @@ fn gather_statics(
     mut refused: Local<Refused>,
 ) {
     let changed = modified(&mut events);
+    refused.0.retain(|entity| statics.contains(*entity));
     let (mut found, mut bodies) = (Vec::new(), Vec::new());
     for (name, obb, mesh, (detail, told), transform) in statics.iter().sort::<Entity>() {
         let entity = name.entity;
@@ -153,6 +154,7 @@ fn detect(
     step.input.bodies.clear();
     step.infos.clear();
     let before = std::mem::take(&mut *poses);
+    refused.0.retain(|entity| bodies.contains(*entity));
     for (name, mesh, detail, transform, ccd) in bodies.iter().sort::<Entity>() {
         let entity = name.entity;
         let Some(axis) = axes.get(&mesh.0) else { continue };

@@ -1,6 +1,6 @@
 //! The step of the pipeline around rapier's: poses before it, the motion that it has solved, and what comes of that.
 
-use std::{sync::Arc, time::Duration};
+use std::{ops::Range, sync::Arc, time::Duration};
 
 use bevy::{
     ecs::{
@@ -33,7 +33,7 @@ use super::{
 };
 use crate::{
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Groups, Manifold, Meeting, Pace, Solid, StaticBody, Statics, Stop},
+    pipeline::{Body, Groups, Meeting, Pace, Solid, StaticBody, Statics, Stop},
     plugin::{BodyInfo, MedialCcd, MedialSettings, MedialStep},
 };
 
@@ -363,13 +363,9 @@ pub(super) fn detect<Hooks>(
             stop_bodies(step, &astray, world, *dt, context);
         }
     }
-    let mut entries = Vec::new();
-    for (entity, _) in worlds {
-        if let Ok(context) = contexts.get(entity) {
-            entries.extend(table_entries(step, entity, context.colliders));
-        }
-    }
-    table.fill(entries);
+    let of_world = |entity| Some(table_entries(step, entity, contexts.get(entity).ok()?.colliders));
+    let pairs = worlds.iter().filter_map(|(entity, _)| of_world(*entity)).flatten();
+    table.fill(&step.output.manifolds, pairs);
     step.table_time = clock.elapsed();
 }
 
@@ -431,7 +427,7 @@ fn table_entries<'a>(
     step: &'a MedialStep,
     world: Entity,
     colliders: &'a RapierContextColliders,
-) -> impl Iterator<Item = (PairKey, Vec<Manifold>)> + 'a {
+) -> impl Iterator<Item = (PairKey, Range<usize>)> + 'a {
     let pairs = step.output.pairs.iter().filter(move |pair| step.context(pair.first) == world);
     pairs.filter_map(|pair| {
         let [shape1, shape2] = [pair.first, pair.second].map(|side| {
@@ -442,6 +438,6 @@ fn table_entries<'a>(
         let second = SecondKey::of(shape2?);
         let pose12 = step.final_pose12(pair);
         let key = PairKey::new(first.key, second, &pose12, pair.reach);
-        Some((key, step.output.manifolds[pair.manifolds.clone()].to_vec()))
+        Some((key, pair.manifolds.clone()))
     })
 }

@@ -6,6 +6,8 @@ use bevy_rapier3d::{
     rapier::dynamics::{RigidBodyHandle, RigidBodySet},
 };
 
+use crate::disjoint_sets::DisjointSets;
+
 /// Pairs of bodies that a joint keeps from colliding.
 pub(super) fn kept_apart(joints: &RapierContextJoints) -> Vec<[RigidBodyHandle; 2]> {
     let impulse = joints.impulse_joints.iter().filter(|(_, joint)| !joint.data.contacts_enabled);
@@ -29,23 +31,15 @@ pub(super) fn assemblies(
     joints: &RapierContextJoints,
     bodies: &RigidBodySet,
 ) -> HashMap<RigidBodyHandle, RigidBodyHandle> {
-    let mut parents: HashMap<RigidBodyHandle, RigidBodyHandle> = HashMap::new();
-    let is_dynamic = |body| bodies.get(body).is_some_and(|body| body.is_dynamic());
-    for (_, joint) in joints.impulse_joints.iter() {
-        let [a, b] = [joint.body1(), joint.body2()];
-        if is_dynamic(a) && is_dynamic(b) {
-            let roots = [a, b].map(|body| root(&parents, body));
-            parents.insert(roots[0], roots[1]);
-            parents.entry(roots[1]).or_insert(roots[1]);
-        }
+    let is_dynamic = |body: &RigidBodyHandle| bodies.get(*body).is_some_and(|body| body.is_dynamic());
+    let pairs = joints.impulse_joints.iter().map(|(_, joint)| [joint.body1(), joint.body2()]);
+    let pairs: Vec<_> = pairs.filter(|pair| pair.iter().all(is_dynamic)).collect();
+    let joined = pairs.as_flattened();
+    let numbers: HashMap<RigidBodyHandle, u32> = joined.iter().copied().zip(0..).collect();
+    let mut sets = DisjointSets::new(joined.len());
+    for pair in &pairs {
+        let [a, b] = pair.map(|body| numbers[&body]);
+        sets.join(a, b);
     }
-    parents.keys().map(|&body| (body, root(&parents, body))).collect()
-}
-
-fn root(parents: &HashMap<RigidBodyHandle, RigidBodyHandle>, body: RigidBodyHandle) -> RigidBodyHandle {
-    let mut root = body;
-    while let Some(&parent) = parents.get(&root).filter(|&&parent| parent != root) {
-        root = parent;
-    }
-    root
+    numbers.iter().map(|(&body, &number)| (body, joined[sets.find(number) as usize])).collect()
 }

@@ -1,4 +1,7 @@
-use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::{
+    ops::Range,
+    sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard},
+};
 
 use bevy::{platform::collections::HashMap, prelude::*};
 use bevy_rapier3d::parry::shape::Shape;
@@ -20,14 +23,16 @@ use crate::{
 pub struct ContactTable(#[reflect(ignore, clone)] Arc<RwLock<Entries>>);
 
 struct Entries {
-    manifolds: HashMap<PairKey, Vec<Manifold>>,
+    /// Of each pair a range of the manifolds.
+    pairs: HashMap<PairKey, Range<usize>>,
+    manifolds: Vec<Manifold>,
     paces: HashMap<SecondKey, Pace>,
     length_unit: f32,
 }
 
 impl Default for Entries {
     fn default() -> Self {
-        Self { manifolds: HashMap::new(), paces: HashMap::new(), length_unit: 1.0 }
+        Self { pairs: HashMap::new(), manifolds: Vec::new(), paces: HashMap::new(), length_unit: 1.0 }
     }
 }
 
@@ -77,15 +82,18 @@ impl ContactTable {
     }
 
     /// Replaces all entries.
-    pub(super) fn fill(&self, entries: Vec<(PairKey, Vec<Manifold>)>) {
+    pub(super) fn fill(&self, manifolds: &[Manifold], pairs: impl Iterator<Item = (PairKey, Range<usize>)>) {
         let mut table = self.write();
+        table.pairs.clear();
+        table.pairs.extend(pairs);
         table.manifolds.clear();
-        table.manifolds.extend(entries);
+        table.manifolds.extend_from_slice(manifolds);
     }
 
     /// The manifolds of a pair, if they are known for this very pose.
     pub(super) fn get(&self, key: &PairKey) -> Option<Vec<Manifold>> {
-        self.read().manifolds.get(key).cloned()
+        let table = self.read();
+        table.pairs.get(key).map(|range| table.manifolds[range.clone()].to_vec())
     }
 
     /// Sets the paces of all that moves in the step to come, and the length unit in metres. With another one nothing is known.
@@ -93,7 +101,7 @@ impl ContactTable {
         let mut table = self.write();
         table.paces = paces;
         if std::mem::replace(&mut table.length_unit, length_unit) != length_unit {
-            table.manifolds.clear();
+            table.pairs.clear();
         }
     }
 
@@ -122,7 +130,7 @@ impl ContactTable {
 
     /// Number of pairs.
     pub fn len(&self) -> usize {
-        self.read().manifolds.len()
+        self.read().pairs.len()
     }
 
     /// True if no pair is near another.

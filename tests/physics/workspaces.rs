@@ -3,7 +3,9 @@
 use allocation_counter::measure;
 use bevy::tasks::TaskPoolBuilder;
 use bevy_medial::{
-    pipeline::{Meeting, Statics, StepInput, StepOutput, Workspace, step},
+    geometry::{Pose3, Sweep},
+    medial_axis::MedialAxis,
+    pipeline::{Body, Meeting, Shape, Statics, StepInput, StepOutput, Workspace, step},
     plugin::MedialStep,
     scenes::Scene,
 };
@@ -56,4 +58,34 @@ fn a_step_finds_the_same_wherever_others_have_been_and_allocates_nothing() {
     assert!(impacts > 5000 && contacts > 10_000 && stops > 3000, "{total:?}");
     assert!(rounds[0] > 100, "{rounds:?}: nothing is counted");
     assert_eq!(rounds[1], 0);
+}
+
+/// Rings that move side by side, like coins in a roll, so far apart, in metres: bytes that a first step leaves, and the pairs of rings that are near each other.
+fn bytes_of(rings: usize, apart: f32) -> (f64, usize) {
+    let ring = Shape::new(MedialAxis::torus(0.2, 0.05, 12).unwrap());
+    let body = |index: usize| {
+        let [start, end] = [0.0, 0.1].map(|z| Pose3::from_translation(Vec3::new(0.0, index as f32 * apart, z)));
+        Body::new(ring.clone(), Sweep::between(start, end, Vec3::ZERO, Vec3::ZERO))
+    };
+    let input = StepInput { bodies: (0..rings).map(body).collect(), stop_at_impact: true, ..Default::default() };
+    let (mut workspace, mut output) = (Workspace::default(), StepOutput::default());
+    let pool = TaskPoolBuilder::new().num_threads(0).build();
+    let statics = Statics::default();
+    let counted = measure(|| workspace.step(&input, &statics, |_, _| Meeting::Stopping, &pool, &mut output));
+    assert!(output.pairs.is_empty(), "some touch");
+    (counted.bytes_current as f64, output.counts.body_pairs)
+}
+
+#[test]
+fn a_body_takes_half_a_kilobyte_and_a_near_pair_less() {
+    let more = |apart: f32| {
+        let [(less, _), (more, pairs)] = [1024, 4096].map(|rings| bytes_of(rings, apart));
+        ((more - less) / 3072.0, pairs)
+    };
+    let ((alone, none), (near, some)) = (more(1.0), more(0.4));
+    assert_eq!((none, some), (0, 4095));
+    let body = size_of::<Body>() as f64 + alone;
+    assert!(body > 300.0 && body <= 512.0, "{body} bytes of a body");
+    let pair = near - alone;
+    assert!(pair > 50.0 && pair <= 96.0, "{pair} bytes of a pair");
 }
