@@ -11,7 +11,8 @@
 //! - **stops**: what it adds to a step of the scene `dinosaur` that bodies stop at impacts, on one thread: the same steps with and without, in turns;
 //! - **view**: what an update takes beside physics, which stands still, with 1,000 bodies of the rain in touch: with the debug view off, with the shapes, with all
 //!   layers but the candidates, with all. On the CPU, without a renderer;
-//! - **memory**: bytes of a step's input for each body, what is kept from step to step beside what the last one tells, and allocations of a step then, as a counting allocator tells them.
+//! - **memory**: bytes of a step's input for each body, what is kept from step to step beside what the last one tells, and allocations of a step then, as a
+//!   counting allocator tells them.
 
 #[path = "common/activity.rs"]
 #[expect(dead_code, reason = "the median alone is asked for")]
@@ -94,10 +95,9 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         tell("rain: pairs in contact", count, pairs, "");
         tell("rain: collision of a pair", count, collision * 1e3 / pairs, "us");
         ends.push(((count as f64).ln(), collision.ln()));
-        if let Some((input, statics)) = &rain.last {
-            kept.push((count as f64, kept_by(input, statics, &one)));
-            tell("memory: kept, contacts aside", count, kept[kept.len() - 1].1 / 1e3, "kB");
-        }
+        let bytes = kept_by(&rain.last, &one);
+        tell("memory: kept, contacts aside", count, bytes / 1e3, "kB");
+        kept.push((count as f64, bytes));
         if !rain.recorded.is_empty() {
             recorded = rain.recorded;
         }
@@ -210,9 +210,10 @@ struct Step {
 struct Rain {
     /// From the first touches on.
     steps: Vec<Step>,
-    /// Some of the inputs, if they are to be recorded, and that of the last step.
+    /// Some of the inputs, if they are to be recorded.
     recorded: Vec<(StepInput, Statics)>,
-    last: Option<(StepInput, Statics)>,
+    /// The input of the last step.
+    last: (StepInput, Statics),
 }
 
 /// Of a shape of about 180 primitives.
@@ -253,7 +254,7 @@ fn rainy(deer: &Shape, count: usize) -> App {
 fn rain(deer: &Shape, count: usize, steps: usize, record: bool, pool: &TaskPool) -> Rain {
     let mut app = rainy(deer, count);
     let mut stepper = Stepper::default();
-    let mut rain = Rain { steps: Vec::new(), recorded: Vec::new(), last: None };
+    let (mut taken, mut recorded) = (Vec::new(), Vec::new());
     let progress = ProgressBar::new(steps as u64).with_message(format!("{count} bodies"));
     for number in 0..steps {
         app.update();
@@ -262,20 +263,19 @@ fn rain(deer: &Shape, count: usize, steps: usize, record: bool, pool: &TaskPool)
         let output = stepper.step(&step.input, &step.statics, pool);
         let contact_pairs = output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count();
         if contact_pairs * 2 >= count {
-            rain.steps.push(Step { collision: output.times.total(), contact_pairs });
+            taken.push(Step { collision: output.times.total(), contact_pairs });
             if record && number % 4 == 0 {
-                rain.recorded.push((step.input.clone(), step.statics.clone()));
+                recorded.push((step.input.clone(), step.statics.clone()));
             }
         }
     }
     progress.finish_and_clear();
     let step = app.world().resource::<MedialStep>();
-    rain.last = Some((step.input.clone(), step.statics.clone()));
-    rain
+    Rain { steps: taken, recorded, last: (step.input.clone(), step.statics.clone()) }
 }
 
 /// Bytes that are kept from a step to the next, but for what the step tells.
-fn kept_by(input: &StepInput, statics: &Statics, pool: &TaskPool) -> f64 {
+fn kept_by((input, statics): &(StepInput, Statics), pool: &TaskPool) -> f64 {
     let mut stepper = Stepper::default();
     let kept = measure(|| _ = stepper.step(input, statics, pool)).bytes_current;
     let StepOutput { stops, pairs, manifolds, .. } = &stepper.output;

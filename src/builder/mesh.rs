@@ -166,22 +166,28 @@ impl TriangleMesh {
     /// The triangles of each connected piece, pieces and triangles in ascending order. Triangles hang together if they share a vertex of
     /// the list: weld first.
     pub fn components(&self) -> Vec<Vec<u32>> {
-        let mut sets = DisjointSets::new(self.positions.len());
-        for &[a, b, c] in &self.triangles {
-            sets.join(a, b);
-            sets.join(a, c);
-        }
-        let mut number = HashMap::new();
-        let mut components: Vec<Vec<u32>> = Vec::new();
-        for (triangle, corners) in (0..).zip(&self.triangles) {
-            let at = *number.entry(sets.find(corners[0])).or_insert_with(|| {
-                components.push(Vec::new());
-                components.len() - 1
-            });
-            components[at].push(triangle);
+        let (pieces, count) = pieces(self.positions.len(), &self.triangles);
+        let mut components = vec![Vec::new(); count];
+        for (triangle, piece) in (0..).zip(pieces) {
+            components[piece as usize].push(triangle);
         }
         components
     }
+}
+
+/// The connected piece of each triangle, counted in the order of their first triangles, and how many there are.
+pub(super) fn pieces(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
+    let mut sets = DisjointSets::new(vertices);
+    for &[a, b, c] in triangles {
+        sets.join(a, b);
+        sets.join(a, c);
+    }
+    let mut numbers = HashMap::new();
+    let of_triangle = triangles.iter().map(|corners| {
+        let next = numbers.len() as u32;
+        *numbers.entry(sets.find(corners[0])).or_insert(next)
+    });
+    (of_triangle.collect(), numbers.len())
 }
 
 /// Triangles of three indices each; what is left over is no triangle.

@@ -4,8 +4,7 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::{BuildError, TriangleMesh, tree::TriangleTree};
-use crate::disjoint_sets::DisjointSets;
+use super::{BuildError, TriangleMesh, mesh::pieces, tree::TriangleTree};
 
 /// The proper triangles of a mesh, moved and scaled so that the diagonal of their bounding box is 1.
 pub(super) struct Solid {
@@ -111,20 +110,10 @@ fn parts(triangles: &[[DVec3; 3]]) -> (Vec<u32>, usize, Vec<[bool; 3]>) {
             })
         })
         .collect();
-    let mut sets = DisjointSets::new(vertices.len());
-    for t in &welded {
-        sets.join(t[0], t[1]);
-        sets.join(t[0], t[2]);
-    }
-    let mut numbers: HashMap<u32, u32> = HashMap::new();
-    let of_triangle = welded.iter().map(|t| {
-        let next = numbers.len() as u32;
-        *numbers.entry(sets.find(t[0])).or_insert(next)
-    });
-    let of_triangle = of_triangle.collect();
+    let (of_triangle, count) = pieces(vertices.len(), &welded);
     let edges = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[i, j]| [i.min(j), i.max(j)]);
     let mut uses: HashMap<[u32; 2], u32> = HashMap::with_capacity(welded.len() * 2);
     welded.iter().flat_map(|&t| edges(t)).for_each(|e| *uses.entry(e).or_default() += 1);
     let open = welded.iter().map(|&t| edges(t).map(|e| uses[&e] == 1)).collect();
-    (of_triangle, numbers.len(), open)
+    (of_triangle, count, open)
 }

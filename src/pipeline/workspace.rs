@@ -44,6 +44,16 @@ pub(super) struct Scratch {
     pub laps: [Duration; 2],
 }
 
+impl Scratch {
+    /// Forgets the bodies and pairs of a step, also of one that a panic has broken off.
+    fn forget(&mut self) {
+        self.boxes.clear();
+        self.reported.clear();
+        self.found.clear();
+        self.tally = Tally::default();
+    }
+}
+
 impl Workspace {
     /// Runs stages 2 to 5 of a step. The filter is asked once about each pair that the broad phase finds, in their order.
     ///
@@ -99,7 +109,7 @@ impl Workspace {
         pool: &TaskPool,
     ) {
         let Self { tasks, pairs, impacts, stop, found, .. } = self;
-        tasks.iter_mut().for_each(|scratch| scratch.boxes.clear());
+        tasks.iter_mut().for_each(Scratch::forget);
         let mut lap = laps();
         narrow_phase::impacts(input, statics, pairs, known, tasks, impacts, pool);
         [output.times.mid, output.times.narrow] = split(lap(), tasks);

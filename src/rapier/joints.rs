@@ -34,6 +34,7 @@ pub(super) fn assemblies(
     let is_dynamic = |body: &RigidBodyHandle| bodies.get(*body).is_some_and(|body| body.is_dynamic());
     let pairs = joints.impulse_joints.iter().map(|(_, joint)| [joint.body1(), joint.body2()]);
     let pairs: Vec<_> = pairs.filter(|pair| pair.iter().all(is_dynamic)).collect();
+    // Of a body that is there several times one place stands for all.
     let joined = pairs.as_flattened();
     let numbers: HashMap<RigidBodyHandle, u32> = joined.iter().copied().zip(0..).collect();
     let mut sets = DisjointSets::new(joined.len());
