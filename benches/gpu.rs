@@ -4,11 +4,11 @@
 //! cargo bench --bench gpu -- [--quick] [--out DIR]
 //! ```
 //!
-//! - the scenes: the inputs of a run's steps, culled again on the GPU and on the CPU (with all its threads); medians of the active steps;
+//! - the scenes: the inputs of a run's active steps, culled again on the GPU and on the CPU (with all its threads); medians;
 //! - the round trip of a call for two bodies, then 10 to 10,000 tori of 180 primitives in a heap, and from where on the GPU is faster;
 //! - times of impact of 2.1 million primitive pairs, the paper's brute force.
 //!
-//! The built program needs nothing but a graphics driver; a software one will do.
+//! Each is done for a second before it is measured, as idle devices run slower. The built program needs nothing but a graphics driver; a software one will do.
 
 #[path = "common/activity.rs"]
 mod activity;
@@ -73,6 +73,11 @@ const MODELS: [(&str, &[u8]); 10] =
 /// The passes, in order.
 const PASSES: [&str; 7] = ["place", "sort", "tree", "broad", "chords", "mid", "narrow"];
 
+/// For so long a thing is done before it is measured.
+const WARM_UP: Duration = Duration::from_secs(1);
+/// After so long no other step is begun.
+const PATIENCE: Duration = Duration::from_secs(10);
+
 /// What a step took; times in milliseconds.
 #[derive(Clone, Debug, Default, Serialize)]
 struct Row {
@@ -111,13 +116,13 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let models = models(args)?;
     let mut rows = Vec::new();
     for (name, steps) in [("rods", 600), ("dinosaur", 120), ("tori", 600), ("stairs", 600)] {
-        rows.extend(tell(&gpu, name, scene(&gpu, &models, name, if args.quick { 40 } else { steps })?));
+        rows.extend(measure(&gpu, name, &scene(&models, name, if args.quick { 40 } else { steps })?)?);
     }
     let heaps: &[usize] = if args.quick { &[2, 10, 100] } else { &[2, 10, 32, 100, 316, 1000, 3162, 10_000] };
     let mut crossover = None;
     for &bodies in heaps {
         let name = if bodies == 2 { "round trip".into() } else { format!("heap of {bodies}") };
-        let row = tell(&gpu, &name, heap_rows(&gpu, bodies)?);
+        let row = measure(&gpu, &name, &vec![heap(bodies); 5])?;
         if let Some(row) = &row {
             let from = crossover.filter(|_| row.call_ms < row.cpu_ms);
             crossover = from.or((row.call_ms < row.cpu_ms).then_some(row.primitive_pairs));
@@ -128,7 +133,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         Some(pairs) => println!("the GPU is faster in heaps from {pairs} primitive pairs on"),
         None => println!("the CPU is faster in the largest heap"),
     }
-    rows.extend(tell(&gpu, "brute force", vec![brute_force(&gpu, if args.quick { 20_000 } else { 2_100_000 })?]));
+    rows.push(brute_force(&gpu, if args.quick { 20_000 } else { 2_100_000 })?.told(&gpu, "brute force"));
     if let Some(folder) = &args.out {
         std::fs::create_dir_all(folder)?;
         tables::write(&folder.join("gpu.csv"), &tables::csv(&rows))?;
@@ -147,16 +152,18 @@ fn models(args: &Args) -> Result<Vec<Model>, Box<dyn std::error::Error>> {
     MODELS.into_iter().map(model).collect()
 }
 
+/// What a step is given.
+type Given = (StepInput, Statics);
+
 /// The active steps of a scene.
-fn scene(gpu: &GpuDevice, models: &[Model], name: &str, steps: usize) -> Result<Vec<Row>, Box<dyn std::error::Error>> {
+fn scene(models: &[Model], name: &str, steps: usize) -> Result<Vec<Given>, Box<dyn std::error::Error>> {
     let mut app = headless_app(1.0 / 60.0);
     Scene::by_name(name).ok_or("no such scene")?.spawn(app.world_mut(), models, 1);
-    let mut culling = GpuCulling::new(gpu, GpuCapacity::default())?;
-    let (mut rows, mut activities) = (Vec::new(), Vec::new());
+    let (mut given, mut activities) = (Vec::new(), Vec::new());
     for _ in 0..steps {
         app.update();
         let step = app.world().resource::<MedialStep>();
-        rows.push(Row::measure(&mut culling, &step.input, &step.statics)?);
+        given.push((step.input.clone(), step.statics.clone()));
         let row = app.world().resource::<Monitor>().rows.last();
         activities.push(Activity {
             contact_pairs: step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count(),
@@ -164,20 +171,7 @@ fn scene(gpu: &GpuDevice, models: &[Model], name: &str, steps: usize) -> Result<
         });
     }
     let active = active(&activities);
-    Ok(rows.into_iter().zip(active).filter(|(_, active)| *active).map(|(row, _)| row).collect())
-}
-
-/// Several calls for a heap.
-fn heap_rows(gpu: &GpuDevice, bodies: usize) -> Result<Vec<Row>, GpuError> {
-    let (input, statics) = heap(bodies);
-    let mut culling = GpuCulling::new(gpu, GpuCapacity::default())?;
-    // The first call makes room.
-    culling.cull(&input, &statics)?;
-    let (clock, mut rows) = (Instant::now(), Vec::new());
-    while rows.is_empty() || (rows.len() < 5 && clock.elapsed() < Duration::from_secs(10)) {
-        rows.push(Row::measure(&mut culling, &input, &statics)?);
-    }
-    Ok(rows)
+    Ok(given.into_iter().zip(active).filter(|(_, active)| *active).map(|(given, _)| given).collect())
 }
 
 fn milliseconds(time: Duration) -> f64 {
@@ -185,23 +179,35 @@ fn milliseconds(time: Duration) -> f64 {
 }
 
 impl Row {
-    fn measure(culling: &mut GpuCulling, input: &StepInput, statics: &Statics) -> Result<Self, GpuError> {
+    fn measure(culling: &mut GpuCulling, (input, statics): &Given) -> Result<Self, GpuError> {
         let clock = Instant::now();
         culling.cull(input, statics)?;
         let call_ms = milliseconds(clock.elapsed());
-        let cpu = step(input, statics, ComputeTaskPool::get_or_init(TaskPool::default));
-        let mut row = Self {
-            bodies: input.bodies.len(),
-            primitive_pairs: cpu.counts.primitive_pairs,
-            tested: culling.counts()[2] as usize,
-            call_ms,
-            cpu_ms: milliseconds(cpu.times.broad + cpu.times.mid),
-            ..default()
-        };
+        let mut row = Self { bodies: input.bodies.len(), tested: culling.counts()[2] as usize, call_ms, ..default() };
         for (place, (_, time)) in row.passes().into_iter().zip(culling.times()) {
             *place = milliseconds(*time);
         }
         Ok(row)
+    }
+
+    fn measure_cpu(&mut self, (input, statics): &Given) {
+        let cpu = step(input, statics, ComputeTaskPool::get_or_init(TaskPool::default));
+        self.primitive_pairs = cpu.counts.primitive_pairs;
+        self.cpu_ms = milliseconds(cpu.times.broad + cpu.times.mid);
+    }
+
+    /// Printed, with what is measured and on which device.
+    fn told(mut self, gpu: &GpuDevice, what: &str) -> Self {
+        (self.date, self.gpu, self.what) = (today::today(), gpu.name().into(), what.into());
+        if self.narrow_ms > 0.0 {
+            self.pairs_per_second = (self.tested as f64 * 1e3 / self.narrow_ms).round();
+        }
+        let passes = self.passes().map(|ms| format!("{ms:8.3}")).join(" ");
+        let Self { primitive_pairs, tested, call_ms, cpu_ms, pairs_per_second, .. } = self;
+        println!(
+            "{what:16} {primitive_pairs:11} {tested:9} | {passes} | {call_ms:9.3} {cpu_ms:9.3} {pairs_per_second:9.2e}"
+        );
+        self
     }
 
     /// Times of the passes, in order.
@@ -211,30 +217,35 @@ impl Row {
     }
 }
 
-/// The medians of some steps, printed.
-fn tell(gpu: &GpuDevice, what: &str, mut rows: Vec<Row>) -> Option<Row> {
+/// The medians of some steps, or of as many as there is time for.
+fn measure(gpu: &GpuDevice, what: &str, steps: &[Given]) -> Result<Option<Row>, GpuError> {
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default())?;
+    let clock = Instant::now();
+    for (input, statics) in steps.iter().cycle().take_while(|_| clock.elapsed() < WARM_UP) {
+        culling.cull(input, statics)?;
+    }
+    let (clock, mut rows) = (Instant::now(), Vec::new());
+    for step in steps.iter().take_while(|_| clock.elapsed() < PATIENCE) {
+        rows.push(Row::measure(&mut culling, step)?);
+    }
+    for (row, step) in rows.iter_mut().zip(steps) {
+        row.measure_cpu(step);
+    }
     let Some(mut row) = rows.first().cloned() else {
         println!("{what}: no step is active");
-        return None;
+        return Ok(None);
     };
-    (row.date, row.gpu, row.what) = (today::today(), gpu.name().into(), what.into());
     for pass in 0..PASSES.len() {
         *row.passes()[pass] = median(rows.iter_mut().map(|row| *row.passes()[pass]));
     }
     row.tested = median(rows.iter().map(|row| row.tested as f64)) as usize;
     row.call_ms = median(rows.iter().map(|row| row.call_ms));
     row.cpu_ms = median(rows.iter().map(|row| row.cpu_ms));
-    row.pairs_per_second = if row.narrow_ms > 0.0 { (row.tested as f64 * 1e3 / row.narrow_ms).round() } else { 0.0 };
-    let passes = row.passes().map(|ms| format!("{ms:8.3}")).join(" ");
-    let Row { primitive_pairs, tested, call_ms, cpu_ms, pairs_per_second, .. } = row;
-    println!(
-        "{what:16} {primitive_pairs:11} {tested:9} | {passes} | {call_ms:9.3} {cpu_ms:9.3} {pairs_per_second:9.2e}"
-    );
-    Some(row)
+    Ok(Some(row.told(gpu, what)))
 }
 
 /// Falling tori in layers on a ground, each near its neighbours.
-fn heap(bodies: usize) -> (StepInput, Statics) {
+fn heap(bodies: usize) -> Given {
     let axis = MedialAxis::torus(0.2, 0.05, 180).expect("it has proper radii");
     let side = (bodies as f32).cbrt().ceil() as usize;
     let body = |index: usize| {
@@ -264,17 +275,21 @@ fn brute_force(gpu: &GpuDevice, count: usize) -> Result<Row, GpuError> {
         }
     };
     const PART: usize = 1 << 17;
+    let pairs: Vec<_> = (0..count).map(|i| (cone(i, -3.0), cone(i + 7, 0.0))).collect();
+    let packed: Vec<MovingPair> = pairs.iter().map(|(first, second)| MovingPair::new(first, second)).collect();
+    let clock = Instant::now();
+    for part in packed.chunks(PART).cycle().take_while(|_| clock.elapsed() < WARM_UP) {
+        impacts.run(part)?;
+    }
     let mut row = Row { primitive_pairs: count, tested: count, ..default() };
-    for part in (0..count).step_by(PART) {
-        let pairs: Vec<_> = (part..count.min(part + PART)).map(|i| (cone(i, -3.0), cone(i + 7, 0.0))).collect();
-        let packed: Vec<MovingPair> = pairs.iter().map(|(first, second)| MovingPair::new(first, second)).collect();
+    for part in packed.chunks(PART) {
         let clock = Instant::now();
-        impacts.run(&packed)?;
+        impacts.run(part)?;
         row.call_ms += milliseconds(clock.elapsed());
         row.narrow_ms += milliseconds(impacts.time().unwrap_or_default());
-        let clock = Instant::now();
-        std::hint::black_box(times_of_impact(&pairs, 1.0));
-        row.cpu_ms += milliseconds(clock.elapsed());
     }
+    let clock = Instant::now();
+    std::hint::black_box(times_of_impact(&pairs, 1.0));
+    row.cpu_ms = milliseconds(clock.elapsed());
     Ok(row)
 }
