@@ -129,15 +129,15 @@ pub fn build(mesh: &TriangleMesh, options: &BuildOptions, progress: &Progress) -
     finest(&judge, mesh, options, progress)?.built(&solid)
 }
 
-/// So many spheres of a level for so many of the one before: about the root of a half.
-const STEP: [usize; 2] = [7, 10];
+/// So many spheres of a level for so many of the one before: about the fourth root of a half.
+const STEP: [usize; 2] = [17, 20];
 
 /// The numbers of spheres of a chain.
 fn chain(spheres: usize, least: usize) -> impl Iterator<Item = usize> {
     successors(Some(spheres), move |&before| (before > least).then(|| (before * STEP[0] / STEP[1]).max(least)))
 }
 
-/// A chain of medial meshes, each with 0.7 times as many spheres as the one before, or less, down to one sphere a component.
+/// A chain of medial meshes, each with 0.85 times as many spheres as the one before, or less, down to one sphere a component.
 ///
 /// `progress` is told of the chain as a whole.
 ///
