@@ -20,7 +20,7 @@ use crate::{
 /// Indices of a primitive of the first body and one of the second; of a part, which is one, 0.
 pub(super) type PrimitivePair = [u32; 2];
 
-/// Primitives of a pair that may meet, in ascending order.
+/// Primitives of a pair that may meet, in any order.
 pub(super) type Candidates = Vec<PrimitivePair>;
 
 /// Boxes that are placed for one look, of either side.
@@ -54,7 +54,6 @@ pub(super) fn candidates(
         Facing::Shape(shape2) => of_shapes(motion, shape2, boxes, reach, own, found),
         Facing::Part(part) => of_part(motion, part, boxes[0], reach, own, found),
     }
-    found.sort_unstable_by_key(|&[i, j]| u64::from(i) << u32::BITS | u64::from(j));
 }
 
 /// The primitives of a shape whose boxes, widened by `reach`, meet that of a part.
