@@ -8,7 +8,7 @@
 //! - the round trip of a call for two bodies, then 10 to 10,000 tori of 180 primitives in a heap, and from where on the GPU is faster;
 //! - times of impact of 2.1 million primitive pairs, the paper's brute force.
 //!
-//! Each is done for a second before it is measured, as idle devices run slower. The built program needs nothing but a graphics driver; a software one will do.
+//! Each is done for a second before it is measured, as a device that has been idle is slower. The built program needs nothing but a graphics driver; a software one will do.
 
 #[path = "common/activity.rs"]
 mod activity;
