@@ -118,6 +118,20 @@ fn each_component_is_one_shape() {
     assert_eq!(built(&boxes(4), &with(3)).unwrap_err(), BuildError::TooFewSpheres { components: 4, spheres: 3 });
 }
 
+#[test]
+fn nothing_bulges_out_of_a_hole() {
+    let mut mesh = boxes(1);
+    // One of its sides is the open one.
+    for side in 0..6 {
+        mesh.triangles.rotate_left(2);
+        let open = TriangleMesh { triangles: mesh.triangles[2..].to_vec(), ..mesh.clone() };
+        let axis = built(&open, &with(20)).unwrap().axis;
+        let error = measure(&mesh, &axis);
+        assert!(error.max() < 6.0, "side {side}: {error}");
+        assert!(measure(&open, &axis).max() > 20.0, "side {side} is not open");
+    }
+}
+
 /// Spheres of the levels of 20.
 const CHAIN_OF_20: [usize; 11] = [20, 17, 14, 11, 9, 7, 5, 4, 3, 2, 1];
 

@@ -45,7 +45,7 @@ impl Default for FitOptions {
     }
 }
 
-/// Medial meshes of a solid with their two-sided errors.
+/// Medial meshes of a solid with their two-sided errors, those to the mesh [with its holes closed](TriangleMesh::with_holes_closed).
 ///
 /// `progress` is told the part of the work that is done, from 0 to 1, and may break it off. It starts anew with each trial of an error.
 ///
@@ -64,7 +64,7 @@ pub fn fit(
     };
     let solid = Solid::new(mesh)?;
     let judge = Judge::new(&solid, options.seed);
-    let level = |built: Built| Level { error: measure(mesh, &built.axis), axis: built.axis };
+    let level = |built: Built| Level { error: measure(&solid.mesh, &built.axis), axis: built.axis };
     let share = |spheres: usize| if options.levels { finest_share(spheres) } else { 1.0 };
     let trial = |spheres: usize| -> Result<(Search, Level), BuildError> {
         let search = finest(&judge, mesh, &with(spheres), &between(progress, 0.0, share(spheres)))?;

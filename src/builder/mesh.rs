@@ -196,11 +196,12 @@ pub(super) fn list(indices: &[u32]) -> Vec<[u32; 3]> {
     indices.as_chunks().0.to_vec()
 }
 
-/// Triangles of a strip: each index makes one with the two before it, every other one the other way round.
+/// Triangles of a strip: each index makes one with the two before it, every other one the other way round. An index that comes twice only leads on.
 #[cfg(any(feature = "bevy_mesh", feature = "mesh_files"))]
 pub(super) fn strip(indices: &[u32]) -> Vec<[u32; 3]> {
     let turned = |(at, w): (usize, &[u32])| if at % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
-    indices.windows(3).enumerate().map(turned).collect()
+    let proper = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
+    indices.windows(3).enumerate().map(turned).filter(proper).collect()
 }
 
 #[cfg(test)]

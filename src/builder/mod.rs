@@ -5,7 +5,7 @@
 //!                     |
 //!                     +-- fit --> MedialLevels: medial meshes with their errors, finest first
 //!                     |    |
-//!                     |    +-- build: --solid--> checked, scaled, in a tree --some searches, judge--> the best --> Built
+//!                     |    +-- build: --solid--> checked, its holes closed, in a tree --some searches, judge--> the best --> Built
 //!                     |          search: --surface_samples--> points, normals, medial balls --clusters--> spheres
 //!                     |                  --connect--> edges, faces --refine--> spheres that fit --mend--> at their worst places, too
 //!          refine: merge --> exchange, rejoin --> descent, again and again
@@ -22,6 +22,7 @@ mod descent;
 mod envelope;
 mod exchange;
 mod fit;
+mod holes;
 mod hull;
 mod judge;
 mod levels;

@@ -101,7 +101,7 @@ impl MeshReport {
         let mut flaws: Vec<String> = [
             (
                 self.boundary_edges,
-                "boundary edges: the surface has holes or sheets; close them, or its inside is guessed",
+                "boundary edges: the surface has holes or sheets; holes are closed flat, close them if that is not their shape",
             ),
             (self.non_manifold_edges, "edges of more than two triangles: pieces touch or cross there; separate them"),
             (self.flipped_edges, "edges between triangles that face opposite ways: make normals consistent"),

@@ -6,8 +6,10 @@ use glam::DVec3;
 
 use super::{BuildError, TriangleMesh, mesh::pieces, tree::TriangleTree};
 
-/// The proper triangles of a mesh, moved and scaled so that the diagonal of their bounding box is 1.
+/// The proper triangles of a mesh and of the caps over its holes, moved and scaled so that the diagonal of their bounding box is 1.
 pub(super) struct Solid {
+    /// The mesh with its holes closed.
+    pub mesh: TriangleMesh,
     pub tree: TriangleTree,
     /// Part of each triangle, in the order of the tree.
     pub parts: Vec<u32>,
@@ -41,6 +43,7 @@ impl Solid {
         if mesh.triangles.is_empty() || diagonal <= 0.0 {
             return Err(BuildError::Empty);
         }
+        let mesh = mesh.with_holes_closed();
         let place = |i: u32| (mesh.positions[i as usize].as_dvec3() - origin) / diagonal;
         let proper: Vec<[u32; 3]> = mesh
             .triangles
@@ -57,7 +60,8 @@ impl Solid {
         }
         let source: Vec<[DVec3; 3]> = proper.iter().map(|t| t.map(place)).collect();
         let tree = TriangleTree::new(&source);
-        let (of_source, part_count, open_of_source) = parts(&source);
+        let (of_source, part_count) = pieces(mesh.positions.len(), &proper);
+        let open_of_source = open_edges(&proper);
         let open_edges = tree.order().iter().map(|&i| open_of_source[i as usize]).collect();
         let parts = tree.order().iter().map(|&i| of_source[i as usize]).collect();
         let mut seen = vec![false; mesh.positions.len()];
@@ -67,7 +71,7 @@ impl Solid {
             fresh.map(place).collect()
         };
         let vertices = tree.order().iter().map(first_seen).collect();
-        Ok(Self { parts, part_count, open_edges, vertices, tree, origin, diagonal })
+        Ok(Self { mesh, parts, part_count, open_edges, vertices, tree, origin, diagonal })
     }
 }
 
@@ -97,23 +101,10 @@ impl Solid {
     }
 }
 
-/// Connected component of each triangle, their number, and open edges; corners at the same place are one vertex.
-fn parts(triangles: &[[DVec3; 3]]) -> (Vec<u32>, usize, Vec<[bool; 3]>) {
-    let mut vertices: HashMap<[u64; 3], u32> = HashMap::new();
-    let welded: Vec<[u32; 3]> = triangles
-        .iter()
-        .map(|t| {
-            t.map(|p| {
-                let next = vertices.len() as u32;
-                // The sum turns a negative zero into a positive one.
-                *vertices.entry((p + DVec3::ZERO).to_array().map(f64::to_bits)).or_insert(next)
-            })
-        })
-        .collect();
-    let (of_triangle, count) = pieces(vertices.len(), &welded);
+/// Which edges of each triangle have no other triangle.
+fn open_edges(triangles: &[[u32; 3]]) -> Vec<[bool; 3]> {
     let edges = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[i, j]| [i.min(j), i.max(j)]);
-    let mut uses: HashMap<[u32; 2], u32> = HashMap::with_capacity(welded.len() * 2);
-    welded.iter().flat_map(|&t| edges(t)).for_each(|e| *uses.entry(e).or_default() += 1);
-    let open = welded.iter().map(|&t| edges(t).map(|e| uses[&e] == 1)).collect();
-    (of_triangle, count, open)
+    let mut uses: HashMap<[u32; 2], u32> = HashMap::with_capacity(triangles.len() * 2);
+    triangles.iter().flat_map(|&t| edges(t)).for_each(|e| *uses.entry(e).or_default() += 1);
+    triangles.iter().map(|&t| edges(t).map(|e| uses[&e] == 1)).collect()
 }

@@ -61,7 +61,7 @@ impl Prediction {
     }
 
     /// The pairs that may meet in a step, by what was found for all of them, and how many bodies had to be culled on the CPU for that; none if the
-    /// step is not one of them, or statics have changed.
+    /// step is not one of them, if it is longer, or if statics have changed.
     pub fn candidates(
         &self,
         found: &[Candidates],
@@ -72,7 +72,9 @@ impl Prediction {
         pool: &TaskPool,
     ) -> Option<(Vec<Candidates>, usize)> {
         let step = u32::try_from(number.checked_sub(self.after)?).ok()?;
-        let holds = statics.id() == self.statics.id() && input.prediction <= self.input.prediction;
+        let holds = statics.id() == self.statics.id()
+            && input.prediction <= self.input.prediction
+            && input.slide_way() <= self.input.slide_way();
         if !holds || !(1..=LOOK_AHEAD_STEPS).contains(&step) {
             return None;
         }

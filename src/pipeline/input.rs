@@ -348,7 +348,7 @@ impl StepInput {
     }
 
     /// How far a body may leave its way to slide on, in metres.
-    pub(super) fn slide_way(&self) -> f32 {
+    pub(crate) fn slide_way(&self) -> f32 {
         self.fall.max(SLIDE_WAY * self.prediction)
     }
 

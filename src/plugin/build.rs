@@ -31,7 +31,7 @@ use crate::{
 /// entity breaks the build off unless another entity waits for it; a `MedialMesh` that is there stays. [`MedialBuildStatus`] tells how it goes.
 ///
 /// The mesh must enclose a volume, and be in main memory while the build starts: `RenderAssetUsages::MAIN_WORLD`, which is part of the default.
-/// It should be closed: where it has holes, its inside is guessed.
+/// It should be closed: holes are [closed flat](TriangleMesh::with_holes_closed).
 ///
 /// ```no_run
 /// # use bevy::prelude::*;

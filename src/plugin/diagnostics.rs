@@ -115,7 +115,12 @@ pub(super) fn measure(
     entities: Query<&MedialLevel>,
     axes: Res<Assets<MedialAxis>>,
     mut diagnostics: Diagnostics,
+    mut last: Local<u64>,
 ) {
+    // While all is halted, or a frame passes between two steps, there is nothing new.
+    if std::mem::replace(&mut *last, step.number) == step.number {
+        return;
+    }
     let (times, counts) = (&step.output.times, &step.output.counts);
     let milliseconds = |duration: Duration| duration.as_secs_f64() * 1e3;
     for (path, time) in TIMES.iter().zip([times.broad, times.mid, times.narrow, times.stop, times.reduce]) {

@@ -66,19 +66,19 @@ impl DetailItem<'_, '_> {
 pub(crate) fn look_from_focuses(
     mut commands: Commands,
     focuses: Query<(Entity, &MedialFocus)>,
-    bodies: Query<(Entity, &GlobalTransform, Option<&Nearness>), (With<MedialMesh>, Without<StaticObb>)>,
+    bodies: Query<(Entity, &GlobalTransform, Option<&Nearness>, Has<StaticObb>), With<MedialMesh>>,
     hierarchy: TransformHelper,
 ) {
     // What is new has not been told its place yet.
     let place = |entity| hierarchy.compute_global_transform(entity).map_or(Vec3::ZERO, |place| place.translation());
     let focuses: Vec<(f32, Vec3)> = focuses.iter().map(|(entity, focus)| (focus.near, place(entity))).collect();
-    for (entity, known_place, known) in &bodies {
+    for (entity, known_place, known, is_static) in &bodies {
         let at = if known.is_some() { known_place.translation() } else { place(entity) };
         let nearness = focuses
             .iter()
             .map(|(near, from)| near / from.distance(at).max(*near))
             .fold(None, |best: Option<f32>, nearness| Some(best.map_or(nearness, |best| best.max(nearness))))
-            .filter(|nearness| *nearness > 0.0);
+            .filter(|nearness| *nearness > 0.0 && !is_static);
         match (nearness, known) {
             (Some(now), Some(Nearness(before))) if (now / before).max(before / now) < HYSTERESIS && now < 1.0 => {}
             (Some(now), known) if known.is_none_or(|known| known.0 != now) => {

@@ -123,7 +123,7 @@ pub struct MedialStep {
     workspace: Workspace,
     /// Number of the step. What the GPU looks ahead for counts by it, so a saved one must not come back.
     #[reflect(ignore)]
-    number: u64,
+    pub(super) number: u64,
     /// Entity and velocities of each body.
     #[reflect(ignore)]
     pub infos: Vec<BodyInfo>,

@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 use bevy::{
     ecs::{intern::Interned, name::NameOrEntityItem, schedule::ScheduleLabel},
     prelude::*,
+    transform::systems::{mark_dirty_trees, propagate_parent_transforms, sync_simple_transforms},
 };
 
 use super::{
@@ -24,6 +25,15 @@ pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
         (MedialSystems::Detect, MedialSystems::Report).chain().after(TransformSystems::Propagate),
     )
     .add_systems(schedule, (gather_statics, detect).chain().in_set(MedialSystems::Detect));
+    // Elsewhere nobody has told bodies yet where their transforms put them.
+    if schedule != PostUpdate.intern() {
+        app.add_systems(
+            schedule,
+            (mark_dirty_trees, propagate_parent_transforms, sync_simple_transforms)
+                .chain()
+                .in_set(TransformSystems::Propagate),
+        );
+    }
 }
 
 /// Where something is, and its scale; none of what cannot be computed with.
@@ -127,7 +137,8 @@ fn gather_statics(
     }
     let is_changed =
         |known: &Known| matches!(known.solid, KnownSolid::Medial { asset, .. } if changed.contains(&asset));
-    if found == *known && !found.iter().any(is_changed) {
+    // Who sets the resource anew has lost them.
+    if found == *known && step.static_infos.len() == found.len() && !found.iter().any(is_changed) {
         return;
     }
     step.static_infos = found.iter().map(|found| BodyInfo::at_rest(found.entity)).collect();
@@ -258,6 +269,30 @@ mod tests {
             let [hit] = started[..] else { panic!("{started:?}") };
             assert!((hit.touch.fraction - 0.45).abs() < 1e-3, "{hit:?}");
         }
+    }
+
+    #[test]
+    fn in_the_fixed_schedule_each_step_sees_its_own_part_of_the_way() {
+        let mut app = App::new();
+        let physics = MedialPhysicsPlugin { add_systems, ..default() }.in_fixed_schedule();
+        app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, DiagnosticsPlugin, physics))
+            .insert_resource(MedialSettings { backend: MedialBackend::Cpu, ..default() })
+            .insert_resource(Time::<Fixed>::from_hz(60.0))
+            // Two steps in each update.
+            .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(2.0 / 60.0)));
+        let ball = ball(&mut app, 0.0);
+        app.add_systems(
+            FixedUpdate,
+            move |mut transforms: Query<&mut Transform>, step: Res<MedialStep>, mut seen: Local<u32>| {
+                transforms.get_mut(ball).unwrap().translation.x += 1.0;
+                if let Some(info) = step.infos.first() {
+                    *seen += 1;
+                    assert!(*seen < 2 || (info.linear.x - 60.0).abs() < 1e-3, "step {seen}: {}", info.linear);
+                }
+            },
+        );
+        (0..8).for_each(|_| app.update());
+        assert!(app.world().get::<Transform>(ball).unwrap().translation.x > 10.0);
     }
 
     #[test]

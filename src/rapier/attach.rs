@@ -125,14 +125,21 @@ pub(super) fn detach_shape(
     }
 }
 
-/// The same for a box.
+/// Marks a body that is there for its box alone.
+#[derive(Component)]
+pub(super) struct BodyOfBox;
+
+/// The same for a box, and for the body that it was given.
 pub(super) fn detach_box(
     removed: On<Remove, StaticObb>,
     mut commands: Commands,
-    boxes: Query<(), Without<MedialMesh>>,
+    boxes: Query<(Option<&RigidBody>, Has<BodyOfBox>), Without<MedialMesh>>,
 ) {
-    if boxes.contains(removed.entity) {
-        commands.entity(removed.entity).try_remove::<Collider>();
+    let Ok((body, was_given)) = boxes.get(removed.entity) else { return };
+    let mut entity = commands.entity(removed.entity);
+    entity.try_remove::<(Collider, BodyOfBox)>();
+    if was_given && body == Some(&RigidBody::Fixed) {
+        entity.try_remove::<RigidBody>();
     }
 }
 
@@ -143,7 +150,8 @@ pub(super) fn attach_boxes(
     mut commands: Commands,
     boxes: Query<
         (Entity, Ref<StaticObb>, Has<RigidBody>, Option<&ColliderScale>),
-        (Or<(Changed<StaticObb>, Changed<GlobalTransform>)>, Without<MedialMesh>),
+        // What a parent does to a child rapier sees in this step, its transform in the next.
+        (Or<(Changed<StaticObb>, Changed<Transform>, Changed<GlobalTransform>, With<ChildOf>)>, Without<MedialMesh>),
     >,
     hierarchy: TransformHelper,
 ) {
@@ -153,7 +161,7 @@ pub(super) fn attach_boxes(
             let half = obb.half_extents;
             entity.try_insert(Collider::cuboid(half.x, half.y, half.z));
             if !has_body {
-                entity.try_insert(RigidBody::Fixed);
+                entity.try_insert((RigidBody::Fixed, BodyOfBox));
             }
         }
         let is_mirrored =

@@ -33,7 +33,7 @@ use super::{
 };
 use crate::{
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Groups, Meeting, Pace, Solid, StaticBody, Statics, Stop},
+    pipeline::{Body, Groups, Meeting, Pace, Reach, Solid, StaticBody, Statics, Stop},
     plugin::{BodyInfo, MedialCcd, MedialSettings, MedialStep},
 };
 
@@ -51,8 +51,9 @@ pub(super) struct Context {
 }
 
 impl ContextReadOnlyItem<'_, '_> {
-    fn length_unit(&self) -> f32 {
-        self.simulation.integration_parameters.length_unit
+    fn reach(&self) -> Reach {
+        let parameters = &self.simulation.integration_parameters;
+        Reach { prediction: parameters.prediction_distance(), length_unit: parameters.length_unit }
     }
 
     /// True if there is anything medial in it.
@@ -118,12 +119,14 @@ pub(super) fn snapshot(
     let clock = Instant::now();
     let snapshot = snapshot.as_mut();
     let mut paces = HashMap::new();
-    let mut length_unit = 0.0f32;
+    let mut reach = Reach { prediction: 0.0, length_unit: 0.0 };
     snapshot.starts.clear();
     snapshot.leads.clear();
     for context in contexts.iter().filter(|context| context.is_medial()) {
         snapshot.leads.insert(context.entity, context.lead.diff);
-        length_unit = length_unit.max(context.length_unit());
+        let Reach { prediction, length_unit } = context.reach();
+        reach.prediction = reach.prediction.max(prediction);
+        reach.length_unit = reach.length_unit.max(length_unit);
         let dt = to_come(&mode, &time);
         for (handle, collider) in context.colliders.colliders.iter() {
             let body = context.body(collider);
@@ -139,7 +142,7 @@ pub(super) fn snapshot(
             snapshot.starts.insert((context.entity, handle), start);
         }
     }
-    table.prepare(paces, length_unit);
+    table.prepare(paces, reach);
     snapshot.took = clock.elapsed();
 }
 
@@ -272,10 +275,11 @@ pub(super) fn detect<Hooks>(
         let running = running(&context);
         let dt = simulated(&context, &snapshot, &mode, &time);
         worlds.push((context.entity, dt));
-        let parameters = &context.simulation.integration_parameters;
-        step.input.prediction = step.input.prediction.max(parameters.prediction_distance());
-        step.input.length_unit = step.input.length_unit.max(context.length_unit());
-        step.input.allowed_overlap = step.input.allowed_overlap.max(parameters.allowed_linear_error());
+        let Reach { prediction, length_unit } = context.reach();
+        step.input.prediction = step.input.prediction.max(prediction);
+        step.input.length_unit = step.input.length_unit.max(length_unit);
+        let allowed_overlap = context.simulation.integration_parameters.allowed_linear_error();
+        step.input.allowed_overlap = step.input.allowed_overlap.max(allowed_overlap);
         step.input.fall = step.input.fall.max(context.configuration.gravity.length() * dt * dt);
         let owner = |body| owner(world, body);
         step.input.apart.extend(kept_apart(context.joints).into_iter().map(|pair| {
@@ -345,7 +349,8 @@ pub(super) fn detect<Hooks>(
     }
     step.worlds = worlds.iter().map(|(entity, _)| *entity).collect();
     step.dt = worlds.first().map_or(0.0, |(_, dt)| *dt);
-    if fixed != *known {
+    // Who sets the resource anew has lost them.
+    if fixed != *known || step.static_infos.len() != fixed.len() {
         set_statics(step, &fixed);
         *known = fixed;
     }

@@ -79,6 +79,11 @@ where
         let other = app.world().contains_resource::<Messages<CollisionEvent>>();
         assert!(!other, "RapierPhysicsPlugin has other hooks: name them by MedialPhysicsPlugin::with_hooks");
         app.add_plugins(RapierPhysicsPlugin::<Hooks>::default().in_schedule(schedule));
+    } else if !has_rapier(app, schedule) {
+        warn!(
+            "RapierPhysicsPlugin does not step in {schedule:?}, so that nothing would stop at an impact: \
+             give MedialPhysicsPlugin the same schedule, by in_schedule or in_fixed_schedule"
+        );
     }
     app.add_observer(attach::detach_shape)
         .add_observer(attach::detach_box)
@@ -121,6 +126,12 @@ where
                 .chain()
                 .in_set(MedialSystems::Detect),
         );
+}
+
+/// True if rapier steps in a schedule.
+fn has_rapier(app: &App, schedule: Interned<dyn ScheduleLabel>) -> bool {
+    let step = PhysicsSet::StepSimulation.intern();
+    app.get_schedule(schedule).is_some_and(|schedule| schedule.graph().system_sets.get_key(step).is_some())
 }
 
 /// Before a world has its first collider: later the pairs that rapier's broad phase knows already would be lost.

@@ -27,12 +27,15 @@ struct Entries {
     pairs: HashMap<PairKey, Range<usize>>,
     manifolds: Vec<Manifold>,
     paces: HashMap<SecondKey, Pace>,
+    /// In metres, of colliders without skins.
+    prediction: f32,
     length_unit: f32,
 }
 
 impl Default for Entries {
     fn default() -> Self {
-        Self { pairs: HashMap::new(), manifolds: Vec::new(), paces: HashMap::new(), length_unit: 1.0 }
+        let (pairs, manifolds, paces) = Default::default();
+        Self { pairs, manifolds, paces, prediction: f32::INFINITY, length_unit: 1.0 }
     }
 }
 
@@ -96,10 +99,11 @@ impl ContactTable {
         table.pairs.get(key).map(|range| table.manifolds[range.clone()].to_vec())
     }
 
-    /// Sets the paces of all that moves in the step to come, and the length unit in metres. With another one nothing is known.
-    pub(super) fn prepare(&self, paces: HashMap<SecondKey, Pace>, length_unit: f32) {
+    /// Sets the paces of all that moves in the step to come, and the prediction distance of the worlds. With another length unit nothing is known.
+    pub(super) fn prepare(&self, paces: HashMap<SecondKey, Pace>, Reach { prediction, length_unit }: Reach) {
         let mut table = self.write();
         table.paces = paces;
+        table.prediction = prediction;
         if std::mem::replace(&mut table.length_unit, length_unit) != length_unit {
             table.pairs.clear();
         }
@@ -120,12 +124,16 @@ impl ContactTable {
         self.read().paces.get(&key).copied().unwrap_or(Pace::REST)
     }
 
-    /// How far contacts of a pair are looked for, with rapier's prediction distance in metres.
+    /// How far contacts of a pair are looked for, with rapier's prediction distance in metres: what it has beyond that of the world are the skins of the
+    /// colliders, at whose distance they touch, however slow.
     pub(super) fn reach(&self, first: u64, second: SecondKey, prediction: f32) -> Reach {
         let table = self.read();
+        let skins = (prediction - table.prediction).max(0.0);
         let [pace1, pace2] =
             [SecondKey::Medial(first), second].map(|key| table.paces.get(&key).copied().unwrap_or(Pace::REST));
-        Reach { prediction, length_unit: table.length_unit }.of_pair(pace1.against(&pace2))
+        let bare = Reach { prediction: prediction.min(table.prediction), length_unit: table.length_unit };
+        let reach = bare.of_pair(pace1.against(&pace2));
+        Reach { prediction: reach.prediction + skins, ..reach }
     }
 
     /// Number of pairs.

@@ -104,6 +104,24 @@ fn measure_prints_a_row_for_each_medial_mesh() {
 }
 
 #[test]
+fn measure_closes_holes_if_told_to() {
+    let folder = Folder::new("holes");
+    // A pyramid without its base.
+    let open = folder
+        .file("open.obj", "v 1 0 1\nv -1 0 1\nv -1 0 -1\nv 1 0 -1\nv 0 2 0\nf 2 1 5\nf 3 2 5\nf 4 3 5\nf 1 4 5\n");
+    let ball = folder.file("ball.ma", "1 0 0\nv 0 0.6 0 0.6\n");
+    let greatest_back = |args: &[&str]| -> f32 {
+        let text = prints(args);
+        text.lines().last().unwrap().rsplit_once('|').unwrap().1.split_whitespace().next().unwrap().parse().unwrap()
+    };
+    let [as_it_is, closed] = [&["measure", &open, &ball][..], &["measure", "--close-holes", &open, &ball][..]];
+    // From the ball's lowest point to the sides, and from its highest one, in percent of the diagonal.
+    let [lowest, highest] = [2.0, 0.8].map(|above: f32| 100.0 * above / 5f32.sqrt() / 12f32.sqrt());
+    let (as_it_is, closed) = (greatest_back(as_it_is), greatest_back(closed));
+    assert!((as_it_is - lowest).abs() < 0.5 && (closed - highest).abs() < 0.5, "{as_it_is} {closed}");
+}
+
+#[test]
 fn info_describes_either_kind() {
     let folder = Folder::new("info");
     let text = prints(&["info", &format!("{MODELS}dinosaur.ma")]);

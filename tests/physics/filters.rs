@@ -6,7 +6,7 @@ use bevy::{ecs::system::SystemParam, prelude::*};
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
 use bevy_rapier3d::{prelude::*, rapier::geometry::SolverFlags};
 
-use crate::common::*;
+use crate::{common::*, log};
 
 const RADIUS: f32 = 0.2;
 
@@ -197,6 +197,24 @@ fn hooks_that_rapier_has_and_the_plugin_has_not_are_an_error() {
     let mut app = App::new();
     let rapier = RapierPhysicsPlugin::<Hooks>::default();
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, rapier, MedialPhysicsPlugin::default()));
+}
+
+#[test]
+fn another_schedule_than_rapiers_is_told_of() {
+    log::keep();
+    let told = |schedule: &str| {
+        log::lines("RapierPhysicsPlugin does not step in").iter().filter(|line| line.contains(schedule)).count()
+    };
+    let build = |rapier: RapierPhysicsPlugin<NoUserData>, medial: MedialPhysicsPlugin| {
+        App::new().add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, rapier, medial));
+    };
+    let (rapier, medial) = (RapierPhysicsPlugin::default, MedialPhysicsPlugin::default);
+    build(rapier(), medial());
+    build(rapier().in_fixed_schedule(), medial().in_fixed_schedule());
+    assert_eq!([told("PostUpdate"), told("FixedUpdate")], [0, 0]);
+    build(rapier().in_fixed_schedule(), medial());
+    build(rapier(), medial().in_fixed_schedule());
+    assert_eq!([told("PostUpdate"), told("FixedUpdate")], [1, 1]);
 }
 
 #[test]

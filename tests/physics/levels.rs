@@ -274,6 +274,11 @@ fn important_bodies_are_finer_and_far_ones_coarser() {
     check(&mut app, [12, 12, 6, 12, 12, 12, 24]);
     app.world_mut().get_mut::<Transform>(focus).unwrap().translation.x = 0.0;
     check(&mut app, [12, 24, 6, 12, 6, 6, 12]);
+    // What is made a static is seen from nowhere.
+    app.world_mut().entity_mut(bodies[5]).insert(StaticObb::default());
+    check(&mut app, [12, 24, 6, 12, 6, 12, 12]);
+    app.world_mut().entity_mut(bodies[5]).remove::<StaticObb>();
+    check(&mut app, [12, 24, 6, 12, 6, 6, 12]);
     app.world_mut().despawn(focus);
     check(&mut app, [12, 24, 6, 12, 12, 12, 24]);
 }

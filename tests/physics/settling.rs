@@ -4,7 +4,7 @@ use std::f32::consts::FRAC_PI_2;
 
 use bevy::prelude::*;
 use bevy_medial::{geometry::Sphere, medial_axis::MedialAxis, prelude::*, scenes::Monitor};
-use bevy_rapier3d::prelude::{Collider, Damping, RigidBody, Velocity};
+use bevy_rapier3d::prelude::{Collider, ContactSkin, Damping, RigidBody, Velocity};
 
 use crate::common::*;
 
@@ -245,6 +245,22 @@ fn a_ball_on_a_large_floor_rolls_as_rapiers_own_does() {
                 (way.x - expected.x).abs() < 0.05 && (way.y - expected.y).abs() < 1e-3,
                 "{half} {radius}: {way} {expected}"
             );
+        }
+    }
+}
+
+#[test]
+fn bodies_rest_on_their_skins() {
+    for kind in FLOORS {
+        for (own, floors) in [(0.01, 0.01), (0.03, 0.0), (0.0, 0.002)] {
+            let mut app = app();
+            let floor = spawn_floor(&mut app, kind);
+            app.world_mut().entity_mut(floor).insert(ContactSkin(floors));
+            let plate = MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.02).unwrap();
+            let body = spawn_body(&mut app, plate, Transform::from_xyz(0.0, 0.3, 0.0));
+            app.world_mut().entity_mut(body).insert(ContactSkin(own));
+            run(&mut app, 300);
+            assert_rests_at(&mut app, body, 0.1 + own + floors, &format!("skins of {own} and {floors} on {kind}"));
         }
     }
 }

@@ -35,6 +35,9 @@ enum Command {
         /// The medial meshes (.ma, or .medial with a row for each level).
         #[arg(required = true)]
         medial: Vec<PathBuf>,
+        /// Measure to the triangle mesh with flat caps over its holes, as `build` does.
+        #[arg(long)]
+        close_holes: bool,
     },
     /// Describes a medial mesh (.ma), levels of detail (.medial), or a triangle mesh and its flaws.
     Info {
@@ -54,7 +57,7 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Args::parse().command {
         Command::Build(args) => build::run(&args),
-        Command::Measure { mesh, medial } => measured(&mesh, &medial),
+        Command::Measure { mesh, medial, close_holes } => measured(&mesh, &medial, close_holes),
         Command::Info { file } => info::of(&file),
         Command::Clean { medial, output } => cleaned(&medial, &output),
     };
@@ -74,8 +77,11 @@ fn main() -> ExitCode {
 /// What to print, or why there is nothing.
 type Outcome = Result<String, String>;
 
-fn measured(mesh: &Path, medial: &[PathBuf]) -> Outcome {
-    let mesh = load_mesh(mesh)?;
+fn measured(mesh: &Path, medial: &[PathBuf], close_holes: bool) -> Outcome {
+    let mut mesh = load_mesh(mesh)?;
+    if close_holes {
+        mesh = mesh.with_holes_closed();
+    }
     let rows: Vec<_> = medial.iter().map(|path| read_axes(path)).collect::<Result<_, _>>()?;
     let rows: Vec<_> = rows.into_iter().flatten().collect();
     let width = rows.iter().map(|row| row.0.len()).max().unwrap_or(0).max("medial mesh".len());

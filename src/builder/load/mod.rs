@@ -28,7 +28,7 @@ pub enum MeshFormat {
     Gltf,
     /// STL, as text or binary.
     Stl,
-    /// PLY, as text or binary of either byte order: the elements `vertex` and `face`.
+    /// PLY, as text or binary of either byte order: the elements `vertex`, `face` and `tristrips`.
     Ply,
 }
 

@@ -5,7 +5,7 @@ use ply_rs_bw::{
 };
 
 use super::{FormatError, polygon::triangulate};
-use crate::builder::TriangleMesh;
+use crate::builder::{TriangleMesh, mesh::strip};
 
 /// Any element: what a vertex and what a face has.
 struct Element {
@@ -62,12 +62,12 @@ fn indices(property: Property) -> Option<Vec<i64>> {
     }
 }
 
-/// Reads the elements `vertex` (x, y, z) and `face` (`vertex_indices` or `vertex_index`) of all three encodings.
+/// Reads the elements `vertex` (x, y, z), `face` and `tristrips` (`vertex_indices` or `vertex_index`) of all three encodings.
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let parser = Parser::<Element>::new();
     let mut reader = Reader::new(bytes);
     let header = parser.read_header(&mut reader).map_err(damaged)?;
-    let (mut positions, mut faces) = (Vec::new(), Vec::new());
+    let (mut positions, mut faces, mut strips) = (Vec::new(), Vec::new(), Vec::new());
     for (name, definition) in &header.elements {
         let count = definition.count;
         // Without a property they would take time and memory, but no byte.
@@ -91,21 +91,32 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
                 }
             }
             "face" => faces = elements,
+            "tristrips" => strips = elements,
             _ => {}
         }
     }
-    let mut triangles = Vec::with_capacity(faces.len());
-    for (number, face) in faces.iter().enumerate() {
-        let damaged = |problem: String| FormatError::damaged(format!("face {number}"), problem);
+    let vertices = |what: &str, number: usize, corners: &[i64]| -> Result<Vec<u32>, FormatError> {
         let in_range =
             |&index: &i64| u32::try_from(index).ok().filter(|&i| (i as usize) < positions.len()).ok_or(index);
-        let corners = face.corners.iter().map(in_range).collect::<Result<Vec<u32>, i64>>();
-        let corners =
-            corners.map_err(|index| damaged(format!("there is no vertex {index} among {}", positions.len())))?;
+        corners.iter().map(in_range).collect::<Result<_, _>>().map_err(|index| {
+            let problem = format!("there is no vertex {index} among {}", positions.len());
+            FormatError::damaged(format!("{what} {number}"), problem)
+        })
+    };
+    let mut triangles = Vec::with_capacity(faces.len());
+    for (number, face) in faces.iter().enumerate() {
+        let corners = vertices("face", number, &face.corners)?;
         if corners.len() < 3 {
-            return Err(damaged(format!("it has {} corners in `vertex_indices`, not 3 or more", corners.len())));
+            let problem = format!("it has {} corners in `vertex_indices`, not 3 or more", corners.len());
+            return Err(FormatError::damaged(format!("face {number}"), problem));
         }
         triangulate(&corners, &positions, &mut triangles);
+    }
+    for (number, strips) in strips.iter().enumerate() {
+        // A negative index ends a strip.
+        for corners in strips.corners.split(|&index| index < 0) {
+            triangles.extend(strip(&vertices("strip", number, corners)?));
+        }
     }
     Ok(TriangleMesh::new(positions, triangles)?)
 }

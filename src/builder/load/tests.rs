@@ -315,6 +315,18 @@ fn ply_polygons_are_cut_and_errors_name_line_and_element() {
 }
 
 #[test]
+fn ply_strips_turn_to_and_fro_and_start_anew_at_negative_indices() {
+    let head = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+                element tristrips 1\nproperty list int int vertex_indices\nend_header\n\
+                0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 0 1\n";
+    let read = |strip: &str| parse(MeshFormat::Ply, format!("{head}{strip}\n").as_bytes());
+    assert_eq!(read("9 0 1 2 3 -1 0 2 1 4").unwrap().triangles, [[0, 1, 2], [2, 1, 3], [0, 2, 1], [1, 2, 4]]);
+    assert_eq!(read("6 0 1 2 2 3 4").unwrap().triangles, [[0, 1, 2], [3, 2, 4]], "a vertex that comes twice leads on");
+    assert_eq!(read("3 0 1 5").unwrap_err().to_string(), "strip 0: there is no vertex 5 among 5; export it again");
+    assert!(read("5 0 1 -1 2 3").unwrap_err().to_string().contains("the mesh has no triangles"));
+}
+
+#[test]
 fn gltf_nodes_place_their_meshes() {
     let json = gltf_json(&tetrahedron());
     let with_nodes = |nodes: &str| json.replace(r#""nodes": [{ "mesh": 0 }]"#, &format!(r#""nodes": [{nodes}]"#));
@@ -347,7 +359,8 @@ fn gltf_nodes_place_their_meshes() {
 fn gltf_modes_and_errors() {
     let json = gltf_json(&tetrahedron());
     let with_mode = |mode: u32| json.replace(r#""indices": 1 }"#, &format!(r#""indices": 1, "mode": {mode} }}"#));
-    for (mode, count) in [(4, 4), (5, 10), (6, 10)] {
+    // Of the strip, three triangles would have a corner twice.
+    for (mode, count) in [(4, 4), (5, 7), (6, 10)] {
         assert_eq!(parse(MeshFormat::Gltf, with_mode(mode).as_bytes()).unwrap().triangles.len(), count);
     }
     let lines = "mesh 0, primitive 0: it is drawn as Lines, not as triangles; remove it, or turn it into triangles";

@@ -10,7 +10,7 @@ mod wireframe;
 
 use bevy::prelude::*;
 
-use super::MedialStep;
+use super::{MedialStep, MedialSystems};
 
 /// Gizmos of medial bodies. All are off until the group is enabled in the `GizmoConfigStore`; each layer has a switch and a colour of its own.
 /// [`MedialGizmo`] says otherwise for single entities.
@@ -159,7 +159,8 @@ impl Plugin for MedialGizmosPlugin {
                         .before(TransformSystems::Propagate),
                     (stops::outline, step::ask_for_candidates, step::draw.run_if(is_enabled))
                         .run_if(resource_exists::<MedialStep>)
-                        .after(TransformSystems::Propagate),
+                        .after(TransformSystems::Propagate)
+                        .after(MedialSystems::Report),
                 ),
             );
     }

@@ -50,8 +50,9 @@ impl Lines {
     }
 }
 
-/// What is drawn of an entity, and by which of its children.
+/// What is drawn of an entity, and by which of its children. A clone of the entity gets its own.
 #[derive(Component, Clone, Copy)]
+#[component(clone_behavior = Ignore)]
 pub(super) struct Outlined {
     drawing: Drawing,
     outline: Entity,

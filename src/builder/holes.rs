@@ -1,0 +1,255 @@
+//! Closing holes: each of their rims gets a cap of least area.
+//!
+//! Where a surface is open, as scans are and the undersides of many models, nothing would stop a sphere from bulging out. But not every rim
+//! is that of a hole: patches that lie edge to edge without being joined have rims as well, and a cap over such a patch would cut into the
+//! solid. There the surface winds round one side of the cap wholly and round the other not at all, or round both alike; at a hole by half.
+
+use std::collections::{BTreeMap, HashMap};
+
+use glam::DVec3;
+
+use super::{TriangleMesh, tree::TriangleTree};
+
+/// Of a rim with more corners every other one is cut off until there are so few: a cap of least area takes time as their cube.
+const MOST_CORNERS: usize = 160;
+
+/// How often the surface winds round both sides of a cap over a hole, at least and at most.
+const WINDING: [f64; 2] = [0.15, 0.85];
+
+/// How far off a cap that is looked at, in roots of the area of a triangle, and as a part of the diagonal.
+const PROBE: [f64; 2] = [0.02, 2e-5];
+
+impl TriangleMesh {
+    /// The same surface, welded, with caps over its holes. What is no hole stays open: the rims of patches that are not joined to their neighbours.
+    #[must_use]
+    pub fn with_holes_closed(&self) -> Self {
+        let mut mesh = self.welded();
+        let rims = rims(&mesh.triangles);
+        if rims.is_empty() {
+            return mesh;
+        }
+        let (middle, diagonal) = (mesh.aabb().center().as_dvec3(), f64::from(mesh.diagonal()));
+        let places: Vec<DVec3> = mesh.positions.iter().map(|p| (p.as_dvec3() - middle) / diagonal).collect();
+        let corners = |triangle: &[u32; 3]| triangle.map(|i| places[i as usize]);
+        let tree = TriangleTree::new(&mesh.triangles.iter().map(corners).collect::<Vec<_>>());
+        let caps = rims.into_iter().map(|rim| cap(rim, &places));
+        let closing = caps.filter(|cap| is_over_a_hole(cap.iter().map(corners), &tree));
+        let caps: Vec<[u32; 3]> = closing.flatten().collect();
+        mesh.triangles.extend(caps);
+        mesh
+    }
+}
+
+/// Closed loops of the edges that an odd number of triangles share, each vertex once, against the sense of these triangles.
+fn rims(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
+    // By how much more triangles run along an edge from the lesser to the greater vertex than back, and how many there are.
+    let mut edges = HashMap::<[u32; 2], (i32, u32)>::with_capacity(2 * triangles.len());
+    for &[a, b, c] in triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]].into_iter().filter(|[from, to]| from != to) {
+            let edge = edges.entry([from.min(to), from.max(to)]).or_default();
+            *edge = (edge.0 + if from < to { 1 } else { -1 }, edge.1 + 1);
+        }
+    }
+    let sense = |from: u32, to: u32| edges[&[from.min(to), from.max(to)]].0 * if from < to { 1 } else { -1 };
+    // At each vertex ends an even number of such edges, as each triangle has two or none there: so whoever walks on comes back.
+    let mut open = BTreeMap::<u32, Vec<u32>>::new();
+    for (&[i, j], _) in edges.iter().filter(|(_, (_, count))| count % 2 == 1) {
+        open.entry(i).or_default().push(j);
+        open.entry(j).or_default().push(i);
+    }
+    open.values_mut().for_each(|ends| ends.sort_unstable());
+    let mut rims = vec![];
+    let mut path: Vec<u32> = vec![];
+    let mut place = HashMap::<u32, usize>::new();
+    loop {
+        if path.is_empty() {
+            let Some((&start, _)) = open.first_key_value() else { return rims };
+            path.push(start);
+            place.insert(start, 0);
+        }
+        let from = path[path.len() - 1];
+        let Some(to) = step(&mut open, from) else {
+            // Only where a walk began does it end.
+            path.clear();
+            place.clear();
+            continue;
+        };
+        let Some(&met) = place.get(&to) else {
+            place.insert(to, path.len());
+            path.push(to);
+            continue;
+        };
+        // A loop is cut off where the way meets itself.
+        let mut rim = path.split_off(met);
+        rim.iter().for_each(|vertex| _ = place.remove(vertex));
+        path.push(to);
+        place.insert(to, met);
+        let along: i32 = (0..rim.len()).map(|i| sense(rim[i], rim[(i + 1) % rim.len()])).sum();
+        if along > 0 {
+            rim.reverse();
+        }
+        rims.push(rim);
+    }
+}
+
+/// Takes the first edge that is left at a vertex; where it leads.
+fn step(open: &mut BTreeMap<u32, Vec<u32>>, from: u32) -> Option<u32> {
+    let to = *open.get(&from)?.first()?;
+    for [at, end] in [[from, to], [to, from]] {
+        if let Some(ends) = open.get_mut(&at) {
+            ends.retain(|&other| other != end);
+            if ends.is_empty() {
+                open.remove(&at);
+            }
+        }
+    }
+    Some(to)
+}
+
+/// The triangles of least area over a rim, in its sense.
+fn cap(mut rim: Vec<u32>, places: &[DVec3]) -> Vec<[u32; 3]> {
+    let mut triangles = vec![];
+    while rim.len() > MOST_CORNERS {
+        let corners = rim.len() / 2 * 2;
+        triangles.extend((1..corners).step_by(2).map(|i| [rim[i - 1], rim[i], rim[(i + 1) % rim.len()]]));
+        rim = rim.into_iter().step_by(2).collect();
+    }
+    // Of the rim from one corner to another, closed by a line: the least area, and the third corner of the triangle at that line.
+    let count = rim.len();
+    let mut best = vec![(0.0, 0); count * count];
+    for length in 2..count {
+        for from in 0..count - length {
+            let to = from + length;
+            let area = |apex: usize| {
+                let [a, b, c] = [from, apex, to].map(|i| places[rim[i] as usize]);
+                let sides = best[from * count + apex].0 + best[apex * count + to].0;
+                (sides + (b - a).cross(c - a).length(), apex)
+            };
+            let least = (from + 1..to).map(area).min_by(|a, b| a.0.total_cmp(&b.0));
+            best[from * count + to] = least.unwrap_or_default();
+        }
+    }
+    let mut waiting = vec![[0, count.saturating_sub(1)]];
+    while let Some([from, to]) = waiting.pop() {
+        if to >= from + 2 {
+            let apex = best[from * count + to].1;
+            triangles.push([from, apex, to].map(|i| rim[i]));
+            waiting.extend([[from, apex], [apex, to]]);
+        }
+    }
+    triangles
+}
+
+/// True if a cap lies where there is no surface: on both sides of it, the surface winds round by about a half.
+fn is_over_a_hole(cap: impl Iterator<Item = [DVec3; 3]>, tree: &TriangleTree) -> bool {
+    let (mut area, mut windings) = (0.0, [0.0; 2]);
+    for [a, b, c] in cap {
+        let normal = (b - a).cross(c - a);
+        let (middle, size) = ((a + b + c) / 3.0, normal.length());
+        let off = normal.normalize_or_zero() * (PROBE[0] * size.sqrt()).max(PROBE[1]);
+        area += size;
+        for (sum, side) in windings.iter_mut().zip([-off, off]) {
+            *sum += size * tree.winding(middle + side).abs();
+        }
+    }
+    let [least, most] = WINDING.map(|winding| winding * area);
+    windings.iter().all(|winding| (least..=most).contains(winding))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::builder::{MeshReport, mesh::tests::tetrahedron};
+
+    /// A bowl: the lower half of a sphere of radius 1, of so many strips of so many quads.
+    fn bowl(strips: u32, turns: u32) -> TriangleMesh {
+        let mut positions = vec![Vec3::NEG_Y];
+        for ring in 1..=strips {
+            let (radius, height) = (f32::from(ring as u16) / strips as f32 * std::f32::consts::FRAC_PI_2).sin_cos();
+            positions.extend((0..turns).map(|turn| {
+                let (z, x) = (turn as f32 / turns as f32 * std::f32::consts::TAU).sin_cos();
+                Vec3::new(radius * x, -height, radius * z)
+            }));
+        }
+        let at = |ring: u32, turn: u32| 1 + (ring - 1) * turns + turn % turns;
+        let mut triangles: Vec<[u32; 3]> = (0..turns).map(|turn| [0, at(1, turn), at(1, turn + 1)]).collect();
+        for ring in 1..strips {
+            for turn in 0..turns {
+                let [a, b, c, d] = [at(ring, turn), at(ring, turn + 1), at(ring + 1, turn), at(ring + 1, turn + 1)];
+                triangles.extend([[a, c, b], [b, c, d]]);
+            }
+        }
+        TriangleMesh::new(positions, triangles).unwrap()
+    }
+
+    #[test]
+    fn holes_get_flat_caps_whichever_way_the_surface_turns() {
+        for turns in [3, 24, 700] {
+            let mesh = bowl(6, turns);
+            let report = MeshReport::new(&mesh);
+            assert_eq!(report.boundary_edges, turns as usize);
+            for inwards in [false, true] {
+                let mut mesh = mesh.clone();
+                if inwards {
+                    mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+                }
+                let closed = MeshReport::new(&mesh.with_holes_closed());
+                assert!(closed.is_closed(), "{closed}");
+                assert_eq!(closed.triangles - report.triangles, turns as usize - 2);
+                let circle = f64::from(turns) / 2.0 * (std::f64::consts::TAU / f64::from(turns)).sin();
+                assert!((closed.area - report.area - circle).abs() < 1e-4, "{closed}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_cap_keeps_to_a_rim_that_turns_in() {
+        // An L, of which a fan from any corner but one, or from the middle, would leave a part and add others.
+        let rim = [[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]].map(|[x, y]| DVec3::new(x.into(), y.into(), 0.0));
+        for first in 0..6 {
+            let mut places = rim;
+            places.rotate_left(first);
+            let triangles = cap((0..6).collect(), &places);
+            let areas = triangles.iter().map(|t| {
+                let [a, b, c] = t.map(|i| places[i as usize]);
+                (b - a).cross(c - a).z * 0.5
+            });
+            let areas: Vec<f64> = areas.collect();
+            assert!(areas.len() == 4 && areas.iter().all(|&area| area > 0.0), "{areas:?}");
+            assert!((areas.iter().sum::<f64>() - 5.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn what_is_whole_or_only_not_joined_stays_as_it_is() {
+        let whole = tetrahedron();
+        assert_eq!(whole.with_holes_closed(), whole.welded());
+        // Faces that lie edge to edge but for a hair.
+        let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
+        for (i, triangle) in (0..).zip(&whole.triangles) {
+            mesh.positions.extend(whole.corners(*triangle).map(|p| p * (1.0 + 1e-4 * i as f32)));
+            mesh.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+        }
+        assert_eq!(MeshReport::new(&mesh).boundary_edges, 12);
+        assert_eq!(mesh.with_holes_closed(), mesh.welded());
+    }
+
+    #[test]
+    fn rims_that_touch_are_told_apart() {
+        // Two holes with a corner in common, and a third by itself, in a plate of four by four quads.
+        let at = |x: u32, y: u32| 5 * y + x;
+        let mut triangles = vec![];
+        for (x, y) in (0..4).flat_map(|x| (0..4).map(move |y| (x, y))) {
+            if ![(1, 1), (2, 2), (1, 3)].contains(&(x, y)) {
+                let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)];
+                triangles.extend([[a, b, c], [b, d, c]]);
+            }
+        }
+        let mut lengths: Vec<usize> = rims(&triangles).iter().map(Vec::len).collect();
+        lengths.sort_unstable();
+        // The outline goes round the third, which lies at it.
+        assert_eq!(lengths, [4, 4, 18]);
+    }
+}
