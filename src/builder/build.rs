@@ -9,6 +9,7 @@ use super::{
     judge::Judge,
     parallel,
     progress::{Progress, Shares, between},
+    refine::is_quick,
     search::Search,
     solid::Solid,
     surface_samples::Random,
@@ -113,7 +114,8 @@ const MOST_SEARCHES: usize = 3;
 
 /// How often a shape is sought if nothing is said, each time from other samples: which of many good shapes is found is chance.
 fn searches(triangles: usize, spheres: usize) -> usize {
-    (1 + triangles / TRIANGLES_PER_SEARCH / spheres).min(MOST_SEARCHES)
+    let least = if is_quick(triangles, spheres) { 2 } else { 1 };
+    (1 + triangles / TRIANGLES_PER_SEARCH / spheres).clamp(least, MOST_SEARCHES)
 }
 
 /// A medial mesh of a solid.

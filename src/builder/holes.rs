@@ -2,7 +2,8 @@
 //!
 //! Where a surface is open, as scans are and the undersides of many models, nothing would stop a sphere from bulging out. But not every rim
 //! is that of a hole: patches that lie edge to edge without being joined have rims as well, and a cap over such a patch would cut into the
-//! solid. There the surface winds round one side of the cap wholly and round the other not at all, or round both alike; at a hole by half.
+//! solid. Over a hole a surface winds round both sides of the cap by about a half, besides the times that it does as a part of other pieces
+//! that the hole is hidden in; over such a patch it winds round either side a whole number of times.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -13,8 +14,8 @@ use super::{TriangleMesh, tree::TriangleTree};
 /// Of a rim with more corners every other one is cut off until there are so few: a cap of least area takes time as their cube.
 const MOST_CORNERS: usize = 160;
 
-/// How often the surface winds round both sides of a cap over a hole, at least and at most.
-const WINDING: [f64; 2] = [0.15, 0.85];
+/// By how much the number of windings round both sides of a cap over a hole differs from a whole one, at least.
+const LEAST_FRACTION: f64 = 0.15;
 
 /// How far off a cap that is looked at, in roots of the area of a triangle, and as a part of the diagonal.
 const PROBE: [f64; 2] = [0.02, 2e-5];
@@ -31,12 +32,18 @@ impl TriangleMesh {
         let (middle, diagonal) = (mesh.aabb().center().as_dvec3(), f64::from(mesh.diagonal()));
         let places: Vec<DVec3> = mesh.positions.iter().map(|p| (p.as_dvec3() - middle) / diagonal).collect();
         let corners = |triangle: &[u32; 3]| triangle.map(|i| places[i as usize]);
-        let tree = TriangleTree::new(&mesh.triangles.iter().map(corners).collect::<Vec<_>>());
-        let caps = rims.into_iter().map(|rim| cap(rim, &places));
-        let closing = caps.filter(|cap| is_over_a_hole(cap.iter().map(corners), &tree));
-        let caps: Vec<[u32; 3]> = closing.flatten().collect();
-        mesh.triangles.extend(caps);
-        mesh
+        let mut caps: Vec<Vec<[u32; 3]>> = rims.into_iter().map(|rim| cap(rim, &places)).collect();
+        // The fewer holes there are, the more of the others are seen for what they are.
+        loop {
+            let tree = TriangleTree::new(&mesh.triangles.iter().map(corners).collect::<Vec<_>>());
+            let (closing, others): (Vec<_>, Vec<_>) =
+                caps.into_iter().partition(|cap| is_over_a_hole(cap.iter().map(corners), &tree));
+            if closing.is_empty() {
+                return mesh;
+            }
+            mesh.triangles.extend(closing.into_iter().flatten());
+            caps = others;
+        }
     }
 }
 
@@ -140,20 +147,20 @@ fn cap(mut rim: Vec<u32>, places: &[DVec3]) -> Vec<[u32; 3]> {
     triangles
 }
 
-/// True if a cap lies where there is no surface: on both sides of it, the surface winds round by about a half.
+/// True if a cap lies where there is no surface: round neither side of it the triangles wind a whole number of times.
 fn is_over_a_hole(cap: impl Iterator<Item = [DVec3; 3]>, tree: &TriangleTree) -> bool {
-    let (mut area, mut windings) = (0.0, [0.0; 2]);
+    let (mut area, mut fractions) = (0.0, [0.0; 2]);
     for [a, b, c] in cap {
         let normal = (b - a).cross(c - a);
         let (middle, size) = ((a + b + c) / 3.0, normal.length());
         let off = normal.normalize_or_zero() * (PROBE[0] * size.sqrt()).max(PROBE[1]);
         area += size;
-        for (sum, side) in windings.iter_mut().zip([-off, off]) {
-            *sum += size * tree.winding(middle + side).abs();
+        for (sum, side) in fractions.iter_mut().zip([-off, off]) {
+            let windings = tree.winding(middle + side);
+            *sum += size * (windings - windings.round()).abs();
         }
     }
-    let [least, most] = WINDING.map(|winding| winding * area);
-    windings.iter().all(|winding| (least..=most).contains(winding))
+    fractions.iter().all(|fraction| *fraction >= LEAST_FRACTION * area)
 }
 
 #[cfg(test)]
@@ -234,6 +241,20 @@ mod tests {
         }
         assert_eq!(MeshReport::new(&mesh).boundary_edges, 12);
         assert_eq!(mesh.with_holes_closed(), mesh.welded());
+    }
+
+    #[test]
+    fn a_hole_that_another_piece_hides_is_closed() {
+        // Bowls whose rims lie within a larger one, upside down, beside its own rim, and far away.
+        let (bowl, mut mesh) = (bowl(6, 12), bowl(6, 12));
+        for (size, at) in [(-0.3, Vec3::new(0.3, -0.6, 0.0)), (0.2, Vec3::new(0.9, 0.0, 0.0)), (0.5, Vec3::X * 9.0)] {
+            let first = mesh.positions.len() as u32;
+            mesh.positions.extend(bowl.positions.iter().map(|&p| p * size + at));
+            mesh.triangles.extend(bowl.triangles.iter().map(|t| t.map(|i| first + i)));
+        }
+        let (open, closed) = (MeshReport::new(&mesh), MeshReport::new(&mesh.with_holes_closed()));
+        assert_eq!((open.components, open.boundary_edges), (4, 48));
+        assert!(closed.boundary_edges == 0 && closed.triangles == open.triangles + 40, "{closed}");
     }
 
     #[test]

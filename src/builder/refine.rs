@@ -68,10 +68,10 @@ impl Plan {
     pub const MOST_ROUNDS: usize = 18;
 
     /// Rounds that the time allows which a mesh of this size may take.
-    pub fn rounds(triangles: usize) -> usize {
+    pub fn rounds(triangles: usize, spheres: usize) -> usize {
         const TRIANGLES_PER_ROUND: usize = 5000;
-        const LEAST_ROUNDS: usize = 3;
-        (2 + triangles / TRIANGLES_PER_ROUND).clamp(LEAST_ROUNDS, Self::MOST_ROUNDS)
+        let least = if is_quick(triangles, spheres) { 9 } else { 3 };
+        (2 + triangles / TRIANGLES_PER_ROUND).clamp(least, Self::MOST_ROUNDS)
     }
 
     pub fn limits(&self) -> Limits {
@@ -82,6 +82,12 @@ impl Plan {
     pub fn most_exchanged(&self) -> usize {
         self.spheres.div_ceil(6)
     }
+}
+
+/// True for few spheres for few triangles, as of low-poly models: to seek them more thoroughly takes no long time either.
+pub(super) fn is_quick(triangles: usize, spheres: usize) -> bool {
+    const QUICK: [usize; 2] = [5000, 60];
+    triangles <= QUICK[0] && spheres <= QUICK[1]
 }
 
 /// How much a sample outside of the envelope counts beside one within while spheres are sought: it stands for the way back as well, which is

@@ -1,6 +1,6 @@
 //! One search for a medial mesh: the stages from samples to spheres that fit.
 
-use std::sync::Arc;
+use std::{collections::BTreeSet, sync::Arc};
 
 use glam::DVec3;
 
@@ -64,6 +64,18 @@ pub(super) struct Search {
     pub verdict: Verdict,
 }
 
+/// How much of a solid is no limbs, from 0 to 1: the mean over the clusters of its components.
+fn body(parts: &[u32], touching: &BTreeSet<[u32; 2]>, part_count: usize) -> f64 {
+    let mut counts = vec![[0usize; 2]; part_count];
+    parts.iter().for_each(|&part| counts[part as usize][0] += 1);
+    touching.iter().for_each(|&[i, _]| counts[parts[i as usize] as usize][1] += 1);
+    let bodies = counts.iter().filter(|[clusters, _]| *clusters > 0).map(|&[clusters, pairs]| {
+        let cycles = pairs.saturating_sub(clusters) as f64 / clusters as f64;
+        clusters as f64 * ((cycles - CYCLES[0]) / (CYCLES[1] - CYCLES[0])).clamp(0.0, 1.0)
+    });
+    bodies.sum::<f64>() / parts.len() as f64
+}
+
 impl Search {
     /// Spheres to start with.
     pub fn new(
@@ -95,14 +107,12 @@ impl Search {
         }
         let mut complex = Complex { balls: clusters.balls, ..Complex::default() };
         let touching = connect::touching(&coarse, &clusters.labels);
-        let cycles = touching.len().saturating_sub(complex.balls.len()) as f64 / complex.balls.len() as f64;
-        let body = ((cycles - CYCLES[0]) / (CYCLES[1] - CYCLES[0])).clamp(0.0, 1.0);
-        let extra = (EXTRA * body * spheres as f64) as usize;
+        let extra = (EXTRA * body(&clusters.parts, &touching, solid.part_count) * spheres as f64) as usize;
         let plan = Plan {
             spheres,
             edges: options.edges.unwrap_or(spheres + extra),
             faces: options.faces.unwrap_or(extra),
-            rounds: Plan::rounds(triangles),
+            rounds: Plan::rounds(triangles, spheres),
             mends: mend::rounds(triangles, spheres),
             steps: 4,
             spacing: SPACING[0],

@@ -61,7 +61,7 @@ impl Solid {
         let source: Vec<[DVec3; 3]> = proper.iter().map(|t| t.map(place)).collect();
         let tree = TriangleTree::new(&source);
         let (of_source, part_count) = pieces(mesh.positions.len(), &proper);
-        let open_of_source = open_edges(&proper);
+        let open_of_source = open_edges(&mesh.triangles, &proper);
         let open_edges = tree.order().iter().map(|&i| open_of_source[i as usize]).collect();
         let parts = tree.order().iter().map(|&i| of_source[i as usize]).collect();
         let mut seen = vec![false; mesh.positions.len()];
@@ -101,10 +101,10 @@ impl Solid {
     }
 }
 
-/// Which edges of each triangle have no other triangle.
-fn open_edges(triangles: &[[u32; 3]]) -> Vec<[bool; 3]> {
+/// Which edges of some triangles are those of no other one of all: what has no area closes a hole that has none.
+fn open_edges(all: &[[u32; 3]], of: &[[u32; 3]]) -> Vec<[bool; 3]> {
     let edges = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[i, j]| [i.min(j), i.max(j)]);
-    let mut uses: HashMap<[u32; 2], u32> = HashMap::with_capacity(triangles.len() * 2);
-    triangles.iter().flat_map(|&t| edges(t)).for_each(|e| *uses.entry(e).or_default() += 1);
-    triangles.iter().map(|&t| edges(t).map(|e| uses[&e] == 1)).collect()
+    let mut uses: HashMap<[u32; 2], u32> = HashMap::with_capacity(all.len() * 2);
+    all.iter().flat_map(|&t| edges(t)).for_each(|e| *uses.entry(e).or_default() += 1);
+    of.iter().map(|&t| edges(t).map(|e| uses[&e] == 1)).collect()
 }

@@ -287,7 +287,7 @@ mod tests {
                 transforms.get_mut(ball).unwrap().translation.x += 1.0;
                 if let Some(info) = step.infos.first() {
                     *seen += 1;
-                    assert!(*seen < 2 || (info.linear.x - 60.0).abs() < 1e-3, "step {seen}: {}", info.linear);
+                    assert!(*seen < 2 || (info.linear.x - 60.0).abs() < 1e-3, "step {}: {}", *seen, info.linear);
                 }
             },
         );
