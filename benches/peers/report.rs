@@ -110,7 +110,8 @@ fn markdown(command: &str, peers: &[Row], culling: &[Culling]) -> String {
     if !culling.is_empty() {
         text += "\n## Culling\n\n\
             Each step's input with the hybrid culling and with another, all else the same, and the same results. The ratio is of the whole \
-            collision, over active steps and in brackets over all: above 1 the hybrid one is faster.\n\n\
+            collision, over active steps and in brackets over all: above 1 the hybrid one is faster. Over all steps the median may be one \
+            in which all sleep: microseconds of setting up, of which the trees take more, and no culling least.\n\n\
             | scene | beside | culling, hybrid | other | collision, hybrid | other | ratio | candidates, hybrid | other |\n\
             |---|---|---|---|---|---|---|---|---|\n";
         for Culling { scene, report } in culling {

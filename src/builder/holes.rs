@@ -9,19 +9,25 @@ use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 
-use super::{TriangleMesh, tree::TriangleTree};
+use super::{TriangleMesh, solid::is_flat, tree::TriangleTree};
 
 /// Of a rim with more corners every other one is cut off until there are so few: a cap of least area takes time as their cube.
 const MOST_CORNERS: usize = 160;
 
 /// By how much the number of windings round both sides of a cap over a hole differs from a whole one, at least.
-const LEAST_FRACTION: f64 = 0.15;
+const LEAST_FRACTION: f64 = 0.25;
+
+/// How often it is looked which of the rims are those of holes.
+const ROUNDS: usize = 8;
 
 /// How far off a cap that is looked at, in roots of the area of a triangle, and as a part of the diagonal.
 const PROBE: [f64; 2] = [0.02, 2e-5];
 
 impl TriangleMesh {
     /// The same surface, welded, with caps over its holes. What is no hole stays open: the rims of patches that are not joined to their neighbours.
+    ///
+    /// # Panics
+    /// If an index of the mesh is out of range.
     #[must_use]
     pub fn with_holes_closed(&self) -> Self {
         let mut mesh = self.welded();
@@ -34,16 +40,18 @@ impl TriangleMesh {
         let corners = |triangle: &[u32; 3]| triangle.map(|i| places[i as usize]);
         let mut caps: Vec<Vec<[u32; 3]>> = rims.into_iter().map(|rim| cap(rim, &places)).collect();
         // The fewer holes there are, the more of the others are seen for what they are.
-        loop {
-            let tree = TriangleTree::new(&mesh.triangles.iter().map(corners).collect::<Vec<_>>());
+        for _ in 0..ROUNDS {
+            let proper = mesh.triangles.iter().map(corners).filter(|triangle| !is_flat(triangle));
+            let tree = TriangleTree::new(&proper.collect::<Vec<_>>());
             let (closing, others): (Vec<_>, Vec<_>) =
                 caps.into_iter().partition(|cap| is_over_a_hole(cap.iter().map(corners), &tree));
             if closing.is_empty() {
-                return mesh;
+                break;
             }
             mesh.triangles.extend(closing.into_iter().flatten());
             caps = others;
         }
+        mesh
     }
 }
 

@@ -86,8 +86,9 @@ impl Plan {
 
 /// True for few spheres for few triangles, as of low-poly models: to seek them more thoroughly takes no long time either.
 pub(super) fn is_quick(triangles: usize, spheres: usize) -> bool {
-    const QUICK: [usize; 2] = [5000, 60];
-    triangles <= QUICK[0] && spheres <= QUICK[1]
+    const TRIANGLES: usize = 2000;
+    const SPHERES: usize = 60;
+    triangles < TRIANGLES && spheres <= SPHERES
 }
 
 /// How much a sample outside of the envelope counts beside one within while spheres are sought: it stands for the way back as well, which is

@@ -100,7 +100,7 @@ impl Search {
             (i % 2 == 0 && normal != DVec3::ZERO).then(|| medial_ball(solid, coarse.points.positions[i], normal))
         });
         report(0.1)?;
-        let at_first = (spheres as f64 * SURPLUS) as usize;
+        let at_first = ((spheres as f64 * SURPLUS) as usize).min(balls.iter().flatten().count());
         let clusters = clusters::cluster(&coarse, &balls, at_first, solid.part_count);
         if clusters.balls.is_empty() {
             return Err(BuildError::NoVolume);

@@ -23,8 +23,12 @@ pub(super) struct Solid {
     pub diagonal: f64,
 }
 
-/// Triangles whose height is less than this part of their longest side are left out.
-const FLAT: f64 = 1e-9;
+/// True for triangles whose height is next to nothing beside their longest side: they are left out.
+pub(super) fn is_flat([a, b, c]: &[DVec3; 3]) -> bool {
+    const FLAT: f64 = 1e-9;
+    let longest = a.distance_squared(*b).max(b.distance_squared(*c)).max(c.distance_squared(*a));
+    (b - a).cross(c - a).length() <= FLAT * longest
+}
 
 impl Solid {
     pub fn new(mesh: &TriangleMesh) -> Result<Self, BuildError> {
@@ -45,16 +49,8 @@ impl Solid {
         }
         let mesh = mesh.with_holes_closed();
         let place = |i: u32| (mesh.positions[i as usize].as_dvec3() - origin) / diagonal;
-        let proper: Vec<[u32; 3]> = mesh
-            .triangles
-            .iter()
-            .copied()
-            .filter(|t| {
-                let [a, b, c] = t.map(place);
-                let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
-                (b - a).cross(c - a).length() > FLAT * longest
-            })
-            .collect();
+        let proper: Vec<[u32; 3]> =
+            mesh.triangles.iter().copied().filter(|triangle| !is_flat(&triangle.map(place))).collect();
         if proper.is_empty() {
             return Err(BuildError::Empty);
         }

@@ -175,11 +175,12 @@ fn build_fits_what_was_asked_for() {
     assert!(levels.len() >= 5 && printed.lines().count() == levels.len(), "{printed}");
     assert!(levels[0].error.max() < levels[1].error.max() && levels.last().unwrap().axis.spheres().len() == 1);
 
-    assert!(!prints(&["build", &mesh, "-o", &by_error, "--max-error", "2"]).contains("warning"));
+    let errors = |args: &[&str]| String::from_utf8(medial(args).stderr).unwrap();
+    assert!(!errors(&["build", &mesh, "-o", &by_error, "--max-error", "2"]).contains("warning"));
     let (spheres, found) = error(&by_error);
     assert!(found <= 2.0 && spheres < 64, "{spheres} spheres, {found} %");
     let few = ["build", &mesh, "-o", &by_error, "--max-error", "2", "--spheres", "4"];
-    assert!(prints(&few).contains("warning: the error is more than 2 %"));
+    assert!(errors(&few).contains("warning: ") && errors(&few).contains("torus.obj: the error is more than 2 %"));
 }
 
 #[test]
@@ -203,22 +204,28 @@ fn errors_are_one_line_and_a_code() {
     let bad_axis = folder.file("bad.ma", "1 0 0\nv 0 0 0 -1\n");
     let good_mesh = folder.file("good.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let bear = format!("{MODELS}bear.ma");
-    let cases: [(&[&str], &str); 10] = [
+    let itself = fs::read(&good_mesh).unwrap();
+    let cases: [(&[&str], &str); 14] = [
         (&["info", "no such.ma"], "no such.ma: cannot be read"),
         (&["info", "no such.obj"], "no such.obj: cannot be read"),
         (&["info", &bad_mesh], "bad.obj: line 2: there is no vertex 2"),
         (&["info", &bad_axis], "bad.ma: line 2: the radius is `-1`"),
         (&["measure", &good_mesh, &bad_axis], "bad.ma: line 2"),
         (&["measure", &bear, &bear], "the extension is not .obj"),
-        (&["clean", &bear, "-o", "/no such folder/out.ma"], "out.ma: cannot be written"),
+        (&["clean", &bear, "-o", "/no such folder/out.ma"], "/no such folder: there is no such folder"),
         (&["build", &bad_mesh, "-o", "out.ma"], "bad.obj: line 2"),
         (&["build", &good_mesh, "-o", "out.medial"], "out.medial: it is the finest level that is written there"),
+        (&["build", &good_mesh, "-o", &good_mesh], "good.obj: that is the name of a triangle mesh; name it "),
+        (&["build", &good_mesh, "-o", MODELS], "it is a folder; name a file in it"),
+        (&["clean", &bear, "-o", "out.medial"], "out.medial: it is the finest level that is written there"),
+        (&["clean", "bear.medial", "-o", "out.ma"], "bear.medial: levels of detail are clean already"),
         (&["build", &good_mesh, "-o", "/no such folder/out.ma"], "/no such folder: there is no such folder"),
     ];
     for (args, expected) in cases {
         let errors = fails(args, 1);
         assert!(errors.contains(expected) && errors.lines().count() == 1, "{args:?}: {errors}");
     }
+    assert_eq!(fs::read(&good_mesh).unwrap(), itself);
     // What is wrong with the mesh is told first: it may be the reason.
     let output = medial(&["build", &good_mesh, "-o", folder.0.join("out.ma").to_str().unwrap()]);
     let errors = String::from_utf8(output.stderr).unwrap();

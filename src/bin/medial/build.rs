@@ -3,7 +3,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use bevy_medial::builder::{DEFAULT_SEED, FitOptions, Level, MeshReport, fit};
+use bevy_medial::builder::{DEFAULT_SEED, FitOptions, Level, MeshReport, fit, load::MeshFormat};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Outcome, info, load_mesh, write_axis};
@@ -37,8 +37,8 @@ fn percent(text: &str) -> Result<f32, String> {
     value.ok_or_else(|| "not a positive number".into())
 }
 
-/// What would be in vain is told before the work.
-fn check_output(output: &Path) -> Result<(), String> {
+/// What would be in vain, or lose a mesh, is told before the work.
+pub fn check_output(output: &Path) -> Result<(), String> {
     if info::has_levels(output) {
         let text = output.with_extension("ma");
         return Err(format!(
@@ -46,6 +46,13 @@ fn check_output(output: &Path) -> Result<(), String> {
             output.display(),
             text.display()
         ));
+    }
+    if output.is_dir() {
+        return Err(format!("{}: it is a folder; name a file in it", output.display()));
+    }
+    if MeshFormat::of(output).is_some() {
+        let named = output.with_extension("ma");
+        return Err(format!("{}: that is the name of a triangle mesh; name it {}", output.display(), named.display()));
     }
     match output.parent() {
         Some(folder) if folder != Path::new("") && !folder.is_dir() => {
@@ -85,7 +92,7 @@ pub fn run(args: &Args) -> Outcome {
     }
     if let Some(finest) = chain.levels.first() {
         if let Some(asked) = args.max_error.filter(|asked| finest.error.max() > *asked) {
-            text += &format!("warning: the error is more than {asked} %; allow more spheres\n");
+            eprintln!("warning: {}: the error is more than {asked} %; allow more spheres", args.mesh.display());
         }
         write_axis(&args.output, &finest.axis)?;
     }

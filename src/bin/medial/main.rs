@@ -101,6 +101,10 @@ fn measured(mesh: &Path, medial: &[PathBuf], close_holes: bool) -> Outcome {
 }
 
 fn cleaned(medial: &Path, output: &Path) -> Outcome {
+    build::check_output(output)?;
+    if info::has_levels(medial) {
+        return Err(at(medial, "levels of detail are clean already; it is .ma files that are cleaned"));
+    }
     let (axis, report) = read_file(medial)?.into_medial_axis().map_err(|error| at(medial, error))?;
     write_axis(output, &axis)?;
     Ok(format!("{}: {report}\n", output.display()))

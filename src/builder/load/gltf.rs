@@ -22,7 +22,7 @@ use crate::builder::{
 const GLB_HEADER: u32 = 12;
 
 /// Extensions with names that begin so are of no matter to the shape.
-const COLOURS: [&str; 3] = ["KHR_materials_", "KHR_texture_", "KHR_lights_"];
+const COLOURS: [&str; 5] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"];
 
 /// Reads all meshes of the default scene, or of the first one if there is no default, placed by their nodes.
 pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatError> {

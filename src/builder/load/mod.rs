@@ -92,7 +92,14 @@ impl FormatError {
 
 impl From<MeshError> for FormatError {
     fn from(error: MeshError) -> Self {
-        Self::new("the mesh", error.to_string(), "repair it in a modelling program and export it again")
+        let remedy = match error {
+            MeshError::TooLarge { .. } => "reduce it first",
+            MeshError::NotFinite { .. } => "move or scale it, and export it again",
+            _ => "repair it in a modelling program and export it again",
+        };
+        let message = error.to_string();
+        let (problem, _) = message.split_once("; ").unwrap_or((&message, ""));
+        Self::new("the mesh", problem, remedy)
     }
 }
 

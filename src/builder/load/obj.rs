@@ -13,8 +13,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     while let Some((line, content)) = lines.next() {
         // Names may be in any encoding; what is read is ASCII.
         joined.push_str(String::from_utf8_lossy(content).trim_end());
-        if joined.ends_with('\\') {
+        if joined.ends_with('\\') && !joined.trim_start().starts_with('#') {
             joined.pop();
+            joined.push(' ');
             if lines.peek().is_some() {
                 continue;
             }

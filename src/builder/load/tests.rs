@@ -268,6 +268,8 @@ fn obj_records_and_errors() {
     assert_eq!(triangles("f -4/1 -3/2/3 -2//1\r\n"), [[0, 1, 2]]);
     assert_eq!(triangles("f 1 2 \\\n 3\nl 1 2\n# \u{e9}"), [[0, 1, 2]]);
     assert_eq!(triangles("f 1 2 3 \\"), [[0, 1, 2]], "a last line that promises another");
+    assert_eq!(triangles("f 1 2\\\n3 4"), [[0, 1, 2], [0, 2, 3]], "numbers of two lines are not one");
+    assert_eq!(triangles("# c:\\\nf 1 2 3"), [[0, 1, 2]], "a comment ends with its line");
     assert_eq!(parse(MeshFormat::Obj, format!("\u{feff}{head}f 1 2 3").as_bytes()).unwrap().positions.len(), 3);
     assert_eq!(parse(MeshFormat::Obj, format!("f 1 2 3\n{head}").as_bytes()).unwrap().triangles, [[0, 1, 2]]);
     for (faces, expected) in [
@@ -396,6 +398,12 @@ fn gltf_modes_and_errors() {
     assert!(error(MeshFormat::Gltf, &device).contains("its URI is no relative path: `/dev/zero`"));
     let needing = |name: &str| json.replacen('{', &format!("{{ \"extensionsRequired\": [\"{name}\"],"), 1);
     assert!(parse(MeshFormat::Gltf, needing("KHR_materials_unlit").as_bytes()).is_ok());
+    let webp = needing("EXT_texture_webp").replacen(
+        '{',
+        r#"{ "textures": [{ "extensions": { "EXT_texture_webp": { "source": 0 } } }], "images": [{ "uri": "a.webp" }],"#,
+        1,
+    );
+    parse(MeshFormat::Gltf, webp.as_bytes()).unwrap();
     let needed = error(MeshFormat::Gltf, &needing("KHR_draco_mesh_compression"));
     assert!(needed.contains("KHR_draco_mesh_compression; export it without quantization, compression"), "{needed}");
 
