@@ -5,7 +5,7 @@
 //!                     |
 //!                     +-- fit --> MedialLevels: medial meshes with their errors, finest first
 //!                     |    |
-//!                     |    +-- build: --solid--> checked, its holes closed, in a tree --some searches, judge--> the best --> Built
+//!                     |    +-- build: --solid--> checked, closed, turned, in a tree --some searches, judge--> the best --> Built
 //!                     |          search: --surface_samples--> points, normals, medial balls --clusters--> spheres
 //!                     |                  --connect--> edges, faces --refine--> spheres that fit --mend--> at their worst places, too
 //!          refine: merge --> exchange, rejoin --> descent, again and again
@@ -33,6 +33,7 @@ mod mend;
 mod merge;
 mod mesh;
 mod normal_equations;
+mod orient;
 mod parallel;
 mod points;
 mod progress;

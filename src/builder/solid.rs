@@ -4,11 +4,11 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::{BuildError, TriangleMesh, mesh::pieces, tree::TriangleTree};
+use super::{BuildError, TriangleMesh, mesh::pieces, orient::oriented, tree::TriangleTree};
 
 /// The proper triangles of a mesh and of the caps over its holes, moved and scaled so that the diagonal of their bounding box is 1.
 pub(super) struct Solid {
-    /// The mesh with its holes closed.
+    /// The mesh with its holes closed, and its pieces turned the same way.
     pub mesh: TriangleMesh,
     pub tree: TriangleTree,
     /// Part of each triangle, in the order of the tree.
@@ -47,7 +47,7 @@ impl Solid {
         if mesh.triangles.is_empty() || diagonal <= 0.0 {
             return Err(BuildError::Empty);
         }
-        let mesh = mesh.with_holes_closed();
+        let mesh = oriented(mesh.with_holes_closed());
         let place = |i: u32| (mesh.positions[i as usize].as_dvec3() - origin) / diagonal;
         let proper: Vec<[u32; 3]> =
             mesh.triangles.iter().copied().filter(|triangle| !is_flat(&triangle.map(place))).collect();

@@ -1,4 +1,4 @@
-//! Plain shapes and motions: no ECS, no allocation.
+//! Plain shapes and motions: no ECS.
 //!
 //! A medial primitive is the convex hull of one to three [`Sphere`]s:
 //!

@@ -45,8 +45,7 @@ struct SweptSphere {
 }
 
 impl SweptSphere {
-    /// The sphere around all that the body can reach by turning about its centre of mass, which moves on a line.
-    /// For a body that hardly turns, the tighter bounding sphere with its centre's chord, and the sagitta as margin.
+    /// The bounding sphere on the chord of its centre, with the sagitta as margin: twice the arm at most, however far the body turns.
     fn new(body: &Body, margin: f32) -> Self {
         let bound = body.solid.bounding_sphere();
         let arm = bound.center.distance(body.sweep.local_center);
@@ -224,20 +223,36 @@ impl Widening {
     }
 
     /// Takes in the pairs that have been found; true if bodies go farther than was known, and so may be in more pairs.
-    pub fn widen(&mut self, input: &StepInput, pairs: impl Iterator<Item = [Side; 2]>) -> bool {
+    pub fn widen(&mut self, input: &StepInput, pairs: impl Iterator<Item = [Side; 2]> + Clone) -> bool {
         let mut wider = false;
-        for sides in pairs.filter(|_| input.stop_at_impact) {
-            let [Some(a), Some(b)] = sides.map(|side| side.body().map(|body| body as usize)) else { continue };
-            for (body, other) in [(a, b), (b, a)] {
-                let farther = self.carries[other] - self.carries[body];
-                if farther > 0.0 && input.bodies[body].stops {
-                    self.carries[body] += farther;
-                    self.carried[body] += farther;
-                    wider = true;
+        loop {
+            let mut more = false;
+            for sides in pairs.clone().filter(|_| input.stop_at_impact) {
+                let [Some(a), Some(b)] = sides.map(|side| side.body().map(|body| body as usize)) else { continue };
+                for (body, other) in [(a, b), (b, a)].into_iter().filter(|(body, _)| input.bodies[*body].stops) {
+                    let farther = self.carries[other] + self.beyond(input, body, other) - self.carries[body];
+                    if farther > 0.0 {
+                        self.carries[body] += farther;
+                        self.carried[body] += farther;
+                        more = true;
+                    }
                 }
             }
+            if !more {
+                return wider;
+            }
+            wider = true;
         }
-        wider
+    }
+
+    /// By how much farther than what a body touches of a pusher its own points go as that one turns, in metres.
+    fn beyond(&self, input: &StepInput, body: usize, pusher: usize) -> f32 {
+        let [body, Body { stops, sweep, .. }] = [body, pusher].map(|i| &input.bodies[i]);
+        if *stops || self.carries[pusher] == 0.0 {
+            return 0.0;
+        }
+        // No chord of a turn is longer than twice the arm.
+        sweep.rotation.length().min(2.0) * 2.0 * body.solid.bounding_sphere().radius
     }
 }
 
@@ -345,4 +360,48 @@ pub(super) fn primitive_pairs(input: &StepInput, statics: &Statics) -> usize {
     let squares: usize = input.bodies.iter().map(|body| body.solid.medial().map_or(0, Shape::len).pow(2)).sum();
     let others = all - medial;
     (medial * medial - squares) / 2 + medial * (others + still) + others * still_medial
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Quat;
+
+    use super::*;
+    use crate::{
+        geometry::{Obb, Pose3, Sweep},
+        medial_axis::MedialAxis,
+        pipeline::{Impact, Shape, StaticBody, step},
+    };
+
+    /// The end of a bat that turns by half a radian is beside a large ball, which it carries farther than it goes itself.
+    #[test]
+    fn a_ball_that_is_carried_beyond_the_end_of_a_bat_stops_at_a_wall_there() {
+        const RADIUS: f32 = 0.5;
+        let body = |axis: MedialAxis, sweep: Sweep, stops: bool| Body {
+            stops,
+            ..Body::new(Shape { axis, scale: 1.0 }, sweep)
+        };
+        let center = Vec3::new(0.855, 0.0, -0.41);
+        let bat = MedialAxis::capsule(Vec3::X * -0.5, Vec3::X * 0.5, 0.03).unwrap();
+        let turning = Sweep::at_rates(Pose3::IDENTITY, Vec3::ZERO, Vec3::ZERO, Vec3::Y * 0.5);
+        let ball = MedialAxis::sphere(RADIUS).unwrap();
+        let bodies = vec![body(bat, turning, false), body(ball, Sweep::at_rest(Pose3::from_translation(center)), true)];
+        let input = StepInput { bodies, prediction: 0.02, stop_at_impact: true, ..Default::default() };
+        let run = |walls: Vec<StaticBody>| step(&input, &Statics::new(walls), &TaskPool::new());
+        let end = |output: &crate::pipeline::StepOutput| {
+            output.stops.iter().find(|stop| stop.body == 1).expect("the bat misses").pose.translation
+        };
+        let way = end(&run(vec![])) - center;
+        let reach = input.bodies[0].sweep.reach(0.53);
+        assert!(way.length() > reach + 0.05, "it is carried by {way}, the bat reaches {reach}");
+        let across = way.normalize();
+        let pose = Pose3::from_parts(
+            center + across * (RADIUS + 0.5 * (way.length() + reach)),
+            Quat::from_rotation_arc(Vec3::X, across),
+        );
+        let output = run(vec![StaticBody::solid_box(Obb { pose, half_extents: Vec3::new(0.005, 2.0, 2.0) })]);
+        let gap = (pose.translation - end(&output)).dot(across) - RADIUS;
+        let hits: Vec<Impact> = output.pairs.iter().filter_map(|pair| pair.impact).collect();
+        assert!(gap > -0.01, "it goes {gap} m into the wall: {hits:?}");
+    }
 }

@@ -101,8 +101,9 @@ pub fn manifolds(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Int
     manifolds
 }
 
-/// Adds all contacts of a pair.
+/// All contacts of a pair, in place of those that are there.
 pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Into<Reach>, contacts: &mut Vec<Contact>) {
+    contacts.clear();
     find_with(shape1, second, pose12, reach.into(), contacts, &mut Buffers::default());
 }
 

@@ -51,7 +51,8 @@ impl Islands {
             flags.clear();
             flags.resize(input.bodies.len(), false);
         }
-        let several = assemblies.iter().filter(|members| members.len() > 1);
+        let stopping = |members: &[(u64, u32)]| members.iter().any(|&(_, body)| input.is_stopping(body));
+        let several = assemblies.iter().filter(|members| members.len() > 1 && stopping(members));
         several.flatten().for_each(|&(_, body)| joined[body as usize] = true);
         // A kinematic body stops with what it is joined to.
         let stops = |body: u32| input.is_stopping(body) || joined[body as usize];

@@ -44,6 +44,8 @@ impl Reach {
     /// what is slow, that far and a little more. One of a few distances, so that it is the same still when velocities change a little.
     pub fn of_pair(self, way: f32) -> Self {
         let Self { prediction, length_unit } = self;
+        // Halves of what is infinite would be no less.
+        let prediction = prediction.min(f32::MAX);
         let trust = (prediction / way).min(1.0);
         let [trusted, needed] = [prediction * trust * trust, way + REST_REACH * prediction];
         let least = prediction.min(TOUCH_DISTANCE * length_unit);
@@ -74,6 +76,7 @@ mod tests {
         assert_eq!(reach(f32::NAN), 0.02);
         for way in [0.0, 1.0, f32::INFINITY, f32::NAN] {
             assert_eq!(Reach::from(0.0).of_pair(way).prediction, 0.0);
+            assert!(Reach::from(f32::INFINITY).of_pair(way).prediction >= 1.0e-3);
         }
         // In another length unit all is in proportion.
         let large = Reach { prediction: 2.0, length_unit: 100.0 };

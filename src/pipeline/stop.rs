@@ -498,6 +498,12 @@ fn slides(
 ) -> ArrayVec<(u32, Vec3), 2> {
     let mut ways = [Vec3::ZERO; 2];
     let mut slides = ArrayVec::new();
+    // What is joined would leave its way together, and be no farther apart.
+    let [assembly1, assembly2] =
+        [pair.first, pair.second].map(|side| side.body().and_then(|body| input.bodies[body as usize].assembly));
+    if assembly1.is_some() && assembly1 == assembly2 {
+        return slides;
+    }
     for ((side, way), into) in [pair.first, pair.second].into_iter().zip(&mut ways).zip([impact.normal, -impact.normal])
     {
         let Some(body) = side.body() else { continue };
