@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 
-use super::{TriangleMesh, solid::is_flat, tree::TriangleTree};
+use super::{TriangleMesh, mesh::edge_uses, solid::tree_of, tree::TriangleTree};
 
 /// Of a rim with more corners every other one is cut off until there are so few: a cap of least area takes time as their cube.
 const MOST_CORNERS: usize = 160;
@@ -35,14 +35,12 @@ impl TriangleMesh {
         if rims.is_empty() {
             return mesh;
         }
-        let (middle, diagonal) = (mesh.aabb().center().as_dvec3(), f64::from(mesh.diagonal()));
-        let places: Vec<DVec3> = mesh.positions.iter().map(|p| (p.as_dvec3() - middle) / diagonal).collect();
+        let places = mesh.unit_places();
         let corners = |triangle: &[u32; 3]| triangle.map(|i| places[i as usize]);
         let mut caps: Vec<Vec<[u32; 3]>> = rims.into_iter().map(|rim| cap(rim, &places)).collect();
         // The fewer holes there are, the more of the others are seen for what they are.
         for _ in 0..ROUNDS {
-            let proper = mesh.triangles.iter().map(corners).filter(|triangle| !is_flat(triangle));
-            let tree = TriangleTree::new(&proper.collect::<Vec<_>>());
+            let tree = tree_of(mesh.triangles.iter().map(corners));
             let (closing, others): (Vec<_>, Vec<_>) =
                 caps.into_iter().partition(|cap| is_over_a_hole(cap.iter().map(corners), &tree));
             if closing.is_empty() {
@@ -57,18 +55,15 @@ impl TriangleMesh {
 
 /// Closed loops of the edges that an odd number of triangles share, each vertex once, against the sense of these triangles.
 fn rims(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
-    // By how much more triangles run along an edge from the lesser to the greater vertex than back, and how many there are.
-    let mut edges = HashMap::<[u32; 2], (i32, u32)>::with_capacity(2 * triangles.len());
-    for &[a, b, c] in triangles {
-        for [from, to] in [[a, b], [b, c], [c, a]].into_iter().filter(|[from, to]| from != to) {
-            let edge = edges.entry([from.min(to), from.max(to)]).or_default();
-            *edge = (edge.0 + if from < to { 1 } else { -1 }, edge.1 + 1);
-        }
-    }
-    let sense = |from: u32, to: u32| edges[&[from.min(to), from.max(to)]].0 * if from < to { 1 } else { -1 };
+    let uses = edge_uses(triangles);
+    // By how much more triangles run that way than back.
+    let sense = |from: u32, to: u32| {
+        let [along, back] = uses[&[from.min(to), from.max(to)]].map(i64::from);
+        if from < to { along - back } else { back - along }
+    };
     // At each vertex ends an even number of such edges, as each triangle has two or none there: so whoever walks on comes back.
     let mut open = BTreeMap::<u32, Vec<u32>>::new();
-    for (&[i, j], _) in edges.iter().filter(|(_, (_, count))| count % 2 == 1) {
+    for &[i, j] in uses.iter().filter(|(_, [along, back])| (along + back) % 2 == 1).map(|(edge, _)| edge) {
         open.entry(i).or_default().push(j);
         open.entry(j).or_default().push(i);
     }
@@ -99,7 +94,7 @@ fn rims(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
         rim.iter().for_each(|vertex| _ = place.remove(vertex));
         path.push(to);
         place.insert(to, met);
-        let along: i32 = (0..rim.len()).map(|i| sense(rim[i], rim[(i + 1) % rim.len()])).sum();
+        let along: i64 = (0..rim.len()).map(|i| sense(rim[i], rim[(i + 1) % rim.len()])).sum();
         if along > 0 {
             rim.reverse();
         }

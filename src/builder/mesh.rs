@@ -1,6 +1,6 @@
 use std::collections::HashMap;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use thiserror::Error;
 
 use crate::{disjoint_sets::DisjointSets, geometry::Aabb, medial_axis::MAX_EXTENT};
@@ -144,6 +144,12 @@ impl TriangleMesh {
         min.as_dvec3().distance(max.as_dvec3()) as f32
     }
 
+    /// The vertices, with the middle of the box at the origin and its diagonal as the unit.
+    pub(super) fn unit_places(&self) -> Vec<DVec3> {
+        let (middle, diagonal) = (self.aabb().center().as_dvec3(), f64::from(self.diagonal()));
+        self.positions.iter().map(|p| (p.as_dvec3() - middle) / diagonal).collect()
+    }
+
     /// The same triangles with one vertex at each place, and none that no triangle uses, in the order of first use.
     #[must_use]
     pub fn welded(&self) -> Self {
@@ -173,6 +179,24 @@ impl TriangleMesh {
         }
         components
     }
+}
+
+/// For each edge, the lesser vertex first, how many triangles run along it from the lesser to the greater one, and how many back. A triangle that repeats a
+/// vertex has one edge, there and back.
+pub(super) fn edge_uses(triangles: &[[u32; 3]]) -> HashMap<[u32; 2], [u32; 2]> {
+    let mut uses = HashMap::<[u32; 2], [u32; 2]>::with_capacity(2 * triangles.len());
+    for &[a, b, c] in triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]].into_iter().filter(|[from, to]| from != to) {
+            uses.entry([from.min(to), from.max(to)]).or_default()[usize::from(from > to)] += 1;
+        }
+    }
+    uses
+}
+
+/// True for triangles whose height is less than a part of their longest side.
+pub(super) fn is_flat([a, b, c]: &[DVec3; 3], part: f64) -> bool {
+    let longest = a.distance_squared(*b).max(b.distance_squared(*c)).max(c.distance_squared(*a));
+    (b - a).cross(c - a).length() <= part * longest
 }
 
 /// The connected piece of each triangle, counted in the order of their first triangles, and how many there are.

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{TriangleMesh, mesh::pieces, solid::is_flat, tree::TriangleTree};
+use super::{TriangleMesh, mesh::pieces, solid::tree_of};
 
 /// Volumes of less than this part of the cube of the diagonal have no sign but for rounding.
 const LEAST_VOLUME: f64 = 1e-9;
@@ -10,8 +10,7 @@ const LEAST_VOLUME: f64 = 1e-9;
 /// Turns the pieces of a welded mesh that face the other way than the whole, but for cavities: those lie within other pieces.
 pub(super) fn oriented(mut mesh: TriangleMesh) -> TriangleMesh {
     let (piece_of, count) = pieces(mesh.positions.len(), &mesh.triangles);
-    let (middle, diagonal) = (mesh.aabb().center().as_dvec3(), f64::from(mesh.diagonal()));
-    let places: Vec<DVec3> = mesh.positions.iter().map(|p| (p.as_dvec3() - middle) / diagonal).collect();
+    let places = mesh.unit_places();
     let corners: Vec<[DVec3; 3]> = mesh.triangles.iter().map(|t| t.map(|i| places[i as usize])).collect();
     let mut volumes = vec![0.0; count];
     for (&piece, [a, b, c]) in piece_of.iter().zip(&corners) {
@@ -24,8 +23,7 @@ pub(super) fn oriented(mut mesh: TriangleMesh) -> TriangleMesh {
     }
     // Of each of these how often the others wind round it, times its area, and that area.
     let mut around = vec![[0.0; 2]; count];
-    let proper: Vec<[DVec3; 3]> = corners.iter().copied().filter(|triangle| !is_flat(triangle)).collect();
-    let tree = TriangleTree::new(&proper);
+    let tree = tree_of(corners.iter().copied());
     for (&piece, [a, b, c]) in piece_of.iter().zip(&corners).filter(|(piece, _)| turned[**piece as usize]) {
         const OFF: f64 = 1e-4;
         let normal = (b - a).cross(c - a);

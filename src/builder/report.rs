@@ -1,11 +1,9 @@
-use std::{
-    collections::{HashMap, HashSet},
-    fmt,
+use std::{collections::HashSet, fmt};
+
+use super::{
+    TriangleMesh,
+    mesh::{edge_uses, is_flat},
 };
-
-use glam::DVec3;
-
-use super::TriangleMesh;
 
 /// A triangle lower than this, relative to its longest side, has no area but for rounding.
 const FLAT: f64 = 1.0e-6;
@@ -63,24 +61,17 @@ impl MeshReport {
             area: 0.0,
             diagonal: welded.diagonal(),
         };
-        // For each edge, how many triangles run along it from the lesser to the greater vertex, and back.
-        let mut edges = HashMap::<[u32; 2], [u32; 2]>::new();
         let mut faces = HashSet::new();
         for triangle in &welded.triangles {
             let [a, b, c] = welded.corners(*triangle).map(|p| p.as_dvec3() - origin);
             report.area += (b - a).cross(c - a).length() * 0.5;
             report.volume += a.dot(b.cross(c)) / 6.0;
-            report.zero_area_faces += usize::from(is_flat([a, b, c]));
+            report.zero_area_faces += usize::from(is_flat(&[a, b, c], FLAT));
             let mut sorted = *triangle;
             sorted.sort_unstable();
             report.duplicate_faces += usize::from(!faces.insert(sorted));
-            let [i, j, k] = *triangle;
-            // A triangle that repeats a vertex has one edge, there and back.
-            for [from, to] in [[i, j], [j, k], [k, i]].into_iter().filter(|[from, to]| from != to) {
-                edges.entry([from.min(to), from.max(to)]).or_default()[usize::from(from > to)] += 1;
-            }
         }
-        for along in edges.values() {
+        for along in edge_uses(&welded.triangles).values() {
             match along[0] + along[1] {
                 1 => report.boundary_edges += 1,
                 2 => report.flipped_edges += usize::from(along[0] != 1),
@@ -131,12 +122,6 @@ impl fmt::Display for MeshReport {
         }
         self.flaws().iter().try_for_each(|flaw| write!(f, "\n  {flaw}"))
     }
-}
-
-/// True if the least height of a triangle is nothing beside its longest side.
-fn is_flat([a, b, c]: [DVec3; 3]) -> bool {
-    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-    (b - a).cross(c - a).length() <= FLAT * longest
 }
 
 #[cfg(test)]

@@ -1,10 +1,13 @@
 //! The input, checked and normalised: what every later stage reads.
 
-use std::collections::HashMap;
-
 use glam::DVec3;
 
-use super::{BuildError, TriangleMesh, mesh::pieces, orient::oriented, tree::TriangleTree};
+use super::{
+    BuildError, TriangleMesh,
+    mesh::{edge_uses, is_flat, pieces},
+    orient::oriented,
+    tree::TriangleTree,
+};
 
 /// The proper triangles of a mesh and of the caps over its holes, moved and scaled so that the diagonal of their bounding box is 1.
 pub(super) struct Solid {
@@ -23,12 +26,13 @@ pub(super) struct Solid {
     pub diagonal: f64,
 }
 
-/// True for triangles whose height is next to nothing beside their longest side: they are left out.
-pub(super) fn is_flat([a, b, c]: &[DVec3; 3]) -> bool {
-    const FLAT: f64 = 1e-9;
-    let longest = a.distance_squared(*b).max(b.distance_squared(*c)).max(c.distance_squared(*a));
-    (b - a).cross(c - a).length() <= FLAT * longest
+/// The tree of triangles, but for those whose height is next to nothing beside their longest side.
+pub(super) fn tree_of(triangles: impl Iterator<Item = [DVec3; 3]>) -> TriangleTree {
+    TriangleTree::new(&triangles.filter(|triangle| !is_flat(triangle, FLAT)).collect::<Vec<_>>())
 }
+
+/// Triangles whose height is less than this part of their longest side are left out.
+const FLAT: f64 = 1e-9;
 
 impl Solid {
     pub fn new(mesh: &TriangleMesh) -> Result<Self, BuildError> {
@@ -50,7 +54,7 @@ impl Solid {
         let mesh = oriented(mesh.with_holes_closed());
         let place = |i: u32| (mesh.positions[i as usize].as_dvec3() - origin) / diagonal;
         let proper: Vec<[u32; 3]> =
-            mesh.triangles.iter().copied().filter(|triangle| !is_flat(&triangle.map(place))).collect();
+            mesh.triangles.iter().copied().filter(|triangle| !is_flat(&triangle.map(place), FLAT)).collect();
         if proper.is_empty() {
             return Err(BuildError::Empty);
         }
@@ -99,8 +103,7 @@ impl Solid {
 
 /// Which edges of some triangles are those of no other one of all: what has no area closes a hole that has none.
 fn open_edges(all: &[[u32; 3]], of: &[[u32; 3]]) -> Vec<[bool; 3]> {
-    let edges = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]].map(|[i, j]| [i.min(j), i.max(j)]);
-    let mut uses: HashMap<[u32; 2], u32> = HashMap::with_capacity(all.len() * 2);
-    all.iter().flat_map(|&t| edges(t)).for_each(|e| *uses.entry(e).or_default() += 1);
-    of.iter().map(|&t| edges(t).map(|e| uses[&e] == 1)).collect()
+    let uses = edge_uses(all);
+    let is_open = |[i, j]: [u32; 2]| uses[&[i.min(j), i.max(j)]].iter().sum::<u32>() == 1;
+    of.iter().map(|&[a, b, c]| [[a, b], [b, c], [c, a]].map(is_open)).collect()
 }

@@ -224,10 +224,13 @@ impl Widening {
 
     /// Takes in the pairs that have been found; true if bodies go farther than was known, and so may be in more pairs.
     pub fn widen(&mut self, input: &StepInput, pairs: impl Iterator<Item = [Side; 2]> + Clone) -> bool {
+        if !input.stop_at_impact {
+            return false;
+        }
         let mut wider = false;
         loop {
             let mut more = false;
-            for sides in pairs.clone().filter(|_| input.stop_at_impact) {
+            for sides in pairs.clone() {
                 let [Some(a), Some(b)] = sides.map(|side| side.body().map(|body| body as usize)) else { continue };
                 for (body, other) in [(a, b), (b, a)].into_iter().filter(|(body, _)| input.bodies[*body].stops) {
                     let farther = self.carries[other] + self.beyond(input, body, other) - self.carries[body];

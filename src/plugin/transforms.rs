@@ -203,8 +203,11 @@ mod tests {
 
     /// An app without rapier, each of whose updates is 1/60 s.
     fn app() -> App {
+        app_with(MedialPhysicsPlugin { add_systems, ..default() })
+    }
+
+    fn app_with(physics: MedialPhysicsPlugin) -> App {
         let mut app = App::new();
-        let physics = MedialPhysicsPlugin { add_systems, ..default() };
         app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, DiagnosticsPlugin, physics))
             .insert_resource(MedialSettings { backend: MedialBackend::Cpu, ..default() })
             .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(1.0 / 60.0)));
@@ -273,23 +276,20 @@ mod tests {
 
     #[test]
     fn in_the_fixed_schedule_each_step_sees_its_own_part_of_the_way() {
-        let mut app = App::new();
-        let physics = MedialPhysicsPlugin { add_systems, ..default() }.in_fixed_schedule();
-        app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, DiagnosticsPlugin, physics))
-            .insert_resource(MedialSettings { backend: MedialBackend::Cpu, ..default() })
-            .insert_resource(Time::<Fixed>::from_hz(60.0))
-            // Two steps in each update.
-            .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(2.0 / 60.0)));
+        let mut app = app_with(MedialPhysicsPlugin { add_systems, ..default() }.in_fixed_schedule());
+        // Two steps in each update.
+        app.insert_resource(Time::<Fixed>::from_hz(120.0));
         let ball = ball(&mut app, 0.0);
         app.add_systems(
             FixedUpdate,
-            move |mut transforms: Query<&mut Transform>, step: Res<MedialStep>, mut seen: Local<u32>| {
+            (move |mut transforms: Query<&mut Transform>, step: Res<MedialStep>, mut seen: Local<u32>| {
                 transforms.get_mut(ball).unwrap().translation.x += 1.0;
                 if let Some(info) = step.infos.first() {
                     *seen += 1;
-                    assert!(*seen < 2 || (info.linear.x - 60.0).abs() < 1e-3, "step {}: {}", *seen, info.linear);
+                    assert!(*seen < 2 || (info.linear.x - 120.0).abs() < 1e-3, "step {}: {}", *seen, info.linear);
                 }
-            },
+            })
+            .before(TransformSystems::Propagate),
         );
         (0..8).for_each(|_| app.update());
         assert!(app.world().get::<Transform>(ball).unwrap().translation.x > 10.0);
