@@ -21,11 +21,15 @@ mod slider;
 #[path = "../common/studio.rs"]
 mod studio;
 
-use std::{path::PathBuf, process::ExitCode};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
 use bevy::{camera::RenderTarget, light::GlobalAmbientLight, prelude::*};
 use bevy_medial::{
-    builder::{FitOptions, MedialLevels, load::load},
+    builder::{FitOptions, Level, MedialLevels, TriangleMesh, load::load, measure},
+    medial_axis::ma,
     plugin::MedialGizmosPlugin,
 };
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
@@ -43,7 +47,7 @@ struct Args {
     /// Most spheres of the finest level.
     #[arg(long, default_value_t = 60)]
     spheres: usize,
-    /// A `.medial` file of the mesh, in place of a build.
+    /// A `.medial` or `.ma` file of the mesh, in place of a build.
     #[arg(long, value_name = "FILE")]
     medial: Option<PathBuf>,
     /// Error in percent of the diagonal: the coarsest level within it is shown first. Default: the finest.
@@ -64,7 +68,7 @@ fn main() -> ExitCode {
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let mesh = load(&args.mesh)?;
     let job = match &args.medial {
-        Some(file) => Job::done(MedialLevels::load(file)?),
+        Some(file) => Job::done(read(file, &mesh)?),
         None => Job::start(mesh.clone(), FitOptions { spheres: Some(args.spheres), levels: true, ..default() }),
     };
     let save_as = args.save.clone().unwrap_or_else(|| args.mesh.with_extension("medial"));
@@ -97,6 +101,17 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         studio.wait_for(file)?;
     }
     Ok(())
+}
+
+/// The levels in a file; what has none is measured.
+fn read(file: &Path, mesh: &TriangleMesh) -> Result<MedialLevels, Box<dyn std::error::Error>> {
+    if !file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ma")) {
+        return Ok(MedialLevels::load(file)?);
+    }
+    let at = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+    let bytes = std::fs::read(file).map_err(|error| at(&error))?;
+    let (axis, _) = ma::parse(&bytes).map_err(|error| at(&error))?.into_medial_axis().map_err(|error| at(&error))?;
+    Ok(MedialLevels { levels: vec![Level { error: measure(mesh, &axis), axis }] })
 }
 
 fn add_view(app: &mut App, shown: Shown, job: Job, target: RenderTarget) {

@@ -1,4 +1,4 @@
-//! Charts as SVG: both axes logarithmic, a name beside each curve, colours that colour-blind people can tell apart.
+//! Charts as SVG: both axes logarithmic, the names of the curves at the side, colours that colour-blind people can tell apart.
 
 use std::ops::Range;
 
@@ -31,7 +31,9 @@ const COLORS: [RGBColor; 7] = [
     RGBColor(0, 0, 0),
 ];
 
-const SIZE: (u32, u32) = (960, 720);
+const SIZE: (u32, u32) = (1200, 720);
+/// Room for the names.
+const SIDE: i32 = 310;
 const FONT: f64 = 21.0;
 
 type Drawn = Result<String, Box<dyn std::error::Error>>;
@@ -67,7 +69,7 @@ impl Chart<'_> {
             let mut chart = ChartBuilder::on(&root)
                 .caption(self.title, ("sans-serif", FONT * 1.2))
                 .margin(14)
-                .margin_right(40)
+                .margin_right(SIDE)
                 .x_label_area_size(62)
                 .y_label_area_size(96)
                 .build_cartesian_2d(xs.log_scale(), ys.log_scale())?;
@@ -86,35 +88,23 @@ impl Chart<'_> {
                 let front = front(all().copied().collect());
                 chart.draw_series(LineSeries::new(front, RGBColor(225, 225, 225).stroke_width(12)))?;
             }
-            let mut taken: Vec<[Range<i32>; 2]> = Vec::new();
+            let font = ("sans-serif", FONT * 0.9).into_font();
             for (i, (name, points)) in curves.iter().enumerate() {
                 let color = COLORS[i % COLORS.len()];
                 // Where colours come round again, circles are empty.
                 let style = if i < COLORS.len() { color.filled() } else { color.stroke_width(2) };
                 chart.draw_series(LineSeries::new(points.iter().copied(), color.stroke_width(3)))?;
                 chart.draw_series(points.iter().map(|p| Circle::new(*p, 5, style)))?;
-                let at = chart.backend_coord(&points[points.len() - 1]);
-                let place = free_place(at, name, &mut taken);
-                root.draw(&Text::new((*name).to_owned(), place, ("sans-serif", FONT * 0.9).into_font().color(&color)))?;
+                let (left, middle) = (SIZE.0 as i32 - SIDE + 16, 60 + i as i32 * (1.4 * FONT) as i32);
+                root.draw(&PathElement::new([(left, middle), (left + 32, middle)], color.stroke_width(3)))?;
+                root.draw(&Circle::new((left + 16, middle), 5, style))?;
+                let place = (left + 42, middle - (0.45 * FONT) as i32);
+                root.draw(&Text::new((*name).to_owned(), place, font.clone()))?;
             }
             root.present()?;
         }
         Ok(text)
     }
-}
-
-/// A place for a name near a point that no other name has.
-fn free_place((x, y): (i32, i32), name: &str, taken: &mut Vec<[Range<i32>; 2]>) -> (i32, i32) {
-    let (width, height) = ((name.len() as f64 * FONT * 0.47) as i32, FONT as i32);
-    let left = if x + 12 + width > SIZE.0 as i32 { x - 12 - width } else { x + 12 };
-    let meets = |a: &Range<i32>, b: &Range<i32>| a.start < b.end && b.start < a.end;
-    let tries = (0..40).map(|i| y - height / 2 + if i % 2 == 0 { i / 2 } else { -(i + 1) / 2 } * height / 2);
-    let top = tries
-        .filter(|top| (40..SIZE.1 as i32 - 90).contains(top))
-        .find(|top| !taken.iter().any(|[xs, ys]| meets(xs, &(left..left + width)) && meets(ys, &(*top..top + height))));
-    let top = top.unwrap_or(y);
-    taken.push([left..left + width, top..top + height]);
-    (left, top)
 }
 
 /// Points that no other one is left of and below, from left to right, as a staircase.

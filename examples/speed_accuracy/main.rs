@@ -150,9 +150,11 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         let known = load_models(&args.models)?;
         let (budgets, kinds, steps): (&[f32], &[Kind], usize) = match args.quick {
             true => (&[2.0, 0.0], &[Kind::Hull], 40),
-            false => {
-                (&[8.0, 4.0, 2.0, 1.0, 0.0], &[Kind::Hull, Kind::Decomposition, Kind::FineDecomposition], usize::MAX)
-            }
+            false => (
+                &[8.0, 4.0, 2.0, 1.0, 0.5, 0.0],
+                &[Kind::Hull, Kind::Decomposition, Kind::FineDecomposition],
+                usize::MAX,
+            ),
         };
         for name in ["rods", "tori", "stairs", "dinosaur"] {
             let plan = measure::Plan { steps, runs: if args.quick { 1 } else { 2 } };

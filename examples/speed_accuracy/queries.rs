@@ -62,12 +62,17 @@ pub struct Plan<'a> {
 pub fn rows(method: Method, models: &[Model], cases: &[Case], plan: &Plan) -> Result<Vec<Row>, String> {
     let count = models.iter().map(|model| resolutions(method, model, plan.sphere_counts, plan.decompositions)).min();
     let progress = ProgressBar::new(count.unwrap_or(0) as u64).with_message(method.name());
-    let mut rows = Vec::new();
+    let (mut rows, mut before) = (Vec::new(), Vec::new());
     for resolution in 0..count.unwrap_or(0) {
         let make = |model| Ok((model, prepare(method, model, resolution, plan.sphere_counts)?));
         let prepared = models.iter().map(make).collect::<Result<Vec<(&Model, Prepared)>, String>>()?;
-        rows.push(row(method, resolution, &prepared, cases));
         progress.inc(1);
+        // There may be no more to add to any of the shapes.
+        let sizes: Vec<usize> = prepared.iter().map(|(_, prepared)| prepared.bytes).collect();
+        if sizes != before {
+            rows.push(row(method, resolution, &prepared, cases));
+            before = sizes;
+        }
     }
     progress.finish_and_clear();
     Ok(rows)

@@ -275,7 +275,9 @@ fn tables(rows: &[Row], scenes: &[SceneRow]) -> [(&'static str, Vec<Vec<String>>
 fn markdown<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
     let mut text = {
         let Run { date, machine, command, gpu } = run;
-        format!("# Speed against accuracy\n\n{HEAD}\n{date}. Machine: {machine}. Command: `{command}`. {gpu}\n")
+        format!(
+            "# Speed against accuracy\n\n{HEAD}\n{date}. Machine: {machine}. Command: `{command}`. {gpu}\n\n## Charts\n"
+        )
     };
     for name in charts {
         let _ = writeln!(text, "\n![{name}]({name}.svg)");
@@ -306,7 +308,8 @@ fn page<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<
         let _ = write!(text, "<p>{}</p>", escaped(part).replace("\n- ", "<br>- "));
     }
     let [machine, command, gpu] = [&run.machine, run.command, &run.gpu].map(escaped);
-    let _ = write!(text, "<p>{}. Machine: {machine}. Command: <code>{command}</code>. {gpu}</p>", run.date);
+    let _ =
+        write!(text, "<p>{}. Machine: {machine}. Command: <code>{command}</code>. {gpu}</p><h2>Charts</h2>", run.date);
     charts.for_each(|svg| text += svg);
     for (title, table) in tables(rows, scenes) {
         let _ = write!(text, "<h2>{title}</h2><div><table>");
