@@ -105,7 +105,7 @@ impl MeshReport {
         .map(|(count, what)| format!("{count} {what}"))
         .collect();
         if inwards > 0 {
-            flaws.push("triangles face inwards, the volume is negative: flip all normals".into());
+            flaws.push("triangles face inwards, the volume is negative: harmless for a build; flip all normals if the mesh is drawn".into());
         }
         flaws
     }

@@ -22,10 +22,12 @@ impl Obb {
 
 /// The part of a box `[-half, half]` that matters to what stays within `reach`: its middle and half extents.
 ///
-/// It ends where the box ends, or as far beyond `reach` as that is wide. Coordinates relative to the part are of the size of what is near,
+/// It ends where the box ends, or as far beyond `reach` as that is wide; deep inside twice as far as the nearest face is, so that no end which is not
+/// the box's own is nearer. Coordinates relative to the part are of the size of what is near,
 /// however large the box: a pebble on a plain keeps the accuracy of a pebble.
 pub(crate) fn part_within(half: Vec3, reach: &Aabb) -> (Vec3, Vec3) {
-    let width = (reach.max - reach.min).max_element();
+    let depth = (half - reach.max).min(half + reach.min).min_element();
+    let width = (reach.max - reach.min).max_element().max(2.0 * depth);
     let thickness = (half * 2.0).min(Vec3::splat(width));
     let min = (reach.min - width).clamp(-half, half - thickness);
     let max = (reach.max + width).clamp(thickness - half, half);
@@ -49,6 +51,11 @@ mod tests {
             (
                 Aabb { min: Vec3::new(101.0, 0.0, 0.0), max: Vec3::new(102.0, 1.0, 1.0) },
                 [[99.0, -1.0, -0.1], [100.0, 1.0, 0.1]],
+            ),
+            // Deep inside: the nearest side stays, and the far ones are farther.
+            (
+                Aabb { min: Vec3::new(60.0, -0.005, -0.005), max: Vec3::new(60.01, 0.005, 0.005) },
+                [[59.81, -0.195, -0.1], [60.2, 0.195, 0.1]],
             ),
             // Larger than the box: all of it.
             (Aabb { min: Vec3::splat(-200.0), max: Vec3::splat(200.0) }, [[-100.0, -1.0, -0.1], [100.0, 1.0, 0.1]]),

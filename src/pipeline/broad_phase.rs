@@ -11,6 +11,7 @@ use super::{
     Body, Candidates, Culling, Meeting, Scratch, Shape, Side, Solid, Statics, StepInput,
     mid_phase::PrimitivePair,
     parallel::{self, Scratches},
+    stop::Assemblies,
 };
 use crate::{
     geometry::{Aabb, Bvh, Item, Leaf, Sphere},
@@ -188,6 +189,12 @@ pub(crate) struct Widening {
     carries: Vec<f32>,
     /// How far each is carried.
     carried: Vec<f32>,
+    /// By how much what may carry it turns, in radians, up to 2: no chord of a turn is longer than twice the arm.
+    turns: Vec<f32>,
+    /// What is joined is carried together.
+    assemblies: Assemblies,
+    /// Of each body the size of what it is joined with, in metres; 0 if there is nothing.
+    spans: Vec<f32>,
 }
 
 impl Widening {
@@ -206,14 +213,33 @@ impl Widening {
         };
         self.carries.clear();
         self.carries.extend(input.bodies.iter().map(carries));
-        self.carried.clear();
-        self.carried.resize(input.bodies.len(), 0.0);
+        for values in [&mut self.carried, &mut self.turns, &mut self.spans] {
+            values.clear();
+            values.resize(input.bodies.len(), 0.0);
+        }
+        self.assemblies.clear();
+        if self.carries.iter().all(|&way| way == 0.0) {
+            return;
+        }
+        for ((turn, body), &way) in self.turns.iter_mut().zip(&input.bodies).zip(&self.carries) {
+            *turn = if way > 0.0 { body.sweep.rotation.length().min(2.0) } else { 0.0 };
+        }
+        self.assemblies.set(input);
+        for members in self.assemblies.iter().filter(|members| members.len() > 1) {
+            let sphere = |body: u32| {
+                let Body { solid, sweep, .. } = &input.bodies[body as usize];
+                let Sphere { center, radius } = solid.bounding_sphere();
+                Sphere::new(sweep.start.transform_point(center), radius)
+            };
+            let around = Aabb::from_spheres(members.iter().map(|&(_, body)| sphere(body)));
+            members.iter().for_each(|&(_, body)| self.spans[body as usize] = 2.0 * around.half_extents().length());
+        }
     }
 
     /// How far outside of what its bounding sphere sweeps a body may meet something, in metres; of two bodies, half of the prediction distance each.
     pub fn margin(&self, input: &StepInput, body: usize) -> f32 {
         let slide = if input.bodies[body].stops { input.slide_way() } else { 0.0 };
-        0.5 * input.prediction + slide + self.carried[body]
+        0.5 * input.prediction + slide + self.carried[body] + self.turns[body] * self.spans[body]
     }
 
     /// True if a body may be carried off its way.
@@ -237,10 +263,12 @@ impl Widening {
                     if farther > 0.0 {
                         self.carries[body] += farther;
                         self.carried[body] += farther;
+                        self.turns[body] = self.turns[body].max(self.turns[other]);
                         more = true;
                     }
                 }
             }
+            more |= self.join(input);
             if !more {
                 return wider;
             }
@@ -248,14 +276,34 @@ impl Widening {
         }
     }
 
+    /// What is joined with a body that is carried goes as far; true if that is farther than was known.
+    fn join(&mut self, input: &StepInput) -> bool {
+        let Self { carries, carried, turns, assemblies, .. } = self;
+        let mut more = false;
+        for members in assemblies.iter().filter(|members| members.len() > 1) {
+            let members = members.iter().map(|&(_, body)| body as usize).filter(|&body| input.bodies[body].stops);
+            let most = |values: &[f32]| {
+                members.clone().filter(|&body| carried[body] > 0.0).map(|body| values[body]).fold(0.0, f32::max)
+            };
+            let (way, turn) = (most(carries), most(turns));
+            for body in members {
+                if carries[body] < way {
+                    carried[body] += way - carries[body];
+                    carries[body] = way;
+                    turns[body] = turns[body].max(turn);
+                    more = true;
+                }
+            }
+        }
+        more
+    }
+
     /// By how much farther than what a body touches of a pusher its own points go as that one turns, in metres.
     fn beyond(&self, input: &StepInput, body: usize, pusher: usize) -> f32 {
-        let [body, Body { stops, sweep, .. }] = [body, pusher].map(|i| &input.bodies[i]);
-        if *stops || self.carries[pusher] == 0.0 {
+        if input.bodies[pusher].stops {
             return 0.0;
         }
-        // No chord of a turn is longer than twice the arm.
-        sweep.rotation.length().min(2.0) * 2.0 * body.solid.bounding_sphere().radius
+        self.turns[pusher] * 2.0 * input.bodies[body].solid.bounding_sphere().radius
     }
 }
 
@@ -406,5 +454,27 @@ mod tests {
         let gap = (pose.translation - end(&output)).dot(across) - RADIUS;
         let hits: Vec<Impact> = output.pairs.iter().filter_map(|pair| pair.impact).collect();
         assert!(gap > -0.01, "it goes {gap} m into the wall: {hits:?}");
+    }
+
+    /// A piston hits one of two balls that are joined, far from each other; the other goes along, and there is a wall.
+    #[test]
+    fn what_is_joined_with_a_body_that_is_carried_stops_at_a_wall_as_well() {
+        const RADIUS: f32 = 0.1;
+        let body = |center: Vec3, way: f32, assembly: Option<u64>| {
+            let shape = Shape { axis: MedialAxis::sphere(RADIUS).unwrap(), scale: 1.0 };
+            let sweep = Sweep::at_rates(Pose3::from_translation(center), Vec3::ZERO, Vec3::X * way, Vec3::ZERO);
+            Body { stops: assembly.is_some(), assembly, ..Body::new(shape, sweep) }
+        };
+        let [near, far] = [Vec3::X * 0.25, Vec3::new(0.25, 3.0, 0.0)];
+        let bodies = vec![body(Vec3::ZERO, 0.5, None), body(near, 0.0, Some(1)), body(far, 0.0, Some(1))];
+        let input = StepInput { bodies, prediction: 0.02, stop_at_impact: true, ..Default::default() };
+        let way = |walls: Vec<StaticBody>| {
+            let output = step(&input, &Statics::new(walls), &TaskPool::new());
+            [(1, near), (2, far)].map(|(body, start)| output.stop_of(body).unwrap().pose.translation.x - start.x)
+        };
+        assert!(way(vec![]).iter().all(|way| *way > 0.44), "the piston does not carry both: {:?}", way(vec![]));
+        let pose = Pose3::from_translation(far + Vec3::X * (RADIUS + 0.2));
+        let stopped = way(vec![StaticBody::solid_box(Obb { pose, half_extents: Vec3::new(0.005, 1.0, 1.0) })]);
+        assert!(stopped.iter().all(|way| *way < 0.2 && *way > 0.15), "{stopped:?}");
     }
 }

@@ -259,6 +259,7 @@ impl Search<'_> {
                 }
             }
         }
+        overlaps.sort_unstable_by_key(|(key, _)| *key);
         // The nearest are likely to meet first, and what is farther off than they leave time for is not looked at.
         approaching.sort_unstable_by(|a, b| {
             let order = a.2.distance().total_cmp(&b.2.distance());
@@ -267,8 +268,8 @@ impl Search<'_> {
         for (index, pair, start) in approaching.iter() {
             let (motion, chords) = (&motions[*index], &all_chords[*index]);
             let limit = result.impact.map_or(1.0, |impact| impact.fraction);
-            let own = overlaps.iter().find(|(key, _)| *key == (*index, *pair));
-            let overlap = own.map_or(self.carried, |(_, own)| own.max(self.carried));
+            let own = overlaps.binary_search_by_key(&(*index, *pair), |(key, _)| *key);
+            let overlap = own.map_or(self.carried, |own| overlaps[own].1.max(self.carried));
             let toi = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
                 rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop, near])
             });

@@ -137,6 +137,13 @@ impl Stops {
         self.course(body).filter(|course| course.state != State::Sliding).map_or(1.0, |course| course.from)
     }
 
+    /// From when on a pair is to be searched again, as a fraction of the step, if its bodies leave their ways before the impact that was found on those.
+    fn leaves(&self, pair: &BodyPair, impact: Option<Impact>) -> Option<f32> {
+        let from = pair.bodies().filter_map(|body| self.course(body)).map(|course| course.from);
+        let [first, last] = from.fold([f32::INFINITY, 0.0], |[first, last], from| [from.min(first), from.max(last)]);
+        (first < fraction_of(impact) && first <= last).then_some(last)
+    }
+
     /// The bodies that end elsewhere, and the fractions at which they left their way for good.
     pub fn iter(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
         (0..self.of.len() as u32).filter(|&body| self.course(body).is_some()).map(|body| (body, self.left(body)))
@@ -252,6 +259,11 @@ impl PairsOf {
 pub(super) struct Assemblies(Vec<(u64, u32)>);
 
 impl Assemblies {
+    /// There are none.
+    pub fn clear(&mut self) {
+        self.0.clear();
+    }
+
     /// Those of the bodies of a step.
     pub fn set(&mut self, input: &StepInput) {
         self.0.clear();
@@ -320,7 +332,7 @@ pub(super) fn run<'b>(
             events.extend(run.earliest(queue).map(|event| (island, event)));
         }
         if events.is_empty() {
-            return stops;
+            break;
         }
         searches.clear();
         for &(queue, event) in events.iter() {
@@ -339,6 +351,20 @@ pub(super) fn run<'b>(
             queues[queue].extend(run.take(pair, found.impact));
         }
     }
+    // Whom nothing stops at has not been looked at again.
+    searches.clear();
+    searches.extend((0..pairs.len()).filter_map(|pair| {
+        let fraction = run.stops.leaves(&pairs[pair], run.results[pair].impact).filter(|_| !pairs[pair].stops)?;
+        Some(Search { queue: 0, pair, fraction })
+    }));
+    let run_now = &run;
+    parallel::map(pool, tasks, searches, 32, found, |scratch, _, &Search { pair, fraction, .. }| {
+        impact_from(input, statics, &pairs[pair], run_now.stops, fraction, &run_now.results[pair], scratch)
+    });
+    for (&Search { pair, .. }, found) in searches.iter().zip(found.drain(..)) {
+        run.results[pair].impact = found.impact;
+    }
+    stops
 }
 
 /// Where a step is.

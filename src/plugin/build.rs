@@ -19,7 +19,7 @@ use bevy::{
     tasks::{TaskPool, TaskPoolBuilder},
 };
 
-use super::{MedialMesh, build_cache::fit_cached, init_medial_axis, modified};
+use super::{Changes, MedialMesh, build_cache::fit_cached, init_medial_axis};
 use crate::{
     builder::{FitOptions, TriangleMesh, on_this_thread},
     medial_axis::MedialAxis,
@@ -205,11 +205,11 @@ fn join_builds(
     cache: Res<Cache>,
     meshes: Res<Assets<Mesh>>,
     server: Option<Res<AssetServer>>,
-    mut events: MessageReader<AssetEvent<Mesh>>,
+    mut changes: Changes<Mesh>,
     mut builds: Local<HashMap<Key, Weak<Build>>>,
     mut entities: Query<(NameOrEntity, &BuildMedialMesh, &Mesh3d, &mut MedialBuildStatus, Option<&Joined>)>,
 ) {
-    let changed = modified(&mut events);
+    let changed = changes.read();
     builds.retain(|key, build| !changed.contains(&key.mesh) && build.strong_count() > 0);
     for (name, wanted, mesh, mut status, joined) in &mut entities {
         let key = Key::new(mesh.0.id(), wanted);

@@ -41,10 +41,12 @@ mod step;
 #[cfg(any(test, not(feature = "rapier")))]
 mod transforms;
 
+use std::collections::HashSet;
+
 #[cfg(feature = "rapier")]
 use bevy::ecs::system::SystemParamItem;
 use bevy::{
-    ecs::{intern::Interned, schedule::ScheduleLabel},
+    ecs::{intern::Interned, schedule::ScheduleLabel, system::SystemParam},
     prelude::*,
 };
 #[cfg(feature = "rapier")]
@@ -167,13 +169,31 @@ pub(crate) fn is_uniform(scale: Vec3) -> bool {
     scale.is_finite() && least > 0.0 && scale.max_element() <= least * (1.0 + SCALE_ROUNDING)
 }
 
-/// The assets that have changed since the reader has read.
-pub(crate) fn modified<A: Asset>(events: &mut MessageReader<AssetEvent<A>>) -> Vec<AssetId<A>> {
-    let of_event = |event: &AssetEvent<A>| match event {
-        AssetEvent::Modified { id } => Some(*id),
-        _ => None,
-    };
-    events.read().filter_map(of_event).collect()
+/// Tells which assets are no longer what they were.
+#[derive(SystemParam)]
+pub(crate) struct Changes<'w, 's, A: Asset> {
+    events: MessageReader<'w, 's, AssetEvent<A>>,
+    /// Those that were taken out while somebody has a handle.
+    removed: Local<'s, HashSet<AssetId<A>>>,
+}
+
+impl<A: Asset> Changes<'_, '_, A> {
+    /// Those that have been changed, or put back, since this was asked last.
+    pub fn read(&mut self) -> Vec<AssetId<A>> {
+        let (mut changed, mut unused) = (Vec::new(), Vec::new());
+        for event in self.events.read() {
+            match event {
+                AssetEvent::Modified { id } => changed.push(*id),
+                AssetEvent::Added { id } if self.removed.remove(id) => changed.push(*id),
+                AssetEvent::Removed { id } => _ = self.removed.insert(*id),
+                AssetEvent::Unused { id } => unused.push(*id),
+                _ => {}
+            }
+        }
+        // These do not come back.
+        unused.iter().for_each(|id| _ = self.removed.remove(id));
+        changed
+    }
 }
 
 impl Plugin for MedialPhysicsPlugin {

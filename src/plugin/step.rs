@@ -227,8 +227,12 @@ impl MedialStep {
         #[cfg(feature = "gpu")]
         {
             let (pairs, time) = (self.output.counts.primitive_pairs, self.output.times.total());
-            self.gpu.note(self.settings.backend, on_gpu, pairs, time);
-            self.look_ahead(pairs);
+            if self.input.culling == Culling::None {
+                self.gpu.look_ahead.asked = None;
+            } else {
+                self.gpu.note(self.settings.backend, on_gpu, pairs, time);
+                self.look_ahead(pairs);
+            }
         }
     }
 

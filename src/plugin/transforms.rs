@@ -9,8 +9,8 @@ use bevy::{
 };
 
 use super::{
-    BodyInfo, Detail, DetailItem, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep, MedialSystems,
-    StaticObb, is_bounded, is_sound_pose, is_uniform, modified,
+    BodyInfo, Changes, Detail, DetailItem, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep,
+    MedialSystems, StaticObb, is_bounded, is_sound_pose, is_uniform,
 };
 use crate::{
     constants::DEFAULT_PREDICTION,
@@ -109,11 +109,11 @@ fn gather_statics(
     mut step: ResMut<MedialStep>,
     statics: Query<(NameOrEntity, &StaticObb, Option<&MedialMesh>, Told, &GlobalTransform)>,
     axes: Res<Assets<MedialAxis>>,
-    mut events: MessageReader<AssetEvent<MedialAxis>>,
+    mut changes: Changes<MedialAxis>,
     mut known: Local<Vec<Known>>,
     mut refused: Local<Refused>,
 ) {
-    let changed = modified(&mut events);
+    let changed = changes.read();
     refused.0.retain(|entity| statics.contains(*entity));
     let (mut found, mut bodies) = (Vec::new(), Vec::new());
     for (name, obb, mesh, (detail, told), transform) in statics.iter().sort::<Entity>() {

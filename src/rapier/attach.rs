@@ -1,7 +1,8 @@
 //! Colliders of medial meshes and static boxes: made when the shape is there, made anew when it changes, taken when it goes.
 
 use std::{
-    collections::HashMap,
+    collections::{HashMap, HashSet},
+    iter::once,
     sync::{Arc, OnceLock, Weak},
 };
 
@@ -9,8 +10,8 @@ use bevy::{asset::LoadState, prelude::*};
 use bevy_rapier3d::{
     parry::shape::{Compound, SharedShape},
     plugin::context::{RapierContextColliders, RapierContextEntityLink, RapierRigidBodySet},
-    prelude::{Collider, ColliderScale, RapierColliderHandle, RigidBody},
-    rapier::geometry::Collider as RapierCollider,
+    prelude::{Collider, ColliderScale, RapierColliderHandle, RapierRigidBodyHandle, RigidBody},
+    rapier::{dynamics::RigidBody as RapierBody, geometry::Collider as RapierCollider},
 };
 
 use super::shape::MedialShape;
@@ -18,7 +19,7 @@ use crate::{
     constants::SCALE_ROUNDING,
     medial_axis::MedialAxis,
     pipeline::Shape,
-    plugin::{Detail, MedialLevel, MedialMesh, StaticObb, is_uniform, modified},
+    plugin::{Changes, Detail, MedialLevel, MedialMesh, StaticObb, is_uniform},
 };
 
 /// Which shape an entity's collider was made from, or could not be.
@@ -43,12 +44,12 @@ pub(super) fn attach_shapes(
     meshes: Query<(NameOrEntity, &MedialMesh, Detail, &Transform, Has<ChildOf>, Option<&Attached>)>,
     assets: Res<Assets<MedialAxis>>,
     server: Option<Res<AssetServer>>,
-    mut events: MessageReader<AssetEvent<MedialAxis>>,
+    mut changes: Changes<MedialAxis>,
     hierarchy: TransformHelper,
     mut next_key: Local<u64>,
     mut shared: Local<HashMap<(AssetId<MedialAxis>, usize, u32), Weak<OnceLock<Compound>>>>,
 ) {
-    let changed = modified(&mut events);
+    let changed = changes.read();
     shared.retain(|(asset, ..), primitives| !changed.contains(asset) && primitives.strong_count() > 0);
     for (name, mesh, detail, transform, is_child, attached) in &meshes {
         let scale = if is_child {
@@ -175,23 +176,77 @@ pub(super) fn attach_boxes(
     }
 }
 
+/// Gives a shape to the body that it belongs to by now, if it got another one or the first after its collider: rapier has it made anew, which otherwise
+/// leaves it where it was.
+pub(super) fn follow_bodies(
+    mut commands: Commands,
+    changed: Query<Entity, Or<(Added<RigidBody>, Changed<ChildOf>)>>,
+    mut freed: RemovedComponents<ChildOf>,
+    mut bodiless: RemovedComponents<RigidBody>,
+    children: Query<&Children>,
+    parents: Query<&ChildOf>,
+    bodies: Query<Option<&RapierRigidBodyHandle>, With<RigidBody>>,
+    shapes: Query<
+        (&RapierColliderHandle, &RapierContextEntityLink),
+        (With<Collider>, Or<(With<MedialMesh>, With<StaticObb>)>),
+    >,
+    contexts: Query<&RapierContextColliders>,
+) {
+    for entity in changed.iter().chain(freed.read()).chain(bodiless.read()) {
+        for shape in once(entity).chain(children.iter_descendants(entity)) {
+            let Ok((handle, link)) = shapes.get(shape) else { continue };
+            let Some(collider) = contexts.get(link.0).ok().and_then(|context| context.colliders.get(handle.0)) else {
+                continue;
+            };
+            let body = once(shape).chain(parents.iter_ancestors(shape)).find_map(|entity| bodies.get(entity).ok());
+            // A body without a handle is new.
+            let is_there = match body {
+                Some(body) => body.is_some_and(|body| collider.parent() == Some(body.0)),
+                None => collider.parent().is_none(),
+            };
+            if !is_there {
+                commands.entity(shape).try_remove::<RapierColliderHandle>();
+            }
+        }
+    }
+}
+
 /// The scale of a box: Bevy has the sign of a mirrored one along x.
 const MIRRORED: ColliderScale = ColliderScale::Relative(Vec3::new(-1.0, 1.0, 1.0));
 const PLAIN: ColliderScale = ColliderScale::Relative(Vec3::ONE);
 
-/// A body without a collider has no mass and falls asleep; it does not wake up by getting one, nor by getting another.
+/// Marks a body that was spawned asleep, until its first shape is there.
+#[derive(Component)]
+pub(super) struct SpawnedAsleep;
+
+/// A body without a collider has no mass and falls asleep; it does not wake up by getting one, nor by getting another. One that was spawned asleep
+/// sleeps on with its first.
 pub(super) fn wake_attached(
+    mut commands: Commands,
+    spawned: Query<(Entity, &RapierRigidBodyHandle, &RapierContextEntityLink), Added<RapierRigidBodyHandle>>,
+    waiting: Query<(), With<SpawnedAsleep>>,
     attached: Query<
         (&RapierColliderHandle, &RapierContextEntityLink),
         (Or<(Added<RapierColliderHandle>, Changed<Collider>)>, With<MedialMesh>),
     >,
     mut contexts: Query<(&mut RapierRigidBodySet, &RapierContextColliders)>,
 ) {
+    let is_asleep = |(_, handle, link): &(Entity, &RapierRigidBodyHandle, &RapierContextEntityLink)| {
+        let body = contexts.get(link.0).ok().and_then(|(bodies, _)| bodies.bodies.get(handle.0));
+        body.is_some_and(RapierBody::is_sleeping)
+    };
+    let asleep: HashSet<Entity> = spawned.iter().filter(is_asleep).map(|(entity, ..)| entity).collect();
+    let mut shaped = HashSet::new();
     for (handle, link) in &attached {
         let Ok((mut bodies, colliders)) = contexts.get_mut(link.0) else { continue };
-        let parent = colliders.colliders.get(handle.0).and_then(RapierCollider::parent);
-        if let Some(body) = parent.and_then(|parent| bodies.bodies.get_mut(parent)) {
+        let Some(parent) = colliders.colliders.get(handle.0).and_then(RapierCollider::parent) else { continue };
+        let entity = bodies.rigid_body_entity(parent);
+        if let Some(entity) = entity.filter(|entity| asleep.contains(entity) || waiting.contains(*entity)) {
+            shaped.insert(entity);
+        } else if let Some(body) = bodies.bodies.get_mut(parent) {
             body.wake_up(true);
         }
     }
+    asleep.difference(&shaped).for_each(|&entity| _ = commands.entity(entity).try_insert(SpawnedAsleep));
+    shaped.iter().for_each(|&entity| _ = commands.entity(entity).try_remove::<SpawnedAsleep>());
 }

@@ -227,6 +227,10 @@ impl PartialEq for Fixed {
     }
 }
 
+fn sensors(fixed: &[Fixed]) -> impl Iterator<Item = &Fixed> {
+    fixed.iter().filter(|item| item.sensor)
+}
+
 /// Runs the pipeline over the motion that rapier has solved, stops bodies at their first impact and fills the table.
 pub(super) fn detect<Hooks>(
     mut step: ResMut<MedialStep>,
@@ -268,6 +272,8 @@ pub(super) fn detect<Hooks>(
     let mut worlds: Vec<(Entity, f32)> = Vec::new();
     let mut fixed = Vec::new();
     let to_come = to_come(&mode, &time);
+    // Those that sleep where they slept.
+    let mut resting = Vec::new();
     // Those whose motion ends elsewhere than rapier's.
     let mut astray = Vec::new();
     for context in contexts.iter().sort::<Entity>().filter(|context| context.is_medial()) {
@@ -308,10 +314,14 @@ pub(super) fn detect<Hooks>(
             let center = end.inverse_transform_point(body.center_of_mass());
             let awake = running && body.is_enabled() && !body.is_sleeping();
             let active = awake || (running && body.is_enabled() && sleepers.get(&entity) != Some(&end));
+            if running && body.is_enabled() && !active {
+                resting.push(step.input.bodies.len());
+            }
             let [groups, stop_groups] = groups(collider);
             // The pose of a link of a multibody is a matter of the whole.
             let linked = context.joints.multibody_joints.rigid_body_link(parent).is_some();
-            let stops = awake && body.is_dynamic() && !linked;
+            // What sleeps is carried along as well by a kinematic body that would be past it before rapier sees them touch.
+            let stops = running && body.is_enabled() && body.is_dynamic() && !linked;
             let motion = if stops { motion } else { Sweep::between };
             let sweep = motion(start.pose, end, center, body.angvel() * dt);
             if sweep.end != end {
@@ -351,6 +361,10 @@ pub(super) fn detect<Hooks>(
     step.dt = worlds.first().map_or(0.0, |(_, dt)| *dt);
     // Who sets the resource anew has lost them.
     if fixed != *known || step.static_infos.len() != fixed.len() {
+        // Rapier wakes nobody for a sensor that comes, goes or moves.
+        if sensors(&fixed).ne(sensors(&known)) {
+            resting.iter().for_each(|&body| step.input.bodies[body].active = true);
+        }
         set_statics(step, &fixed);
         *known = fixed;
     }
@@ -408,7 +422,12 @@ fn stop_bodies(step: &MedialStep, astray: &[u32], world: u32, dt: f32, context: 
         if std::mem::replace(&mut last, owner) == owner {
             continue;
         }
-        let Some(collider) = colliders.colliders.get(step.infos[stop.body as usize].collider) else { continue };
+        let BodyInfo { collider, asleep, .. } = step.infos[stop.body as usize];
+        // What stays where it sleeps is not woken.
+        if asleep && stop.pose == step.input.bodies[stop.body as usize].sweep.start {
+            continue;
+        }
+        let Some(collider) = colliders.colliders.get(collider) else { continue };
         let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
         if let Some(body) = collider.parent().and_then(|parent| bodies.bodies.get_mut(parent)) {
             body.set_position(stop.pose * local.inverse(), true);

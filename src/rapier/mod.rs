@@ -102,7 +102,13 @@ where
         )
         .add_systems(
             schedule,
-            (install_dispatcher, attach::attach_shapes, attach::attach_boxes, attach::keep_unscaled)
+            (
+                install_dispatcher,
+                attach::attach_shapes,
+                attach::attach_boxes,
+                attach::keep_unscaled,
+                attach::follow_bodies,
+            )
                 .chain()
                 .in_set(MedialSystems::Attach),
         )

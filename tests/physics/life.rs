@@ -11,8 +11,8 @@ use bevy_medial::{medial_axis::MedialAxis, plugin::MedialStep, prelude::*, rapie
 use bevy_rapier3d::{
     plugin::context::{RapierContextColliders, RapierContextJoints, RapierContextSimulation, RapierRigidBodySet},
     prelude::{
-        Collider, ColliderDisabled, CollisionGroups, Group, RapierConfiguration, RigidBody, RigidBodyDisabled,
-        TimestepMode, TransformInterpolation, Velocity,
+        Collider, ColliderDisabled, CollisionGroups, Group, RapierColliderHandle, RapierConfiguration, RigidBody,
+        RigidBodyDisabled, Sensor, Sleeping, TimestepMode, TransformInterpolation, Velocity,
     },
 };
 
@@ -156,6 +156,91 @@ fn a_shape_that_is_loaded_anew_changes_all_its_bodies() {
         assert_eq!(record.counts(body, ground), [1, 0]);
     }
     assert!(expected > 1.9 * mass);
+}
+
+#[test]
+fn a_shape_that_is_taken_out_and_put_back_changes_its_bodies() {
+    for frames_between in [0, 3] {
+        let mut app = app();
+        spawn_ground(&mut app);
+        let mesh = mesh(&mut app, plate());
+        let body = app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), Transform::from_xyz(0.0, 0.101, 0.0))).id();
+        run(&mut app, 100);
+        let thick = MedialAxis::rounded_box(Vec3::new(0.3, 0.2, 0.3), 0.02).unwrap();
+        let expected = thick.mass().volume;
+        app.world_mut().resource_mut::<Assets<MedialAxis>>().remove(&mesh.0).unwrap();
+        run(&mut app, frames_between);
+        app.world_mut().resource_mut::<Assets<MedialAxis>>().insert(&mesh.0, thick).unwrap();
+        run(&mut app, 100);
+        let mass = rigid(&mut app, body).mass();
+        assert!((mass / expected - 1.0).abs() < 1e-4, "{frames_between} frames between: {mass} kg, not {expected}");
+    }
+}
+
+#[test]
+fn a_shape_follows_a_body_that_comes_later_or_elsewhere() {
+    let mut app = app();
+    let mesh = mesh(&mut app, ball());
+    // First a shape by itself, then one of a body's child.
+    let alone = app.world_mut().spawn((mesh.clone(), Transform::from_xyz(0.0, 5.0, 0.0))).id();
+    let parent = spawn_flying(&mut app, ball(), Transform::from_xyz(3.0, 5.0, 0.0), Velocity::zero());
+    let child = app.world_mut().spawn((mesh, Transform::from_xyz(1.0, 0.0, 0.0), ChildOf(parent))).id();
+    run(&mut app, 3);
+    let both = rigid(&mut app, parent).mass();
+    app.world_mut().entity_mut(alone).insert(RigidBody::Dynamic);
+    app.world_mut()
+        .entity_mut(child)
+        .remove::<ChildOf>()
+        .insert((RigidBody::Dynamic, Transform::from_xyz(4.0, 5.0, 0.0)));
+    run(&mut app, 30);
+    let weighs = |app: &mut App, entity| (2.0 * rigid(app, entity).mass() / both - 1.0).abs() < 1e-3;
+    assert!([alone, parent, child].iter().all(|&entity| weighs(&mut app, entity)));
+    for entity in [alone, child] {
+        let body = position(&mut app, entity);
+        let handle = app.world().get::<RapierColliderHandle>(entity).unwrap().0;
+        let mut contexts = app.world_mut().query::<&RapierContextColliders>();
+        let collider = *contexts.single(app.world()).unwrap().colliders[handle].position();
+        assert!(body.y < 4.9 && collider.translation == body, "the body is at {body}, its shape at {collider:?}");
+    }
+    // Picked up, and dropped again.
+    app.world_mut().entity_mut(alone).remove::<RigidBody>();
+    run(&mut app, 3);
+    app.world_mut().entity_mut(alone).insert(RigidBody::Dynamic);
+    run(&mut app, 3);
+    assert!(weighs(&mut app, alone));
+}
+
+#[test]
+fn a_body_that_is_spawned_asleep_hangs_until_it_is_hit() {
+    let mut app = app();
+    let asleep = Sleeping { sleeping: true, ..default() };
+    let hanging = spawn_body(&mut app, ball(), Transform::from_xyz(0.0, 5.0, 0.0));
+    app.world_mut().entity_mut(hanging).insert(asleep);
+    let other = spawn_body(&mut app, ball(), Transform::from_xyz(3.0, 5.0, 0.0));
+    run(&mut app, 30);
+    assert!(is_at_rest(&mut app, hanging) && position(&mut app, hanging).y == 5.0 && position(&mut app, other).y < 4.5);
+    let hit = Velocity::linear(Vec3::X * 10.0);
+    spawn_flying(&mut app, ball(), Transform::from_xyz(-1.0, 5.0, 0.0), hit);
+    run(&mut app, 30);
+    assert!(position(&mut app, hanging).x > 0.5);
+}
+
+#[test]
+fn a_sensor_that_comes_to_sleeping_bodies_and_goes_is_told() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let body = spawn_body(&mut app, plate(), Transform::from_xyz(0.0, 0.1, 0.0));
+    let mut record = Record::default();
+    record.run(&mut app, 200);
+    assert!(is_at_rest(&mut app, body));
+    let zone = app.world_mut().spawn((StaticObb::new(1.0, 1.0, 1.0), Sensor, Transform::default())).id();
+    record.run(&mut app, 3);
+    assert_eq!(record.counts(zone, body), [1, 0]);
+    record.run(&mut app, 20);
+    app.world_mut().get_mut::<Transform>(zone).unwrap().translation.x = 20.0;
+    record.run(&mut app, 3);
+    assert_eq!(record.counts(zone, body), [1, 1]);
+    assert!(is_at_rest(&mut app, body));
 }
 
 /// A change of a body that lies on another and on the ground, and whether the touch ends and starts again at it.

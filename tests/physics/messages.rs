@@ -142,6 +142,25 @@ fn a_sensor_stops_nothing_and_tells() {
 }
 
 #[test]
+fn a_sensor_behind_a_wall_is_not_told_of_what_the_wall_stops() {
+    for kind in ["box", "shape"] {
+        for stops in [true, false] {
+            let sensor = std::cell::Cell::new(Entity::PLACEHOLDER);
+            let (_, [wall, body], record) = shoot(kind, true, 200.0, |app, _, body| {
+                // On the way of the step in which the ball hits the wall.
+                let place = Transform::from_xyz(1.0, 0.0, 0.0);
+                sensor.set(app.world_mut().spawn((StaticObb::new(0.1, 1.0, 1.0), Sensor, place)).id());
+                if !stops {
+                    app.world_mut().entity_mut(body).insert(MedialCcd { enabled: false });
+                }
+            });
+            assert_eq!(record.counts(wall, body)[0], 1, "{kind}, stops {stops}");
+            assert_eq!(record.counts(sensor.get(), body)[0], usize::from(!stops), "{kind}, stops {stops}");
+        }
+    }
+}
+
+#[test]
 fn groups_keep_bodies_apart_from_contacts_and_from_being_stopped() {
     let (mut passed, mut stopped) = (0, 0);
     for kind in WALLS {

@@ -64,6 +64,28 @@ fn a_thin_plate_takes_along_what_it_hits_at_any_speed() {
 }
 
 #[test]
+fn what_sleeps_is_taken_along_as_well() {
+    for medial in [false, true] {
+        for speed in [30.0, 100.0] {
+            let mut app = app();
+            let plate = spawn_plate(&mut app, medial, RigidBody::KinematicVelocityBased, Vec3::X * -1.3 * speed * DT);
+            let ball =
+                spawn_flying(&mut app, MedialAxis::sphere(0.05).unwrap(), Transform::default(), Velocity::zero());
+            run(&mut app, 200);
+            assert!(is_at_rest(&mut app, ball), "it does not sleep");
+            app.world_mut().entity_mut(plate).insert(Velocity::linear(Vec3::X * speed));
+            for step in 0..10 {
+                app.update();
+                let [ball, plate] = [ball, plate].map(|entity| position(&mut app, entity).x);
+                assert!(ball > plate, "medial {medial}, {speed} m/s, step {step}: at {ball}, the plate at {plate}");
+            }
+            let reached = rigid(&mut app, ball).linvel().x;
+            assert!(reached > 0.8 * speed, "medial {medial}, {speed} m/s: {reached} m/s");
+        }
+    }
+}
+
+#[test]
 fn a_bat_that_swings_hits_the_ball() {
     for medial in [false, true] {
         for spin in [5.0, 30.0, 90.0] {

@@ -181,7 +181,8 @@ fn sleepers_wake_when_they_are_hit_or_lose_their_floor() {
     let mut app = app();
     spawn_ground(&mut app);
     let plate = mesh(&mut app, MedialAxis::rounded_box(Vec3::new(1.0, 0.1, 1.0), 0.1).unwrap());
-    let at = |y: f32| Transform::from_xyz(5.0, y, 0.0);
+    // Out of the way of what flies about.
+    let at = |y: f32| Transform::from_xyz(0.0, y, 5.0);
     let floor = app.world_mut().spawn((RigidBody::Fixed, plate, at(1.0))).id();
     let above = spawn_body(&mut app, model("torus"), at(1.3));
     let hit = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.1, 0.0));

@@ -10,7 +10,7 @@ use bevy::{asset::StrongHandle, camera::visibility::RenderLayers, prelude::*};
 use super::{MedialGizmo, MedialGizmos, stops::StopOutline, wireframe::wireframe};
 use crate::{
     medial_axis::MedialAxis,
-    plugin::{MedialLevel, MedialMesh, modified},
+    plugin::{Changes, MedialLevel, MedialMesh},
 };
 
 /// What is drawn of a shape.
@@ -70,12 +70,12 @@ pub(super) fn outline(
     left: Query<(Entity, &Outlined), Without<MedialMesh>>,
     outlines: Query<(), With<Outline>>,
     axes: Res<Assets<MedialAxis>>,
-    mut events: MessageReader<AssetEvent<MedialAxis>>,
+    mut changes: Changes<MedialAxis>,
     mut gizmos: ResMut<Assets<GizmoAsset>>,
     mut shared: ResMut<Lines>,
 ) {
     let (group, layers) = store.config::<MedialGizmos>();
-    let changed = modified(&mut events);
+    let changed = changes.read();
     shared.0.retain(|drawing, lines| !changed.contains(&drawing.asset) && lines.strong_count() > 0);
     for (entity, outlined) in &left {
         remove(&mut commands, entity, outlined);
