@@ -80,10 +80,10 @@ struct Args {
 }
 
 /// The scenes, each with a budget in percent of which its bodies have about as many primitives as those of the paper, 0.3 to 2 million pairs in all.
-const SCENES: [(&str, f32); 4] = [("rods", 0.4), ("tori", 0.5), ("stairs", 0.6), ("dinosaur", 0.6)];
+const SCENES: [(&str, f64); 4] = [("rods", 0.4), ("tori", 0.5), ("stairs", 0.6), ("dinosaur", 0.6)];
 
 /// The budget that bodies have if nothing is said.
-const DEFAULT_PERCENT: f32 = 1.0;
+const DEFAULT_PERCENT: f64 = 1.0;
 
 /// An engine with its shapes.
 enum Setup {
@@ -242,12 +242,12 @@ fn hull_figures(world: &World, made: &[ModelShape]) -> ShapeFigures {
 }
 
 /// The scene with the hybrid culling, beside each baseline.
-fn run_culling(args: &Args, scene: &Scene, models: &[Model], budget_percent: f32) -> Result<Vec<Culling>, String> {
+fn run_culling(args: &Args, scene: &Scene, models: &[Model], budget_percent: f64) -> Result<Vec<Culling>, String> {
     let mut rows = Vec::new();
     for cull in CULLS.into_iter().filter(|_| is_wanted(args, "culling")) {
         let Some(mut comparison) = Comparison::with(cull) else { continue };
         let mut app = headless_app(DT);
-        set_budget(&mut app, MedialBudget::Percent(budget_percent));
+        set_budget(&mut app, MedialBudget::Percent(budget_percent as f32));
         scene.spawn(app.world_mut(), models, SEED);
         for _ in 0..steps(args, scene) {
             app.update();

@@ -14,7 +14,7 @@ use crate::{
 pub struct Culling {
     pub scene: &'static str,
     /// Of all bodies.
-    pub budget_percent: f32,
+    pub budget_percent: f64,
     pub report: Report,
 }
 
@@ -42,7 +42,7 @@ impl Culling {
 #[derive(Serialize)]
 struct CullingRow<'a> {
     scene: &'a str,
-    budget_percent: f32,
+    budget_percent: f64,
     beside: &'a str,
     over: &'a str,
     steps: usize,

@@ -189,7 +189,8 @@ pub(crate) struct Widening {
     carries: Vec<f32>,
     /// How far each is carried.
     carried: Vec<f32>,
-    /// By how much what may carry it turns, in radians, up to 2: no chord of a turn is longer than twice the arm.
+    /// By how much what may carry it turns, in radians, up to 2: no chord of a turn is longer than twice the arm. Empty, as what follows counts for
+    /// nothing then, if nobody carries.
     turns: Vec<f32>,
     /// What is joined is carried together.
     assemblies: Assemblies,
@@ -213,17 +214,16 @@ impl Widening {
         };
         self.carries.clear();
         self.carries.extend(input.bodies.iter().map(carries));
-        for values in [&mut self.carried, &mut self.turns, &mut self.spans] {
-            values.clear();
-            values.resize(input.bodies.len(), 0.0);
-        }
-        self.assemblies.clear();
+        self.carried.clear();
+        self.carried.resize(input.bodies.len(), 0.0);
+        self.turns.clear();
         if self.carries.iter().all(|&way| way == 0.0) {
             return;
         }
-        for ((turn, body), &way) in self.turns.iter_mut().zip(&input.bodies).zip(&self.carries) {
-            *turn = if way > 0.0 { body.sweep.rotation.length().min(2.0) } else { 0.0 };
-        }
+        let turn = |(body, &way): (&Body, &f32)| if way > 0.0 { body.sweep.rotation.length().min(2.0) } else { 0.0 };
+        self.turns.extend(input.bodies.iter().zip(&self.carries).map(turn));
+        self.spans.clear();
+        self.spans.resize(input.bodies.len(), 0.0);
         self.assemblies.set(input);
         for members in self.assemblies.iter().filter(|members| members.len() > 1) {
             let sphere = |body: u32| {
@@ -239,7 +239,8 @@ impl Widening {
     /// How far outside of what its bounding sphere sweeps a body may meet something, in metres; of two bodies, half of the prediction distance each.
     pub fn margin(&self, input: &StepInput, body: usize) -> f32 {
         let slide = if input.bodies[body].stops { input.slide_way() } else { 0.0 };
-        0.5 * input.prediction + slide + self.carried[body] + self.turns[body] * self.spans[body]
+        let turn = self.turns.get(body).map_or(0.0, |turn| turn * self.spans[body]);
+        0.5 * input.prediction + slide + self.carried[body] + turn
     }
 
     /// True if a body may be carried off its way.
@@ -250,7 +251,7 @@ impl Widening {
 
     /// Takes in the pairs that have been found; true if bodies go farther than was known, and so may be in more pairs.
     pub fn widen(&mut self, input: &StepInput, pairs: impl Iterator<Item = [Side; 2]> + Clone) -> bool {
-        if !input.stop_at_impact {
+        if !input.stop_at_impact || self.turns.is_empty() {
             return false;
         }
         let mut wider = false;

@@ -259,11 +259,6 @@ impl PairsOf {
 pub(super) struct Assemblies(Vec<(u64, u32)>);
 
 impl Assemblies {
-    /// There are none.
-    pub fn clear(&mut self) {
-        self.0.clear();
-    }
-
     /// Those of the bodies of a step.
     pub fn set(&mut self, input: &StepInput) {
         self.0.clear();
