@@ -92,7 +92,8 @@ pub(super) fn remove(
     }
     // Of contacts about as deep, rounding says which comes first. What all pushes the same way does no harm.
     let one_way = kept.first().is_none_or(|(first, _)| kept.iter().all(|(contact, _)| contact.pushes_as(first)));
-    for i in (0..if one_way { 0 } else { kept.len() }).rev() {
+    let crossing = if one_way { 0 } else { kept.len() };
+    for i in (0..crossing).rev() {
         let (contact, touched) = kept[i];
         if contact.distance < -around {
             break;

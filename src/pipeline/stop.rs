@@ -338,10 +338,7 @@ pub(super) fn run<'b>(
             affected.retain(|&pair| islands.may_meet(pair));
             searches.extend(affected.iter().map(|&pair| Search { queue, pair, fraction }));
         }
-        let run_now = &run;
-        parallel::map(pool, tasks, searches, 32, found, |scratch, _, &Search { pair, fraction, .. }| {
-            impact_from(input, statics, &pairs[pair], run_now.stops, fraction, &run_now.results[pair], scratch)
-        });
+        run.search(searches, found, tasks, pool);
         for (&Search { queue, pair, .. }, found) in searches.iter().zip(found.drain(..)) {
             queues[queue].extend(run.take(pair, found.impact));
         }
@@ -352,10 +349,7 @@ pub(super) fn run<'b>(
         let fraction = run.stops.leaves(&pairs[pair], run.results[pair].impact).filter(|_| !pairs[pair].stops)?;
         Some(Search { queue: 0, pair, fraction })
     }));
-    let run_now = &run;
-    parallel::map(pool, tasks, searches, 32, found, |scratch, _, &Search { pair, fraction, .. }| {
-        impact_from(input, statics, &pairs[pair], run_now.stops, fraction, &run_now.results[pair], scratch)
-    });
+    run.search(searches, found, tasks, pool);
     for (&Search { pair, .. }, found) in searches.iter().zip(found.drain(..)) {
         run.results[pair].impact = found.impact;
     }
@@ -400,6 +394,14 @@ impl Run<'_> {
     /// The earliest impact of an island that is not outdated.
     fn earliest(&self, queue: &mut BinaryHeap<Event>) -> Option<Event> {
         std::iter::from_fn(|| queue.pop()).find(|event| self.next[event.pair] == event.impact.fraction)
+    }
+
+    /// The first impacts of pairs from fractions on, with their bodies on the courses that they have by now.
+    fn search(&self, searches: &[Search], found: &mut Vec<ImpactResult>, tasks: &Scratches<Scratch>, pool: &TaskPool) {
+        let Self { input, statics, pairs, results, stops, .. } = self;
+        parallel::map(pool, tasks, searches, 32, found, |scratch, _, &Search { pair, fraction, .. }| {
+            impact_from(input, statics, &pairs[pair], stops, fraction, &results[pair], scratch)
+        });
     }
 
     /// Takes in what a search has found for a pair; its impact, if there is one.

@@ -312,16 +312,16 @@ pub(super) fn detect<Hooks>(
             let before = start.map_or(Pace::REST, |_| table.pace(SecondKey::of(collider.shape())));
             let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
             let center = end.inverse_transform_point(body.center_of_mass());
-            let awake = running && body.is_enabled() && !body.is_sleeping();
-            let active = awake || (running && body.is_enabled() && sleepers.get(&entity) != Some(&end));
-            if running && body.is_enabled() && !active {
+            let simulated = running && body.is_enabled();
+            let active = simulated && (!body.is_sleeping() || sleepers.get(&entity) != Some(&end));
+            if simulated && !active {
                 resting.push(step.input.bodies.len());
             }
             let [groups, stop_groups] = groups(collider);
             // The pose of a link of a multibody is a matter of the whole.
             let linked = context.joints.multibody_joints.rigid_body_link(parent).is_some();
             // What sleeps is carried along as well by a kinematic body that would be past it before rapier sees them touch.
-            let stops = running && body.is_enabled() && body.is_dynamic() && !linked;
+            let stops = simulated && body.is_dynamic() && !linked;
             let motion = if stops { motion } else { Sweep::between };
             let sweep = motion(start.pose, end, center, body.angvel() * dt);
             if sweep.end != end {
