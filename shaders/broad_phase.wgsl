@@ -98,7 +98,8 @@ fn with_static(index: u32, item: u32) {
         swept_cone.spheres[i] = vec4f(rotate(reversed(wall.rotation), sphere.xyz), sphere.w);
     }
     var obb = Hull(array(vec4f(wall.half, 0.0), vec4f(0.0), vec4f(0.0)), BOX);
-    if separation(&swept_cone, &obb, 0u).distance > 0.5 * params.prediction + wall.rounding {
+    let rounding = wall.rounding + CONTACT_ROUNDING * (length(wall.half) + length(swept_cone.spheres[0].xyz));
+    if separation(&swept_cone, &obb, 0u).distance > 0.5 * params.prediction + rounding {
         return;
     }
     if body.shape == OTHER_SHAPE || wall.shape == OTHER_SHAPE {

@@ -33,6 +33,7 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     chord.scale2 = 1.0;
     var strays = body1.slack + sagitta(body1, body1.arm, count);
     var size = body1.bound.w;
+    var smaller = size;
     var ways = way(body1);
     if (pair.second & STATIC) != 0u {
         let wall = statics[pair.second & ~STATIC];
@@ -47,6 +48,7 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         chord.scale2 = wall.scale;
         strays += wall.rounding;
         size += wall.radius;
+        smaller = min(smaller, wall.radius);
     } else {
         let body2 = bodies[pair.second];
         chord.start1 = pose_at(body1, start, body1.position);
@@ -57,10 +59,13 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         chord.scale2 = body2.scale;
         strays += body2.slack + sagitta(body2, body2.arm, count);
         size += body2.bound.w;
+        smaller = min(smaller, body2.bound.w);
         ways += way(body2);
     }
     // What rounding may take: a few times that of coordinates as large as these.
     let rounding = CONTACT_ROUNDING * (4.0 * size + ways + length(chord.start1.translation) + length(chord.start2.translation));
-    chord.reach = params.prediction + strays + rounding;
+    // What the CPU looks at, along chords of its own.
+    let stray = 2.0 * FINE_CHORD_TOLERANCE * smaller;
+    chord.reach = max(params.prediction, max(params.touch, stray) + stray) + strays + rounding;
     chords_out[index] = chord;
 }

@@ -19,6 +19,8 @@ struct Params {
     max_chords: u32,
     max_candidates: u32,
     max_survivors: u32,
+    // Distance at which bodies are in touch.
+    touch: f32,
 }
 
 // Where counters stop: more than there is ever room for, and far enough from the end of their range for all that is added meanwhile.

@@ -24,6 +24,16 @@ impl Default for GpuCapacity {
 }
 
 impl GpuCapacity {
+    /// Room for either.
+    pub(super) fn max(self, other: Self) -> Self {
+        Self {
+            pairs: self.pairs.max(other.pairs),
+            chords: self.chords.max(other.chords),
+            candidates: self.candidates.max(other.candidates),
+            survivors: self.survivors.max(other.survivors),
+        }
+    }
+
     /// What there has to be room for, if that is more.
     pub(super) fn for_counts(&self, counts: &Counters) -> Option<Self> {
         let larger = |room: u32, count: u32| if count > room { count.saturating_add(count / 4) } else { room };

@@ -35,6 +35,7 @@ use super::{
     timer::Timer,
 };
 use crate::{
+    constants::TOUCH_DISTANCE,
     geometry::{Aabb, Sphere},
     pipeline::{Candidates, Statics, StepInput, Widening},
 };
@@ -134,9 +135,12 @@ impl GpuCulling {
         let mut widening = Widening::new(input);
         loop {
             self.upload(input, statics, |body| [widening.margin(input, body), 0.0])?;
-            let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-            let batch = self.encode(&mut encoder)?;
-            let submission = self.gpu.queue.submit([encoder.finish()]);
+            let gpu = self.gpu.clone();
+            let (batch, submission) = gpu.checked(format_args!("the passes of a step"), |device| {
+                let mut encoder = device.create_command_encoder(&Default::default());
+                let batch = self.encode(&mut encoder)?;
+                Ok::<_, GpuError>((batch, gpu.queue.submit([encoder.finish()])))
+            })??;
             let data = self.gpu.read(&batch.staging, batch.bytes, submission)?;
             if let Some(found) = self.take(batch, &data)
                 && !widening.widen(input, found.iter().map(|pair| pair.sides))
@@ -162,6 +166,25 @@ impl GpuCulling {
         if let Some(side) = bodies::not_finite(&input.bodies, new_statics.unwrap_or_default()) {
             return Err(GpuError::NotFinite(side));
         }
+        let gpu = self.gpu.clone();
+        let written =
+            gpu.checked(format_args!("the bodies of a step"), |_| self.write(input, statics, margins)).flatten();
+        if written.is_err() {
+            // What there is on the device is unknown. The next step may be smaller.
+            (self.shapes, self.statics, self.bound) = (Shapes::default(), None, None);
+            self.capacity = self.reserved;
+        }
+        self.reserved = self.capacity;
+        written
+    }
+
+    fn write(
+        &mut self,
+        input: &StepInput,
+        statics: &Statics,
+        margins: impl Fn(usize) -> [f32; 2],
+    ) -> Result<(), GpuError> {
+        let known = (statics.id(), statics.bodies().len() as u32);
         if self.shapes.tidy() {
             self.statics = None;
         }
@@ -180,11 +203,7 @@ impl GpuCulling {
             buffers.write(gpu, Slot::StaticNodes, statics.bvh().bytes())?;
             self.statics = Some(known);
         }
-        if let Err(error) = self.shapes.upload(gpu, buffers) {
-            // The next step may have others.
-            (self.shapes, self.statics) = (Shapes::default(), None);
-            return Err(error);
-        }
+        self.shapes.upload(gpu, buffers)?;
 
         let space = Aabb::from_spheres(bodies.iter().map(|body| Sphere::new(body.position, 0.0)));
         // Cells of bodies in one place are as small as they may be and countable.
@@ -201,15 +220,11 @@ impl GpuCulling {
             max_chords: chords,
             max_candidates: candidates,
             max_survivors: survivors,
-            unused: [0; 2],
+            touch: TOUCH_DISTANCE * input.length_unit,
+            unused: 0,
         };
         buffers.write(gpu, Slot::Params, bytes_of(&params))?;
-        if let Err(error) = self.reserve(leaves) {
-            // The next step may be smaller.
-            self.capacity = self.reserved;
-            return Err(error);
-        }
-        self.reserved = self.capacity;
+        self.reserve(leaves)?;
         self.bind(leaves);
         Ok(())
     }
@@ -302,15 +317,16 @@ impl GpuCulling {
         copy(Slot::Pairs, Room::PAIRS_AT, room.survivors_at() - Room::PAIRS_AT);
         copy(Slot::Survivors, room.survivors_at(), room.times_at() - room.survivors_at());
         timer.resolve(encoder, PASSES, &staging, room.times_at());
-        Ok(Batch { staging, bytes, room, labels })
+        Ok(Batch { staging, bytes, room, capacity: self.capacity, labels })
     }
 
     /// Takes what the passes have found, the bytes of the batch's staging buffer; nothing if a buffer was too small and has grown.
     pub(crate) fn take(&mut self, batch: Batch, data: &[u8]) -> Option<Vec<Candidates>> {
         let counts = Room::counts(data);
-        if let Some(larger) = self.capacity.for_counts(&counts) {
-            info_once!("GPU buffers grow from {:?} on; `GpuCapacity` sets where they begin", self.capacity);
-            self.capacity = larger;
+        // Buffers may have grown since it was recorded.
+        if let Some(larger) = batch.capacity.for_counts(&counts) {
+            info_once!("GPU buffers grow from {:?} on; `GpuCapacity` sets where they begin", batch.capacity);
+            self.capacity = self.capacity.max(larger);
             return None;
         }
         self.counts = counts;
@@ -333,5 +349,42 @@ impl GpuCulling {
         }
         let bound = Bound::new(&self.gpu, &self.passes, &self.buffers, leaves, &steps);
         self.bound = Some((generation, leaves, bound));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        geometry::{Pose3, Sweep},
+        medial_axis::MedialAxis,
+        pipeline::{Body, Shape},
+    };
+
+    /// Two batches are on their way when it turns out that buffers are too small, as where nobody waits for them.
+    #[test]
+    fn a_batch_from_before_buffers_grew_is_not_taken() {
+        let gpu = match GpuDevice::request() {
+            Ok(gpu) => gpu,
+            Err(error) if std::env::var_os("MEDIAL_REQUIRE_GPU").is_some() => panic!("{error}"),
+            Err(_) => return,
+        };
+        let shape = Shape { axis: MedialAxis::torus(0.5, 0.1, 24).unwrap(), scale: 1.0 };
+        let body = |x: f32| Body::new(shape.clone(), Sweep::at_rest(Pose3::from_translation(Vec3::X * x)));
+        let input = StepInput { bodies: vec![body(0.0), body(0.1)], prediction: 0.01, ..Default::default() };
+        let capacity = GpuCapacity { candidates: 1, ..GpuCapacity::default() };
+        let mut culling = GpuCulling::new(&gpu, capacity).unwrap();
+        culling.upload(&input, &Statics::default(), |_| [0.01, 0.0]).unwrap();
+        let taken = [(); 2].map(|()| {
+            let mut encoder = gpu.device.create_command_encoder(&Default::default());
+            let batch = culling.encode(&mut encoder).unwrap();
+            let data = gpu.read(&batch.staging, batch.bytes, gpu.queue.submit([encoder.finish()])).unwrap();
+            (batch, data)
+        });
+        assert!(Room::counts(&taken[0].1).candidates > 1);
+        for (batch, data) in taken {
+            assert!(culling.take(batch, &data).is_none(), "it lacks candidates");
+        }
+        assert_eq!(culling.cull(&input, &Statics::default()).unwrap().len(), 1);
     }
 }

@@ -1,6 +1,7 @@
 use std::{
+    fmt,
     panic::{AssertUnwindSafe, catch_unwind},
-    sync::{Arc, Mutex, PoisonError},
+    sync::Arc,
 };
 
 use bevy::tasks::block_on;
@@ -13,9 +14,7 @@ use crate::pipeline::Side;
 pub struct GpuDevice {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
-    info: wgpu::AdapterInfo,
-    /// The last error of a device of the app's own. The renderer's go to whoever handles those: error scopes are of no use, as threads may share them.
-    error: Arc<Mutex<Option<wgpu::Error>>>,
+    info: Arc<wgpu::AdapterInfo>,
 }
 
 /// Why the GPU cannot do it.
@@ -55,17 +54,17 @@ pub enum GpuError {
     /// Nothing can be found for a body, or a static: its numbers are NaN or infinite.
     #[error("{0:?}: its place, motion or size is not finite")]
     NotFinite(Side),
-    /// A shader or a pass is refused.
-    #[error("the GPU `{adapter}` refuses the pass `{pass}`: {reason}")]
+    /// A shader, a buffer or a step is refused.
+    #[error("the GPU `{adapter}` refuses {what}: {reason}")]
     Refused {
         /// Its name.
         adapter: String,
-        /// The pass.
-        pass: &'static str,
+        /// What it refuses.
+        what: String,
         /// What it says.
         reason: String,
     },
-    /// The device is lost: it was reset, removed or destroyed.
+    /// The device is lost: it was reset, removed or destroyed, or had no memory for what it cannot do without.
     #[error("the GPU `{adapter}` is lost")]
     Lost {
         /// Its name.
@@ -101,12 +100,7 @@ impl GpuDevice {
         };
         let (device, queue) = block_on(adapter.request_device(&descriptor))
             .map_err(|reason| GpuError::NoDevice { adapter: info.name.clone(), reason })?;
-        let gpu = Self::new(device, queue, info)?;
-        let error = gpu.error.clone();
-        gpu.device.on_uncaptured_error(Arc::new(move |found| {
-            *error.lock().unwrap_or_else(PoisonError::into_inner) = Some(found);
-        }));
-        Ok(gpu)
+        Self::new(device, queue, info)
     }
 
     /// A device that is there already, such as that of the renderer.
@@ -115,7 +109,7 @@ impl GpuDevice {
     /// If it cannot do what is needed.
     pub fn new(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Result<Self, GpuError> {
         let limits = device.limits();
-        let gpu = Self { device, queue, info, error: Arc::default() };
+        let gpu = Self { device, queue, info: info.into() };
         gpu.require("storage buffers in a pass", limits.max_storage_buffers_per_shader_stage.into(), 8)?;
         gpu.require("invocations in a workgroup", limits.max_compute_invocations_per_workgroup.into(), 256)?;
         Ok(gpu)
@@ -147,35 +141,49 @@ impl GpuDevice {
         self.device.limits()
     }
 
-    /// What a device of the app's own has refused since it was last asked.
-    fn take_error(&self) -> Option<wgpu::Error> {
-        self.error.lock().unwrap_or_else(PoisonError::into_inner).take()
+    /// Runs what makes something on the device, whose errors meanwhile become one here. Nobody else sees them, least of all the renderer, which
+    /// would end the app; nor does anybody else's come here, as wgpu with its feature `std` has error scopes for each thread.
+    pub(super) fn checked<T>(
+        &self,
+        what: fmt::Arguments,
+        make: impl FnOnce(&wgpu::Device) -> T,
+    ) -> Result<T, GpuError> {
+        self.scoped(make).map_err(|error| match error {
+            // But for buffers, wgpu gives up a device that is out of memory.
+            wgpu::Error::OutOfMemory { .. } => GpuError::Lost { adapter: self.name().into() },
+            error => self.refusal(what, &error),
+        })
     }
 
-    /// Runs what makes something of a pass; an error of the device becomes one here.
-    pub(super) fn checked<T>(&self, pass: &'static str, make: impl FnOnce(&wgpu::Device) -> T) -> Result<T, GpuError> {
+    fn scoped<T>(&self, make: impl FnOnce(&wgpu::Device) -> T) -> Result<T, wgpu::Error> {
+        use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
+        let scopes = [OutOfMemory, Validation, Internal].map(|filter| self.device.push_error_scope(filter));
         let made = make(&self.device);
-        self.check(pass).map(|()| made)
+        let error = scopes.into_iter().rev().fold(None, |error, scope| block_on(scope.pop()).or(error));
+        error.map_or(Ok(made), Err)
     }
 
-    fn check(&self, pass: &'static str) -> Result<(), GpuError> {
-        let refused =
-            |error: wgpu::Error| GpuError::Refused { adapter: self.name().into(), pass, reason: error.to_string() };
-        self.take_error().map_or(Ok(()), |error| Err(refused(error)))
+    fn refusal(&self, what: fmt::Arguments, error: &wgpu::Error) -> GpuError {
+        GpuError::Refused { adapter: self.name().into(), what: what.to_string(), reason: error.to_string() }
     }
 
     /// A buffer of so many bytes, at least 16.
     pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
-        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+        let descriptor = wgpu::BufferDescriptor {
             label: Some(label),
             size: bytes.max(16).next_multiple_of(16),
             usage,
             mapped_at_creation: false,
-        });
-        match self.take_error() {
-            Some(wgpu::Error::OutOfMemory { .. }) => Err(GpuError::Memory { adapter: self.name().into(), bytes }),
-            _ => Ok(buffer),
-        }
+        };
+        self.scoped(|device| device.create_buffer(&descriptor)).map_err(|error| match error {
+            wgpu::Error::OutOfMemory { .. } => GpuError::Memory { adapter: self.name().into(), bytes },
+            error => self.refusal(format_args!("the buffer `{label}`"), &error),
+        })
+    }
+
+    /// Lets callbacks of what is done run. False if the device is lost: wgpu panics where the driver says so.
+    pub(crate) fn poll(&self, until: wgpu::PollType) -> bool {
+        catch_unwind(AssertUnwindSafe(|| self.device.poll(until))).is_ok_and(|polled| polled.is_ok())
     }
 
     /// A buffer to read so many bytes from.
@@ -198,11 +206,10 @@ impl GpuDevice {
             // Nobody listens any more: nothing is lost.
             let _ = sender.send(data);
         });
-        self.device
-            .poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
-            .map_err(|_| lost())?;
-        let data = receiver.recv().ok().flatten().ok_or_else(lost)?;
-        self.check("the whole step").map(|()| data)
+        if !self.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None }) {
+            return Err(lost());
+        }
+        receiver.recv().ok().flatten().ok_or_else(lost)
     }
 }
 

@@ -112,9 +112,9 @@ impl GpuImpacts {
         let input = gpu.buffer("pairs", bytes, Usage::STORAGE | Usage::COPY_DST)?;
         let output = gpu.buffer("results", size, Usage::STORAGE | Usage::COPY_SRC)?;
         let staging = gpu.staging(size + self.timer.bytes())?;
-        gpu.queue.write_buffer(&input, 0, bytemuck::cast_slice(pairs));
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        {
+        let submission = gpu.checked(format_args!("{} pairs", pairs.len()), |device| {
+            gpu.queue.write_buffer(&input, 0, bytemuck::cast_slice(pairs));
+            let mut encoder = device.create_command_encoder(&Default::default());
             let group =
                 self.pass.bind(gpu, &[(0, input.as_entire_buffer_binding()), (1, output.as_entire_buffer_binding())]);
             let timestamp_writes = self.timer.writes(0);
@@ -122,10 +122,11 @@ impl GpuImpacts {
             let mut pass = encoder.begin_compute_pass(&descriptor);
             self.pass.set(&mut pass, &group);
             pass.dispatch_workgroups(groups, 1, 1);
-        }
-        encoder.copy_buffer_to_buffer(&output, 0, &staging, 0, size);
-        self.timer.resolve(&mut encoder, 1, &staging, size);
-        let submission = gpu.queue.submit([encoder.finish()]);
+            drop(pass);
+            encoder.copy_buffer_to_buffer(&output, 0, &staging, 0, size);
+            self.timer.resolve(&mut encoder, 1, &staging, size);
+            gpu.queue.submit([encoder.finish()])
+        })?;
         let data = gpu.read(&staging, size + self.timer.bytes(), submission)?;
         let (answers, times) = data.split_at(size as usize);
         self.time = self.timer.durations(times).first().copied();

@@ -35,7 +35,8 @@ pub(super) struct Params {
     pub max_chords: u32,
     pub max_candidates: u32,
     pub max_survivors: u32,
-    pub unused: [u32; 2],
+    pub touch: f32,
+    pub unused: u32,
 }
 
 /// `Body` in `motion.wgsl`.
@@ -197,7 +198,7 @@ mod tests {
         let step = &module(&[STEP, TREE]);
         let narrow = &module(&[KERNELS, STEP, CHORDS, &[include_str!("../../shaders/narrow_phase.wgsl")]]);
         assert_layout!(step, Params {
-            bodies leaves static_nodes prediction low max_pairs cells max_chords max_candidates max_survivors
+            bodies leaves static_nodes prediction low max_pairs cells max_chords max_candidates max_survivors touch
         });
         assert_layout!(step, Body {
             position shape rotation translation scale turn arm local_center margin bound memberships collides_with owner

@@ -24,6 +24,7 @@ pub(super) fn shader(files: &[&str]) -> String {
         ("FIRST_TRIAL", constants::FIRST_TRIAL),
         ("SHORTEST_TRIAL", constants::SHORTEST_TRIAL),
         ("CHORD_TOLERANCE", constants::CULLING_CHORD_TOLERANCE),
+        ("FINE_CHORD_TOLERANCE", constants::CHORD_TOLERANCE),
         ("ILL_CONDITIONED", constants::ILL_CONDITIONED),
         ("EPSILON", f32::EPSILON),
         ("MAX", f32::MAX),
@@ -55,7 +56,7 @@ pub(crate) struct Pass {
 impl Pass {
     /// A pass whose shader is the `text`, with the label as the name of its entry point.
     pub(super) fn new(gpu: &GpuDevice, label: &'static str, text: String) -> Result<Self, GpuError> {
-        gpu.checked(label, |device| {
+        gpu.checked(format_args!("the pass `{label}`"), |device| {
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(label),
                 source: wgpu::ShaderSource::Wgsl(text.into()),

@@ -2,7 +2,10 @@
 
 use bytemuck::{Pod, pod_collect_to_vec};
 
-use super::layout::{Counters, Pair, STATIC, Survivor, UNKNOWN};
+use super::{
+    GpuCapacity,
+    layout::{Counters, Pair, STATIC, Survivor, UNKNOWN},
+};
 use crate::pipeline::{Candidates, Side};
 
 /// What is on its way from the GPU.
@@ -11,6 +14,8 @@ pub(crate) struct Batch {
     /// Bytes of it that are of use.
     pub bytes: u64,
     pub(super) room: Room,
+    /// What the passes had room for.
+    pub(super) capacity: GpuCapacity,
     /// Passes in the order of their times.
     pub(super) labels: Vec<&'static str>,
 }

@@ -18,7 +18,8 @@ impl Timer {
         let mut queries = None;
         if gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             let (ty, count) = (wgpu::QueryType::Timestamp, 2 * passes);
-            let set = gpu.device.create_query_set(&wgpu::QuerySetDescriptor { label: Some("passes"), ty, count });
+            let descriptor = wgpu::QuerySetDescriptor { label: Some("passes"), ty, count };
+            let set = gpu.checked(format_args!("timestamps"), |device| device.create_query_set(&descriptor))?;
             let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
             queries = Some((set, gpu.buffer("times", 16 * u64::from(passes), usage)?));
         }

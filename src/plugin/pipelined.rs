@@ -159,7 +159,11 @@ fn upload(
     }
     let State::Ready(passes) = &mut culling.state else { return };
     // Callbacks of what is done run in here; a device that is lost says so to them.
-    let _ = device.poll(wgpu::PollType::Poll);
+    if !passes.device().poll(wgpu::PollType::Poll) {
+        warn!("medial meshes are culled on the CPU from now on: the GPU `{}` is lost", passes.device().name());
+        culling.state = State::Failed;
+        return;
+    }
     let arrived: Vec<Mapped> =
         culling.mapped.1.lock().map_or_else(|_| Vec::new(), |mapped| mapped.try_iter().collect());
     for (prediction, batch, data) in arrived {
@@ -177,7 +181,11 @@ fn upload(
         let widening = Widening::new(&asked.input);
         match passes.upload(&asked.input, &asked.statics, |body| asked.margins(&widening, body)) {
             Ok(()) => culling.uploaded = Some(asked),
-            Err(error) => warn_once!("steps are culled on the CPU: {error}"),
+            Err(error) if error.is_of_one_step() => warn_once!("steps are culled on the CPU: {error}"),
+            Err(error) => {
+                warn!("medial meshes are culled on the CPU from now on: {error}");
+                culling.state = State::Failed;
+            }
         }
     }
 }

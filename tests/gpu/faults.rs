@@ -1,6 +1,12 @@
 //! What may go wrong on a GPU loses nothing.
 
-use std::process::Command;
+use std::{
+    process::Command,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+};
 
 use bevy::{
     prelude::*,
@@ -270,6 +276,52 @@ fn remove_shapes(app: &mut App) {
     for id in ids {
         axes.remove(id);
     }
+}
+
+#[test]
+fn full_memory_is_told_to_nobody_else() {
+    if device().is_none() {
+        return;
+    }
+    let child = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "faults::runs_where_memory_is_full", "--ignored", "--nocapture"])
+        .output()
+        .unwrap();
+    let [out, err] = [child.stdout, child.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    assert!(child.status.success() && out.contains("1 passed"), "{out}{err}");
+}
+
+/// Run by [`full_memory_is_told_to_nobody_else`], as the limit is that of a process.
+#[test]
+#[ignore = "limits the memory of the process"]
+fn runs_where_memory_is_full() {
+    let gpu = small_device(1 << 27);
+    let told = Arc::new(AtomicBool::new(false));
+    let whoever = told.clone();
+    gpu.wgpu_device().on_uncaptured_error(Arc::new(move |_| whoever.store(true, Ordering::Relaxed)));
+    let mut random = Random(8);
+    let mut small = |culling: &mut GpuCulling| compare(culling, 5, || random_step(&mut random, 12, 5, 2.0, Vec3::ZERO));
+    let mut culling = GpuCulling::new(&gpu, TINY).unwrap();
+    small(&mut culling);
+
+    let many = GpuCapacity { candidates: 7_000_000, ..TINY };
+    let mut large = GpuCulling::new(&gpu, many).unwrap();
+    let (input, statics) = random_step(&mut Random(9), 12, 5, 2.0, Vec3::ZERO);
+    // In pages of 4 KiB, the first number.
+    let used: u64 = std::fs::read_to_string("/proc/self/statm").unwrap().split(' ').next().unwrap().parse().unwrap();
+    let limit = |bytes: &str| {
+        let args = ["--pid", &std::process::id().to_string(), &format!("--as={bytes}")];
+        assert!(Command::new("prlimit").args(args).status().unwrap().success());
+    };
+    // The hard limit stays, so that it can be taken back: without memory a test cannot even fail.
+    limit(&format!("{}:unlimited", used * 4096 + (48 << 20)));
+    let errors: Vec<GpuError> = (0..2).map(|_| large.cull(&input, &statics).unwrap_err()).collect();
+    limit("unlimited:unlimited");
+    for error in errors {
+        assert!(error.is_of_one_step() && error.to_string().contains("has no memory left for"), "{error}");
+    }
+    small(&mut culling);
+    assert!(!told.load(Ordering::Relaxed), "whoever handles the errors of the device was told");
 }
 
 /// What the passes need more of is not gone around by another device.
