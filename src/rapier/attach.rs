@@ -70,7 +70,7 @@ pub(super) fn attach_shapes(
         let Some((axis, level)) = leveled else {
             if let Some(LoadState::Failed(error)) = server.as_ref().and_then(|server| server.get_load_state(&mesh.0)) {
                 error!("{name}: its medial mesh did not load, so it collides with nothing: {error}");
-                entity.try_insert(wanted).try_remove::<Collider>();
+                entity.try_insert(wanted).try_remove::<(Collider, MedialLevel)>();
             }
             continue;
         };
@@ -80,7 +80,7 @@ pub(super) fn attach_shapes(
                 "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \
                  give it a uniform, positive, moderate Transform::scale, or build a mesh of the wanted proportions"
             );
-            entity.try_remove::<Collider>();
+            entity.try_remove::<(Collider, MedialLevel)>();
             continue;
         }
         *next_key += 1;
@@ -176,13 +176,20 @@ pub(super) fn attach_boxes(
     }
 }
 
+/// What has lost its parent or its body since the last step, which may be several frames ago: Bevy forgets by then what was removed.
+#[derive(Resource, Default)]
+pub(super) struct Freed(Vec<Entity>);
+
+pub(super) fn note_freed<C: Component>(removed: On<Remove, C>, mut freed: ResMut<Freed>) {
+    freed.0.push(removed.entity);
+}
+
 /// Gives a shape to the body that it belongs to by now, if it got another one or the first after its collider: rapier has it made anew, which otherwise
 /// leaves it where it was.
 pub(super) fn follow_bodies(
     mut commands: Commands,
     changed: Query<Entity, Or<(Added<RigidBody>, Changed<ChildOf>)>>,
-    mut freed: RemovedComponents<ChildOf>,
-    mut bodiless: RemovedComponents<RigidBody>,
+    mut freed: ResMut<Freed>,
     children: Query<&Children>,
     parents: Query<&ChildOf>,
     bodies: Query<Option<&RapierRigidBodyHandle>, With<RigidBody>>,
@@ -192,7 +199,7 @@ pub(super) fn follow_bodies(
     >,
     contexts: Query<&RapierContextColliders>,
 ) {
-    for entity in changed.iter().chain(freed.read()).chain(bodiless.read()) {
+    for entity in changed.iter().chain(freed.0.drain(..)) {
         for shape in once(entity).chain(children.iter_descendants(entity)) {
             let Ok((handle, link)) = shapes.get(shape) else { continue };
             let Some(collider) = contexts.get(link.0).ok().and_then(|context| context.colliders.get(handle.0)) else {

@@ -315,7 +315,7 @@ pub(super) fn detect<Hooks>(
             let simulated = running && body.is_enabled();
             let active = simulated && (!body.is_sleeping() || sleepers.get(&entity) != Some(&end));
             if simulated && !active {
-                resting.push(step.input.bodies.len());
+                resting.push((step.input.bodies.len(), sensor || !body.is_dynamic()));
             }
             let [groups, stop_groups] = groups(collider);
             // The pose of a link of a multibody is a matter of the whole.
@@ -361,9 +361,10 @@ pub(super) fn detect<Hooks>(
     step.dt = worlds.first().map_or(0.0, |(_, dt)| *dt);
     // Who sets the resource anew has lost them.
     if fixed != *known || step.static_infos.len() != fixed.len() {
-        // Rapier wakes nobody for a sensor that comes, goes or moves.
-        if sensors(&fixed).ne(sensors(&known)) {
-            resting.iter().for_each(|&body| step.input.bodies[body].active = true);
+        // Rapier wakes nobody for a sensor that comes, goes or moves, nor for anything fixed that does one that only is told.
+        let is_for_all = sensors(&fixed).ne(sensors(&known));
+        for (body, _) in resting.into_iter().filter(|(_, is_told_alone)| is_for_all || *is_told_alone) {
+            step.input.bodies[body].active = true;
         }
         set_statics(step, &fixed);
         *known = fixed;

@@ -24,7 +24,7 @@ pub(super) fn kept_apart(joints: &RapierContextJoints) -> Vec<[RigidBodyHandle; 
     pairs
 }
 
-/// For each dynamic body on an impulse joint one that stands for all that are joined with it, directly or by others.
+/// For each dynamic body on an enabled impulse joint one that stands for all that are joined with it, directly or by others.
 ///
 /// If one of them stopped by itself, the joints would be torn, and the solver would make up for it with a jerk.
 pub(super) fn assemblies(
@@ -32,7 +32,9 @@ pub(super) fn assemblies(
     bodies: &RigidBodySet,
 ) -> HashMap<RigidBodyHandle, RigidBodyHandle> {
     let is_dynamic = |body: &RigidBodyHandle| bodies.get(*body).is_some_and(|body| body.is_dynamic());
-    let pairs = joints.impulse_joints.iter().map(|(_, joint)| [joint.body1(), joint.body2()]);
+    // Rapier solves no joint of a disabled body.
+    let enabled = joints.impulse_joints.iter().filter(|(_, joint)| joint.data.is_enabled());
+    let pairs = enabled.map(|(_, joint)| [joint.body1(), joint.body2()]);
     let pairs: Vec<_> = pairs.filter(|pair| pair.iter().all(is_dynamic)).collect();
     // Of a body that is there several times one place stands for all.
     let joined = pairs.as_flattened();

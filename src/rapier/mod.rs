@@ -54,7 +54,7 @@ use bevy::{
 use bevy_rapier3d::{
     parry::query::{DefaultQueryDispatcher, QueryDispatcher},
     plugin::{RapierTransformPropagateSet, context::RapierContextSimulation},
-    prelude::{BevyPhysicsHooks, CollisionEvent, PhysicsSet, RapierPhysicsPlugin},
+    prelude::{BevyPhysicsHooks, CollisionEvent, PhysicsSet, RapierPhysicsPlugin, RigidBody},
     rapier::geometry::NarrowPhase,
 };
 
@@ -87,6 +87,9 @@ where
     }
     app.add_observer(attach::detach_shape)
         .add_observer(attach::detach_box)
+        .add_observer(attach::note_freed::<ChildOf>)
+        .add_observer(attach::note_freed::<RigidBody>)
+        .init_resource::<attach::Freed>()
         .init_resource::<ContactTable>()
         .register_type::<ContactTable>()
         .init_resource::<detect::Snapshot>()

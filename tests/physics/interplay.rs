@@ -187,6 +187,23 @@ fn joined_bodies_without_contacts_fly_through_each_other() {
 }
 
 #[test]
+fn a_chain_whose_middle_is_disabled_ties_nobody() {
+    let mut app = app();
+    spawn_wall(&mut app, 4.0);
+    let [one, middle, other] = [(0.0, 200.0), (20.0, 0.0), (40.0, 60.0)].map(|(height, speed)| {
+        spawn_flying(&mut app, ball(), Transform::from_xyz(0.0, height, 0.0), Velocity::linear(Vec3::X * speed))
+    });
+    for [from, to] in [[one, middle], [middle, other]] {
+        app.world_mut().entity_mut(to).insert(ImpulseJoint::new(from, RopeJointBuilder::new(500.0)));
+    }
+    app.world_mut().entity_mut(middle).insert(RigidBodyDisabled);
+    run(&mut app, 10);
+    let [one, other] = [one, other].map(|body| position(&mut app, body).x);
+    assert!(one < 3.9, "it flies through the wall");
+    assert!((other - 10.0 * 60.0 * DT).abs() < 0.01, "{other}: it loses what the other has lost at the wall");
+}
+
+#[test]
 fn a_kinematic_body_goes_its_way_and_pushes_others() {
     for kind in [RigidBody::KinematicVelocityBased, RigidBody::KinematicPositionBased] {
         let mut app = app();

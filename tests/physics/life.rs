@@ -28,6 +28,13 @@ fn ball() -> MedialAxis {
     MedialAxis::sphere(0.2).unwrap()
 }
 
+/// Where rapier has an entity's shape.
+fn collider_position(app: &mut App, entity: Entity) -> Vec3 {
+    let handle = app.world().get::<RapierColliderHandle>(entity).unwrap().0;
+    let mut contexts = app.world_mut().query::<&RapierContextColliders>();
+    contexts.single(app.world()).unwrap().colliders[handle].translation()
+}
+
 fn set_active(app: &mut App, active: bool) {
     let mut configuration = app.world_mut().query::<&mut RapierConfiguration>();
     configuration.single_mut(app.world_mut()).unwrap().physics_pipeline_active = active;
@@ -196,11 +203,8 @@ fn a_shape_follows_a_body_that_comes_later_or_elsewhere() {
     let weighs = |app: &mut App, entity| (2.0 * rigid(app, entity).mass() / both - 1.0).abs() < 1e-3;
     assert!([alone, parent, child].iter().all(|&entity| weighs(&mut app, entity)));
     for entity in [alone, child] {
-        let body = position(&mut app, entity);
-        let handle = app.world().get::<RapierColliderHandle>(entity).unwrap().0;
-        let mut contexts = app.world_mut().query::<&RapierContextColliders>();
-        let collider = *contexts.single(app.world()).unwrap().colliders[handle].position();
-        assert!(body.y < 4.9 && collider.translation == body, "the body is at {body}, its shape at {collider:?}");
+        let (body, shape) = (position(&mut app, entity), collider_position(&mut app, entity));
+        assert!(body.y < 4.9 && shape == body, "the body is at {body}, its shape at {shape}");
     }
     // Picked up, and dropped again.
     app.world_mut().entity_mut(alone).remove::<RigidBody>();
@@ -208,6 +212,26 @@ fn a_shape_follows_a_body_that_comes_later_or_elsewhere() {
     app.world_mut().entity_mut(alone).insert(RigidBody::Dynamic);
     run(&mut app, 3);
     assert!(weighs(&mut app, alone));
+}
+
+#[test]
+fn a_part_that_is_freed_between_fixed_steps_stays_where_it_is() {
+    // Four frames to a step: whichever frame it is freed in.
+    for frame in 0..4 {
+        let mut app = app_with(MedialPhysicsPlugin::default().in_fixed_schedule(), &assets());
+        app.insert_resource(Time::<Fixed>::from_hz(60.0));
+        app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 240.0)));
+        let parent = spawn_flying(&mut app, ball(), Transform::from_xyz(3.0, 5.0, 0.0), Velocity::zero());
+        let mesh = mesh(&mut app, ball());
+        let part = app.world_mut().spawn((mesh, Transform::from_xyz(1.0, 0.0, 0.0), ChildOf(parent))).id();
+        run(&mut app, 12 + frame);
+        let both = rigid(&mut app, parent).mass();
+        app.world_mut().entity_mut(part).remove::<ChildOf>();
+        run(&mut app, 12);
+        let place = collider_position(&mut app, part);
+        assert_eq!(place, Vec3::X, "frame {frame}: the shape goes elsewhere than its entity");
+        assert!((2.0 * rigid(&mut app, parent).mass() / both - 1.0).abs() < 1e-3, "frame {frame}");
+    }
 }
 
 #[test]
@@ -241,6 +265,29 @@ fn a_sensor_that_comes_to_sleeping_bodies_and_goes_is_told() {
     record.run(&mut app, 3);
     assert_eq!(record.counts(zone, body), [1, 1]);
     assert!(is_at_rest(&mut app, body));
+}
+
+#[test]
+fn what_sleeps_and_is_told_alone_learns_of_what_is_put_there() {
+    for sensor in [true, false] {
+        let mut app = app();
+        let shape = mesh(&mut app, plate());
+        let zone = app.world_mut().spawn((RigidBody::KinematicPositionBased, shape)).id();
+        if sensor {
+            app.world_mut().entity_mut(zone).insert(Sensor);
+        }
+        let mut record = Record::default();
+        record.run(&mut app, 200);
+        assert!(rigid(&mut app, zone).is_sleeping());
+        let door = app.world_mut().spawn((StaticObb::new(0.1, 0.1, 0.1), Transform::default())).id();
+        record.run(&mut app, 3);
+        assert_eq!(record.counts(zone, door), [1, 0], "sensor: {sensor}");
+        record.run(&mut app, 20);
+        app.world_mut().get_mut::<Transform>(door).unwrap().translation.x = 20.0;
+        record.run(&mut app, 3);
+        assert_eq!(record.counts(zone, door), [1, 1], "sensor: {sensor}");
+        assert!(rigid(&mut app, zone).is_sleeping());
+    }
 }
 
 /// A change of a body that lies on another and on the ground, and whether the touch ends and starts again at it.
