@@ -33,20 +33,23 @@ fn torus(major: f32, minor: f32, rings: u32, around: u32) -> TriangleMesh {
     mesh
 }
 
+/// Adds a box.
+fn add_box(mesh: &mut TriangleMesh, min: Vec3, size: Vec3) {
+    let first = mesh.positions.len() as u32;
+    for corner in 0..8u32 {
+        let unit = Vec3::new((corner & 1) as f32, (corner >> 1 & 1) as f32, (corner >> 2) as f32);
+        mesh.positions.push(min + unit * size);
+    }
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    for [a, b, c, d] in quads.map(|q: [u32; 4]| q.map(|i| first + i)) {
+        mesh.triangles.extend([[a, b, c], [a, c, d]]);
+    }
+}
+
 /// Boxes, side by side along x with gaps of half their size.
 fn boxes(count: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
-    for number in 0..count {
-        let first = mesh.positions.len() as u32;
-        for corner in 0..8u32 {
-            let unit = Vec3::new((corner & 1) as f32, (corner >> 1 & 1) as f32, (corner >> 2) as f32);
-            mesh.positions.push(unit + Vec3::X * (1.5 * number as f32));
-        }
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        for [a, b, c, d] in quads.map(|q: [u32; 4]| q.map(|i| first + i)) {
-            mesh.triangles.extend([[a, b, c], [a, c, d]]);
-        }
-    }
+    (0..count).for_each(|number| add_box(&mut mesh, Vec3::X * (1.5 * number as f32), Vec3::ONE));
     mesh
 }
 
@@ -94,6 +97,23 @@ fn a_torus_becomes_a_ring_of_cones() {
     // The hole stays open.
     let (edges, _) = counts(&axis);
     assert!(edges >= axis.spheres().len(), "no ring of {edges} edges");
+}
+
+#[test]
+fn pieces_too_small_for_samples_have_a_sphere_each() {
+    for seed in 1..4 {
+        let mut house = TriangleMesh { positions: vec![], triangles: vec![] };
+        add_box(&mut house, Vec3::ZERO, Vec3::new(10.0, 10.0, 5.0));
+        // Far enough away not to drown in the house's own error.
+        let knobs = [0.05, 0.02, 0.01].map(|size| (Vec3::new(11.5, 3.0 + 100.0 * size, 1.07), size));
+        knobs.iter().for_each(|&(min, size)| add_box(&mut house, min, Vec3::splat(size)));
+        let axis = built(&house, &BuildOptions { seed, ..with(20) }).unwrap().axis;
+        assert_eq!(components(&axis), 4, "seed {seed}");
+        for (min, size) in knobs {
+            let within = |center: Vec3| (center - min).min_element() > 0.0 && (center - min).max_element() < size;
+            assert!(axis.spheres().iter().any(|sphere| within(sphere.center)), "seed {seed}: none in {size} m");
+        }
+    }
 }
 
 #[test]

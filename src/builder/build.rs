@@ -14,7 +14,7 @@ use super::{
     solid::Solid,
     surface_samples::Random,
 };
-use crate::medial_axis::{CleanupReport, MedialAxis, MedialAxisError};
+use crate::medial_axis::{CleanupReport, MAX_SPHERES, MedialAxis, MedialAxisError};
 
 /// What to build.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,7 +86,9 @@ pub enum BuildError {
         vertex: u32,
     },
     /// The surface encloses nothing.
-    #[error("the mesh encloses no volume; close its holes or give its sheets a thickness")]
+    #[error(
+        "the mesh encloses no volume; close its holes, give its sheets a thickness, or remove the backs of doubled faces"
+    )]
     NoVolume,
     /// Each component needs a sphere.
     #[error(
@@ -155,25 +157,27 @@ pub fn build_levels(
     let share = finest_share(options.spheres);
     let search = finest(&judge, mesh, options, &between(progress, 0.0, share))?;
     let first = search.built(&solid)?;
-    let others = coarser(&judge, mesh, options, search, &between(progress, share, 1.0))?;
+    let others = coarser(&judge, mesh, options, search, |level| level, &between(progress, share, 1.0))?;
     Ok(once(first).chain(others).collect())
 }
 
 /// The part of the work on a chain that is its finest level's: each takes about as long as it has spheres.
 pub(super) fn finest_share(spheres: usize) -> f32 {
-    let spheres = spheres.max(1);
+    let spheres = spheres.clamp(1, MAX_SPHERES);
     spheres as f32 / chain(spheres, 1).sum::<usize>() as f32
 }
 
-/// The levels of a chain that come of its finest one.
-pub(super) fn coarser(
+/// The levels of a chain that come of its finest one, each finished as soon as it is there.
+pub(super) fn coarser<T>(
     judge: &Judge,
     mesh: &TriangleMesh,
     options: &BuildOptions,
     mut search: Search,
+    finish: impl Fn(Built) -> T,
     progress: &Progress,
-) -> Result<Vec<Built>, BuildError> {
-    let counts: Vec<usize> = chain(search.spheres(), search.full_components()).skip(1).collect();
+) -> Result<Vec<T>, BuildError> {
+    let counts = chain(search.spheres(), search.full_components()).skip(1);
+    let counts: Vec<usize> = counts.filter(|&spheres| spheres < search.balls()).collect();
     let whole: usize = counts.iter().sum();
     let (mut levels, mut done) = (Vec::new(), 0);
     for spheres in counts {
@@ -185,9 +189,9 @@ pub(super) fn coarser(
         let [from, to] = [done, done + spheres].map(|spheres| spheres as f32 / whole as f32);
         done += spheres;
         search = best(judge, mesh, &options, &starts, &between(progress, from, to))?;
-        levels.push(search.built(judge.solid)?);
+        levels.push(finish(search.built(judge.solid)?));
     }
-    Ok(levels)
+    if progress(1.0).is_break() { Err(BuildError::Cancelled) } else { Ok(levels) }
 }
 
 /// Where a search starts.

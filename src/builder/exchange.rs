@@ -206,10 +206,10 @@ fn insertions(
     let distances: Vec<f64> = state.hits.iter().map(|h| h.distance).collect();
     let edits = parallel::map(worst.len(), 1, |at| {
         let sample = worst[at].1 as usize;
-        let ball =
-            surface_samples::medial_ball(target.solid, samples.points.positions[sample], samples.normals[sample]);
-        let new = complex.balls.len() as u32;
         let part = samples.parts[sample];
+        let (point, normal) = (samples.points.positions[sample], samples.normals[sample]);
+        let ball = surface_samples::medial_ball(target.solid, part, point, normal);
+        let new = complex.balls.len() as u32;
         let hit = &state.hits[sample];
         let home = state.envelope.primitives[hit.primitive as usize];
         let mut around: BTreeSet<u32> = home.indices().iter().copied().collect();

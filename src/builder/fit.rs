@@ -13,6 +13,7 @@ use super::{
     search::Search,
     solid::Solid,
 };
+use crate::medial_axis::MAX_SPHERES;
 
 /// Spheres where nothing is said.
 const DEFAULT_SPHERES: usize = 60;
@@ -74,11 +75,14 @@ pub fn fit(
     let (search, first) = match options.max_error {
         None => trial(options.spheres.unwrap_or(DEFAULT_SPHERES))?,
         Some(error) => {
-            let most = options.spheres.unwrap_or(TRIED[1]);
+            let most = options.spheres.unwrap_or(TRIED[1]).min(MAX_SPHERES);
             let mut spheres = TRIED[0].min(most);
             loop {
                 match trial(spheres) {
-                    Ok(found) if spheres == most || found.1.error.max() <= error => break found,
+                    // If half of them do nothing, more do no more.
+                    Ok(found) if spheres == most || found.1.error.max() <= error || found.0.balls() < spheres / 2 => {
+                        break found;
+                    }
                     Ok(_) => {}
                     // Each component takes one.
                     Err(BuildError::TooFewSpheres { .. }) if spheres < most => {}
@@ -92,7 +96,7 @@ pub fn fit(
     if options.levels {
         let spheres = search.spheres();
         let progress = between(progress, share(spheres), 1.0);
-        levels.extend(coarser(&judge, mesh, &with(spheres), search, &progress)?.into_iter().map(level));
+        levels.extend(coarser(&judge, mesh, &with(spheres), search, level, &progress)?);
     }
     Ok(MedialLevels { levels: useful(levels) })
 }

@@ -8,6 +8,7 @@
 
 use std::{
     fs,
+    hash::{BuildHasher, RandomState},
     path::{Path, PathBuf},
 };
 
@@ -187,8 +188,8 @@ impl MedialLevels {
     /// # Errors
     /// Names the file that the system does not write.
     pub fn save(&self, path: &Path) -> Result<(), MedialFileError> {
-        // A thread writes one at a time.
-        let temporary = path.with_extension(format!("{}-{:?}.tmp", std::process::id(), std::thread::current().id()));
+        // Nobody else writes one of that name, on whatever machine.
+        let temporary = path.with_extension(format!("{:016x}.tmp", RandomState::new().hash_one(path)));
         let written = fs::write(&temporary, self.to_bytes()).and_then(|()| fs::rename(&temporary, path));
         written.map_err(|source| {
             // What is left of it does no harm if this fails too.

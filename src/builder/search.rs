@@ -97,7 +97,8 @@ impl Search {
         let fine = Samples::new(solid, fine_area, fine_vertices, seed);
         let balls = parallel::map(coarse.len(), 32, |i| {
             let normal = coarse.normals[i];
-            (i % 2 == 0 && normal != DVec3::ZERO).then(|| medial_ball(solid, coarse.points.positions[i], normal))
+            (i % 2 == 0 && normal != DVec3::ZERO)
+                .then(|| medial_ball(solid, coarse.parts[i], coarse.points.positions[i], normal))
         });
         report(0.1)?;
         let at_first = ((spheres as f64 * SURPLUS) as usize).min(balls.iter().flatten().count());
@@ -144,6 +145,11 @@ impl Search {
     /// Most spheres.
     pub fn spheres(&self) -> usize {
         self.plan.spheres
+    }
+
+    /// Spheres that there are: fewer if the samples bound no more.
+    pub fn balls(&self) -> usize {
+        self.complex.balls.len()
     }
 
     /// The search for a shape of fewer spheres that starts from this one, with about their share of edges and faces.

@@ -17,6 +17,8 @@ pub(super) struct Solid {
     /// Part of each triangle, in the order of the tree.
     pub parts: Vec<u32>,
     pub part_count: usize,
+    /// Half of the diagonal of the box around each part, or a hair more.
+    pub part_radii: Vec<f64>,
     /// Which edges of each triangle, 01, 12 and 20, have no other triangle.
     pub open_edges: Vec<[bool; 3]>,
     /// Used vertices, each after the first triangle in the order of the tree that uses it.
@@ -61,6 +63,12 @@ impl Solid {
         let source: Vec<[DVec3; 3]> = proper.iter().map(|t| t.map(place)).collect();
         let tree = TriangleTree::new(&source);
         let (of_source, part_count) = pieces(mesh.positions.len(), &proper);
+        let mut boxes = vec![[DVec3::INFINITY, DVec3::NEG_INFINITY]; part_count];
+        for (corners, &part) in source.iter().zip(&of_source) {
+            let [min, max] = &mut boxes[part as usize];
+            corners.iter().for_each(|&corner| (*min, *max) = (min.min(corner), max.max(corner)));
+        }
+        let part_radii = boxes.iter().map(|[min, max]| (0.5 * (1.0 + 1e-9) * (max - min).length()).min(0.5)).collect();
         let open_of_source = open_edges(&mesh.triangles, &proper);
         let open_edges = tree.order().iter().map(|&i| open_of_source[i as usize]).collect();
         let parts = tree.order().iter().map(|&i| of_source[i as usize]).collect();
@@ -71,7 +79,7 @@ impl Solid {
             fresh.map(place).collect()
         };
         let vertices = tree.order().iter().map(first_seen).collect();
-        Ok(Self { mesh, parts, part_count, open_edges, vertices, tree, origin, diagonal })
+        Ok(Self { mesh, parts, part_count, part_radii, open_edges, vertices, tree, origin, diagonal })
     }
 }
 

@@ -24,11 +24,14 @@ pub(super) struct Samples {
 /// How much a vertex counts beside a sample of the area.
 const VERTEX_WEIGHT: f64 = 0.1;
 
+/// Fewest samples of the area of a part.
+const LEAST_OF_PART: usize = 24;
+
 /// How far from the surface the inside is looked for.
 const PROBE: f64 = 1e-4;
 
 impl Samples {
-    /// About `count` samples of the area, and up to `vertices` vertices.
+    /// About `count` samples of the area, and up to `vertices` vertices. A part that is too small for its share has some more.
     pub fn new(solid: &Solid, count: usize, vertices: usize, seed: u64) -> Self {
         let triangles = solid.tree.triangles();
         let area_vectors: Vec<DVec3> = triangles.iter().map(|[a, b, c]| (b - a).cross(c - a) * 0.5).collect();
@@ -51,14 +54,34 @@ impl Samples {
             due -= area_vectors[index].length();
             while due < 0.0 {
                 due += share;
-                let (s, t) = (random.unit().sqrt(), random.unit());
-                push(a * (1.0 - s) + b * (s * (1.0 - t)) + c * (s * t), 1.0 / count as f64);
+                push(random.point(&[*a, *b, *c]), 1.0 / count as f64);
             }
             for &vertex in &solid.vertices[index] {
                 if passed % stride == 0 {
                     push(vertex, VERTEX_WEIGHT / count as f64);
                 }
                 passed += 1;
+            }
+        }
+        let mut seen = vec![0; solid.part_count];
+        parts.iter().for_each(|&part| seen[part as usize] += 1);
+        let least = LEAST_OF_PART.min(count / solid.part_count);
+        let is_small = |index: usize| seen[solid.parts[index] as usize] < least;
+        let small: Vec<usize> = (0..triangles.len()).filter(|&index| is_small(index)).collect();
+        let mut part_areas = vec![0.0; solid.part_count];
+        small.iter().for_each(|&index| part_areas[solid.parts[index] as usize] += area_vectors[index].length());
+        let shares: Vec<f64> = part_areas.iter().map(|area| area / least as f64).collect();
+        let mut due: Vec<f64> = shares.iter().map(|share| 0.5 * share).collect();
+        for index in small {
+            let part = solid.parts[index];
+            let (due, share) = (&mut due[part as usize], shares[part as usize]);
+            *due -= area_vectors[index].length();
+            while *due < 0.0 {
+                *due += share;
+                positions.push(random.point(&triangles[index]));
+                normals.push(area_vectors[index].normalize_or_zero());
+                weights.push(share / area);
+                parts.push(part);
             }
         }
         let total: f64 = weights.iter().sum();
@@ -102,6 +125,12 @@ impl Random {
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
+
+    /// Of a triangle, each as likely.
+    fn point(&mut self, [a, b, c]: &[DVec3; 3]) -> DVec3 {
+        let (s, t) = (self.unit().sqrt(), self.unit());
+        a * (1.0 - s) + b * (s * (1.0 - t)) + c * (s * t)
+    }
 }
 
 /// Rounds of shrinking; each at least halves what is left, or stops.
@@ -115,9 +144,9 @@ const LEAST_SEPARATION: f64 = 0.75;
 
 /// The largest ball within the solid that touches the surface at `point`, from the side that `normal` leaves.
 ///
-/// It starts too large and shrinks to the nearest point of the surface until none is within.
-pub(super) fn medial_ball(solid: &Solid, point: DVec3, normal: DVec3) -> Ball {
-    let mut radius = 0.5;
+/// It starts as large as its part, and shrinks to the nearest point of the surface until none is within.
+pub(super) fn medial_ball(solid: &Solid, part: u32, point: DVec3, normal: DVec3) -> Ball {
+    let mut radius = solid.part_radii[part as usize];
     for _ in 0..ROUNDS {
         let center = point - normal * radius;
         let Some(nearest) = solid.tree.closest(center, radius * (1.0 - OVERLAP)) else { break };

@@ -205,7 +205,8 @@ fn errors_are_one_line_and_a_code() {
     let good_mesh = folder.file("good.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let bear = format!("{MODELS}bear.ma");
     let itself = fs::read(&good_mesh).unwrap();
-    let cases: [(&[&str], &str); 14] = [
+    let new_folder = folder.0.join("new/").to_str().unwrap().to_owned();
+    let cases: [(&[&str], &str); 15] = [
         (&["info", "no such.ma"], "no such.ma: cannot be read"),
         (&["info", "no such.obj"], "no such.obj: cannot be read"),
         (&["info", &bad_mesh], "bad.obj: line 2: there is no vertex 2"),
@@ -217,6 +218,7 @@ fn errors_are_one_line_and_a_code() {
         (&["build", &good_mesh, "-o", "out.medial"], "out.medial: it is the finest level that is written there"),
         (&["build", &good_mesh, "-o", &good_mesh], "good.obj: that is the name of a triangle mesh; name it "),
         (&["build", &good_mesh, "-o", MODELS], "it is a folder; name a file in it"),
+        (&["build", &good_mesh, "-o", &new_folder], "it is a folder; name a file in it"),
         (&["clean", &bear, "-o", "out.medial"], "out.medial: it is the finest level that is written there"),
         (&["clean", "bear.medial", "-o", "out.ma"], "bear.medial: levels of detail are clean already"),
         (&["build", &good_mesh, "-o", "/no such folder/out.ma"], "/no such folder: there is no such folder"),

@@ -47,7 +47,7 @@ pub fn check_output(output: &Path) -> Result<(), String> {
             text.display()
         ));
     }
-    if output.is_dir() {
+    if output.is_dir() || output.as_os_str().to_string_lossy().ends_with(std::path::is_separator) {
         return Err(format!("{}: it is a folder; name a file in it", output.display()));
     }
     if MeshFormat::of(output).is_some() {
@@ -59,6 +59,18 @@ pub fn check_output(output: &Path) -> Result<(), String> {
             Err(format!("{}: there is no such folder; make it first", folder.display()))
         }
         _ => Ok(()),
+    }
+}
+
+/// Where all levels go.
+fn beside(output: &Path) -> PathBuf {
+    if output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ma")) {
+        output.with_extension("medial")
+    } else {
+        // What looks like an extension is a part of the name.
+        let mut name = output.as_os_str().to_owned();
+        name.push(".medial");
+        name.into()
     }
 }
 
@@ -97,7 +109,7 @@ pub fn run(args: &Args) -> Outcome {
         write_axis(&args.output, &finest.axis)?;
     }
     if args.levels {
-        chain.save(&args.output.with_extension("medial")).map_err(|error| error.to_string())?;
+        chain.save(&beside(&args.output)).map_err(|error| error.to_string())?;
     }
     Ok(text)
 }

@@ -67,6 +67,12 @@ pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatE
             return Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
         }
         if let Some(mesh) = node.mesh() {
+            let mut weights = node.weights().or(mesh.weights()).into_iter().flatten();
+            if weights.any(|&weight| weight != 0.0) && mesh.primitives().any(|p| p.morph_targets().len() > 0) {
+                let problem = format!("mesh {} is bent by its morph targets", mesh.index());
+                let remedy = "apply its shape keys and export it without, or set their weights to 0";
+                return Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
+            }
             file.add(&mesh, &pose, &mut positions, &mut triangles)?;
         }
         open.extend(node.children().map(|child| (child, pose)));

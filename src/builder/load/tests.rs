@@ -353,6 +353,14 @@ fn gltf_nodes_place_their_meshes() {
         error(MeshFormat::Gltf, &skinned)
     );
 
+    let targets = r#""indices": 1, "targets": [{ "POSITION": 0 }] }"#;
+    let bent = |weight: &str| {
+        with_nodes(&format!(r#"{{ "mesh": 0, "weights": [{weight}] }}"#)).replace(r#""indices": 1 }"#, targets)
+    };
+    assert!(parse(MeshFormat::Gltf, bent("0").as_bytes()).is_ok());
+    let told = error(MeshFormat::Gltf, &bent("0.5"));
+    assert!(told.starts_with("node 0: mesh 0 is bent by its morph targets; apply its shape keys"), "{told}");
+
     let cycle = error(MeshFormat::Gltf, &with_nodes(r#"{ "children": [1] }, { "children": [0], "mesh": 0 }"#));
     assert_eq!(cycle, "node 0: the scene reaches it twice, so its nodes are no tree; export it again");
 }
