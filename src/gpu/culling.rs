@@ -168,7 +168,7 @@ impl GpuCulling {
         }
         let gpu = self.gpu.clone();
         let written =
-            gpu.checked(format_args!("the bodies of a step"), |_| self.write(input, statics, margins)).flatten();
+            gpu.checked(format_args!("the bodies of a step"), |_| self.write(input, statics, known, margins)).flatten();
         if written.is_err() {
             // What there is on the device is unknown. The next step may be smaller.
             (self.shapes, self.statics, self.bound) = (Shapes::default(), None, None);
@@ -182,9 +182,9 @@ impl GpuCulling {
         &mut self,
         input: &StepInput,
         statics: &Statics,
+        known: (u64, u32),
         margins: impl Fn(usize) -> [f32; 2],
     ) -> Result<(), GpuError> {
-        let known = (statics.id(), statics.bodies().len() as u32);
         if self.shapes.tidy() {
             self.statics = None;
         }

@@ -150,7 +150,7 @@ impl GpuDevice {
     ) -> Result<T, GpuError> {
         self.scoped(make).map_err(|error| match error {
             // But for buffers, wgpu gives up a device that is out of memory.
-            wgpu::Error::OutOfMemory { .. } => GpuError::Lost { adapter: self.name().into() },
+            wgpu::Error::OutOfMemory { .. } => self.lost(),
             error => self.refusal(what, &error),
         })
     }
@@ -181,9 +181,15 @@ impl GpuDevice {
         })
     }
 
-    /// Lets callbacks of what is done run. False if the device is lost: wgpu panics where the driver says so.
-    pub(crate) fn poll(&self, until: wgpu::PollType) -> bool {
-        catch_unwind(AssertUnwindSafe(|| self.device.poll(until))).is_ok_and(|polled| polled.is_ok())
+    /// What a device that is lost comes to.
+    pub(crate) fn lost(&self) -> GpuError {
+        GpuError::Lost { adapter: self.name().into() }
+    }
+
+    /// Lets callbacks of what is done run, unless the device is lost: wgpu panics where the driver says so.
+    pub(crate) fn poll(&self, until: wgpu::PollType) -> Result<(), GpuError> {
+        let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(until)));
+        if matches!(polled, Ok(Ok(_))) { Ok(()) } else { Err(self.lost()) }
     }
 
     /// A buffer to read so many bytes from.
@@ -200,16 +206,13 @@ impl GpuDevice {
         bytes: u64,
         submission: wgpu::SubmissionIndex,
     ) -> Result<Vec<u8>, GpuError> {
-        let lost = || GpuError::Lost { adapter: self.name().into() };
         let (sender, receiver) = std::sync::mpsc::channel();
         copy_when_mapped(buffer, bytes, move |data| {
             // Nobody listens any more: nothing is lost.
             let _ = sender.send(data);
         });
-        if !self.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None }) {
-            return Err(lost());
-        }
-        receiver.recv().ok().flatten().ok_or_else(lost)
+        self.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })?;
+        receiver.recv().ok().flatten().ok_or_else(|| self.lost())
     }
 }
 

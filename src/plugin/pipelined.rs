@@ -157,36 +157,37 @@ fn upload(
             Err(error) => warn!("medial meshes are culled on the CPU: {error}"),
         }
     }
-    let State::Ready(passes) = &mut culling.state else { return };
-    // Callbacks of what is done run in here; a device that is lost says so to them.
-    if !passes.device().poll(wgpu::PollType::Poll) {
-        warn!("medial meshes are culled on the CPU from now on: the GPU `{}` is lost", passes.device().name());
-        culling.state = State::Failed;
-        return;
-    }
-    let arrived: Vec<Mapped> =
-        culling.mapped.1.lock().map_or_else(|_| Vec::new(), |mapped| mapped.try_iter().collect());
-    for (prediction, batch, data) in arrived {
-        let Some(data) = data else {
-            warn!("medial meshes are culled on the CPU from now on: the GPU `{}` is lost", passes.device().name());
+    match culling.take_and_upload(asked) {
+        Ok(()) => {}
+        Err(error) if error.is_of_one_step() => warn_once!("steps are culled on the CPU: {error}"),
+        Err(error) => {
+            warn!("medial meshes are culled on the CPU from now on: {error}");
             culling.state = State::Failed;
-            return;
-        };
-        if let Some(found) = passes.take(batch, &data) {
-            // An app that is going down does not listen.
-            let _ = culling.answers.send(Answer { prediction, found, times: passes.times().to_vec() });
         }
     }
-    if let Some(asked) = asked {
-        let widening = Widening::new(&asked.input);
-        match passes.upload(&asked.input, &asked.statics, |body| asked.margins(&widening, body)) {
-            Ok(()) => culling.uploaded = Some(asked),
-            Err(error) if error.is_of_one_step() => warn_once!("steps are culled on the CPU: {error}"),
-            Err(error) => {
-                warn!("medial meshes are culled on the CPU from now on: {error}");
-                culling.state = State::Failed;
+}
+
+impl RenderCulling {
+    /// Sends on what has arrived, and uploads what is asked next.
+    fn take_and_upload(&mut self, asked: Option<Arc<Prediction>>) -> Result<(), GpuError> {
+        let State::Ready(passes) = &mut self.state else { return Ok(()) };
+        // Callbacks of what is done run in here; a device that is lost says so to them.
+        passes.device().poll(wgpu::PollType::Poll)?;
+        let arrived: Vec<Mapped> =
+            self.mapped.1.lock().map_or_else(|_| Vec::new(), |mapped| mapped.try_iter().collect());
+        for (prediction, batch, data) in arrived {
+            let data = data.ok_or_else(|| passes.device().lost())?;
+            if let Some(found) = passes.take(batch, &data) {
+                // An app that is going down does not listen.
+                let _ = self.answers.send(Answer { prediction, found, times: passes.times().to_vec() });
             }
         }
+        if let Some(asked) = asked {
+            let widening = Widening::new(&asked.input);
+            passes.upload(&asked.input, &asked.statics, |body| asked.margins(&widening, body))?;
+            self.uploaded = Some(asked);
+        }
+        Ok(())
     }
 }
 
