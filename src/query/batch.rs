@@ -64,8 +64,7 @@ fn run<S: Simd, const N: usize, const M: usize>(
                 let (now, later) = rest.split_at(rest.len().min(LANES));
                 first_waiting = pairs.len() - rest.len();
                 rest = later;
-                waiting.load(simd, now);
-                left = ((1 << now.len()) - 1) & !waiting.depart(simd, max_fraction);
+                left = ((1 << now.len()) - 1) & !waiting.load(simd, now, max_fraction);
                 continue;
             }
             let (lane, from) = (busy.trailing_ones() as usize, left.trailing_zeros() as usize);
@@ -115,6 +114,9 @@ struct Ends {
     unclear: u64,
 }
 
+/// A sphere at an instant, and its displacement over the step.
+type Mover<R> = (Ball<R>, Vector<R>);
+
 /// Sixteen spheres on their way.
 #[derive(Clone, Copy)]
 struct Spheres {
@@ -123,21 +125,17 @@ struct Spheres {
     start: [[f64; LANES]; 3],
     /// Displacements over the step relative to that sphere's.
     motion: [[f64; LANES]; 3],
-    /// The same, rounded.
-    velocity: [[f32; LANES]; 3],
     radius: [f32; LANES],
 }
 
 impl Spheres {
-    const ZERO: Self =
-        Self { start: [[0.0; LANES]; 3], motion: [[0.0; LANES]; 3], velocity: [[0.0; LANES]; 3], radius: [0.0; LANES] };
+    const ZERO: Self = Self { start: [[0.0; LANES]; 3], motion: [[0.0; LANES]; 3], radius: [0.0; LANES] };
 
     #[inline(always)]
     fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
         for axis in 0..3 {
             self.start[axis][lane] = from.start[axis][from_lane];
             self.motion[axis][lane] = from.motion[axis][from_lane];
-            self.velocity[axis][lane] = from.velocity[axis][from_lane];
         }
         self.radius[lane] = from.radius[from_lane];
     }
@@ -158,7 +156,10 @@ impl Spheres {
     fn velocity<S: Simd>(&self, simd: S) -> Vector<f32x16<S>> {
         let [x, y, z] = each(
             #[inline(always)]
-            |axis| f32x16::load_array(simd, self.velocity[axis]),
+            |axis| {
+                let [early, late] = halves(simd, &self.motion[axis]);
+                simd.narrow_f64x8(early, late)
+            },
         );
         Vector { x, y, z }
     }
@@ -185,8 +186,8 @@ struct Lanes<const N: usize, const M: usize> {
     /// Of the first of them only the radius counts: it is at the origin.
     first: [Spheres; N],
     second: [Spheres; M],
-    /// Extents of both sides.
-    extents: [[f32; LANES]; 2],
+    /// The larger side's extent.
+    extent: [f32; LANES],
     /// Until when nothing touches, and the rounds that it took.
     fraction: [f32; LANES],
     rounds: [f32; LANES],
@@ -197,15 +198,15 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         Self {
             first: [Spheres::ZERO; N],
             second: [Spheres::ZERO; M],
-            extents: [[0.0; LANES]; 2],
+            extent: [0.0; LANES],
             fraction: [0.0; LANES],
             rounds: [0.0; LANES],
         }
     }
 
-    /// Puts up to sixteen pairs at their start.
+    /// Puts up to sixteen pairs where two directions show that nothing touches until then. A bit for each pair that stays apart.
     #[inline(always)]
-    fn load<S: Simd>(&mut self, simd: S, pairs: &[MovingPair<N, M>]) {
+    fn load<S: Simd>(&mut self, simd: S, pairs: &[MovingPair<N, M>], max_fraction: f32) -> u64 {
         // The lanes of what is missing are like the last.
         let pair = |lane: usize| &pairs[lane.min(pairs.len() - 1)];
         let first = columns(
@@ -218,18 +219,24 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
             #[inline(always)]
             |lane| &pair(lane).1,
         );
-        let (origin, frame) = first[0];
-        self.first[0].radius = origin.radius.into();
-        for (into, from) in [(&mut self.first[1..], &first[1..]), (&mut self.second[..], &second[..])] {
-            for (into, (ball, motion)) in into.iter_mut().zip(from) {
-                (into.start, _) = differences(simd, ball.center, origin.center);
-                (into.motion, into.velocity) = differences(simd, *motion, frame);
-                into.radius = ball.radius.into();
+        let extents = [extent(&first), extent(&second)];
+        self.extent = extents[0].greater(extents[1]).into();
+        let (fraction, apart) = depart(&first, &second, extents, max_fraction);
+        self.fraction = fraction.into();
+        self.rounds = [0.0; LANES];
+        let apart = apart.to_bitmask();
+        if apart != (1 << LANES) - 1 {
+            let (origin, frame) = first[0];
+            self.first[0].radius = origin.radius.into();
+            for (into, from) in [(&mut self.first[1..], &first[1..]), (&mut self.second[..], &second[..])] {
+                for (into, (ball, motion)) in into.iter_mut().zip(from) {
+                    into.start = differences(simd, ball.center, origin.center);
+                    into.motion = differences(simd, *motion, frame);
+                    into.radius = ball.radius.into();
+                }
             }
         }
-        self.extents = [extent(&first).into(), extent(&second).into()];
-        self.fraction = [0.0; LANES];
-        self.rounds = [0.0; LANES];
+        apart
     }
 
     #[inline(always)]
@@ -241,9 +248,7 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         for (into, from) in self.second.iter_mut().zip(&from.second) {
             into.copy(lane, from, from_lane);
         }
-        for (into, from) in self.extents.iter_mut().zip(&from.extents) {
-            into[lane] = from[from_lane];
-        }
+        self.extent[lane] = from.extent[from_lane];
         self.fraction[lane] = from.fraction[from_lane];
         self.rounds[lane] = from.rounds[from_lane];
     }
@@ -270,66 +275,6 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         Ball { center: Vector { x: zero, y: zero, z: zero }, radius: f32x16::load_array(simd, self.first[0].radius) }
     }
 
-    /// Goes as far as two directions show that nothing touches: that between the middles of both sides at the start, and that when the middles are
-    /// nearest to each other. A bit for each pair that stays apart.
-    #[inline(always)]
-    fn depart<S: Simd>(&mut self, simd: S, max_fraction: f32) -> u64 {
-        let zero = f32x16::splat(simd, 0.0);
-        let (first, second) = self.at(simd, zero);
-        let from = middle(&second, |ball| ball.center) - middle(&first, |ball| ball.center);
-        let velocity = |spheres: &Spheres| spheres.velocity(simd);
-        let way = (middle(&self.second, velocity) - middle(&self.first, velocity)) * zero.like(max_fraction);
-        let nearest = from + way * (-(from.dot(way)) / way.length_squared()).saturate();
-        let [extent1, extent2] = self.extents.map(|extent| f32x16::load_array(simd, extent));
-        let rounding = (extent1 + extent2 + from.length() + way.length()) * zero.like(CONTACT_ROUNDING);
-        let mut cleared = zero;
-        for direction in [from, nearest] {
-            let normal = direction * (zero.like(1.0) / direction.length());
-            let (gap, until) = self.cleared(simd, &first, &second, normal, rounding);
-            cleared = cleared.greater(f32x16::select(zero.less(gap), until, zero));
-        }
-        self.fraction = cleared.into();
-        zero.like(max_fraction).less(cleared).to_bitmask()
-    }
-
-    /// The gap of both sides along a direction, less `rounding`, and how much time goes by until it is closed; nothing of either if the direction is
-    /// not a unit vector.
-    #[inline(always)]
-    fn cleared<S: Simd>(
-        &self,
-        simd: S,
-        first: &[Ball<f32x16<S>>; N],
-        second: &[Ball<f32x16<S>>; M],
-        normal: Vector<f32x16<S>>,
-        rounding: f32x16<S>,
-    ) -> (f32x16<S>, f32x16<S>) {
-        let zero = rounding.like(0.0);
-        let high: [_; N] = each(
-            #[inline(always)]
-            |i| {
-                let reach = first[i].radius + rounding;
-                if i == 0 {
-                    return (reach, zero);
-                }
-                (first[i].center.dot(normal) + reach, self.first[i].velocity(simd).dot(normal))
-            },
-        );
-        let mut least = rounding.like(f32::INFINITY);
-        let mut until = least;
-        for (ball, moving) in second.iter().zip(&self.second) {
-            let low = ball.center.dot(normal) - ball.radius;
-            let low_motion = moving.velocity(simd).dot(normal);
-            for (high, high_motion) in high {
-                let (gap, closing) = (low - high, high_motion - low_motion);
-                least = least.lesser(gap);
-                let time = zero.greater(gap) / closing;
-                until = f32x16::select(zero.less(closing), until.lesser(time), until);
-            }
-        }
-        let sound = rounding.like(0.5).less(normal.length_squared());
-        (f32x16::select(sound, least, zero), f32x16::select(sound, until, zero))
-    }
-
     /// One round of conservative advancement.
     #[inline(always)]
     fn advance<S: Simd>(&mut self, simd: S, max_fraction: f32) -> Ends {
@@ -337,10 +282,17 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         let (first, second) = self.at(simd, fraction);
         let (upper, normal) = nearest(&first, &second);
         let zero = upper.like(0.0);
-        let (lower, until) = self.cleared(simd, &first, &second, normal, zero);
-        let [extent1, extent2] = self.extents.map(|extent| f32x16::load_array(simd, extent));
+        let moving1: [_; N] = each(
+            #[inline(always)]
+            |i| (first[i], if i == 0 { first[0].center } else { self.first[i].velocity(simd) }),
+        );
+        let moving2: [_; M] = each(
+            #[inline(always)]
+            |i| (second[i], self.second[i].velocity(simd)),
+        );
+        let (lower, until) = cleared(&moving1, &moving2, normal, zero);
         let tolerance = f32x16::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
-        let touching = extent1.greater(extent2) * tolerance;
+        let touching = f32x16::load_array(simd, self.extent) * tolerance;
         let near = lower.at_most(touching);
         let touch = upper.at_most(touching);
         let next = fraction + until;
@@ -354,12 +306,77 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
     }
 }
 
+/// Until when two directions show that nothing touches, and whether that is the whole step: that between the middles of both sides at the start, and
+/// that when the middles are nearest to each other.
+#[inline(always)]
+fn depart<R: Number, const N: usize, const M: usize>(
+    first: &[Mover<R>; N],
+    second: &[Mover<R>; M],
+    [extent1, extent2]: [R; 2],
+    max_fraction: f32,
+) -> (R, R::Mask) {
+    let (origin, frame) = first[0];
+    let relative = |(ball, motion): Mover<R>| (Ball { center: ball.center - origin.center, ..ball }, motion - frame);
+    let first: [_; N] = each(
+        #[inline(always)]
+        |i| relative(first[i]),
+    );
+    let second: [_; M] = each(
+        #[inline(always)]
+        |i| relative(second[i]),
+    );
+    let zero = extent1.like(0.0);
+    let from = middle(&second, |(ball, _)| ball.center) - middle(&first, |(ball, _)| ball.center);
+    let way =
+        (middle(&second, |(_, motion)| *motion) - middle(&first, |(_, motion)| *motion)) * zero.like(max_fraction);
+    let nearest = from + way * (-(from.dot(way)) / way.length_squared()).saturate();
+    let rounding = (extent1 + extent2 + from.length() + way.length()) * zero.like(CONTACT_ROUNDING);
+    let mut fraction = zero;
+    for direction in [from, nearest] {
+        let normal = direction * (zero.like(1.0) / direction.length());
+        let (gap, until) = cleared(&first, &second, normal, rounding);
+        fraction = fraction.greater(R::select(zero.less(gap), until, zero));
+    }
+    (fraction, zero.like(max_fraction).less(fraction))
+}
+
+/// The gap of both sides along a direction, less `rounding`, and how much time goes by until it is closed; nothing of either if the direction is
+/// not a unit vector. Relative to the first sphere of the first side.
+#[inline(always)]
+fn cleared<R: Number, const N: usize, const M: usize>(
+    first: &[Mover<R>; N],
+    second: &[Mover<R>; M],
+    normal: Vector<R>,
+    rounding: R,
+) -> (R, R) {
+    let zero = rounding.like(0.0);
+    let high: [_; N] = each(
+        #[inline(always)]
+        |i| {
+            let (ball, motion) = first[i];
+            let reach = ball.radius + rounding;
+            if i == 0 { (reach, zero) } else { (ball.center.dot(normal) + reach, motion.dot(normal)) }
+        },
+    );
+    let mut least = rounding.like(f32::INFINITY);
+    let mut until = least;
+    for (ball, motion) in second {
+        let low = ball.center.dot(normal) - ball.radius;
+        let low_motion = motion.dot(normal);
+        for (high, high_motion) in high {
+            let (gap, closing) = (low - high, high_motion - low_motion);
+            least = least.lesser(gap);
+            let time = zero.greater(gap) / closing;
+            until = R::select(zero.less(closing), until.lesser(time), until);
+        }
+    }
+    let sound = rounding.like(0.5).less(normal.length_squared());
+    (R::select(sound, least, zero), R::select(sound, until, zero))
+}
+
 /// The spheres of sixteen primitives, and their motions.
 #[inline(always)]
-fn columns<'p, S: Simd, const N: usize>(
-    simd: S,
-    moving: impl Fn(usize) -> &'p Moving<N>,
-) -> [(Ball<f32x16<S>>, Vector<f32x16<S>>); N] {
+fn columns<'p, S: Simd, const N: usize>(simd: S, moving: impl Fn(usize) -> &'p Moving<N>) -> [Mover<f32x16<S>>; N] {
     each(
         #[inline(always)]
         |i| {
@@ -408,22 +425,21 @@ fn transposed_from<S: Simd>(simd: S, row: &impl Fn(usize) -> [f32; 4], from: usi
 
 /// A vector of differences, all but exact and rounded.
 #[inline(always)]
-fn differences<S: Simd>(simd: S, a: Vector<f32x16<S>>, b: Vector<f32x16<S>>) -> ([[f64; LANES]; 3], [[f32; LANES]; 3]) {
-    let (mut exact, mut rounded) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
+fn differences<S: Simd>(simd: S, a: Vector<f32x16<S>>, b: Vector<f32x16<S>>) -> [[f64; LANES]; 3] {
+    let mut exact = [[0.0; LANES]; 3];
     for (axis, (a, b)) in [(a.x, b.x), (a.y, b.y), (a.z, b.z)].into_iter().enumerate() {
         let (a, b) = (simd.widen_f32x16(a), simd.widen_f32x16(b));
         let (early, late) = (a.0 - b.0, a.1 - b.1);
         let halves = exact[axis].split_at_mut(LANES / 2);
         early.store_slice(halves.0);
         late.store_slice(halves.1);
-        rounded[axis] = simd.narrow_f64x8(early, late).into();
     }
-    (exact, rounded)
+    exact
 }
 
 /// As [`Convex::extent`](super::Convex::extent).
 #[inline(always)]
-fn extent<R: Number, const N: usize>(spheres: &[(Ball<R>, Vector<R>); N]) -> R {
+fn extent<R: Number, const N: usize>(spheres: &[Mover<R>; N]) -> R {
     let (first, _) = spheres[0];
     let (mut spread, mut radius) = (first.radius.like(0.0), first.radius);
     for (ball, _) in spheres {
