@@ -147,17 +147,19 @@ fn hit(target: &TargetItem, axes: &Assets<MedialAxis>, ray: &Ray3d) -> Option<(f
         (None, Some(obb)) => {
             let half = (obb.half_extents * scale).abs();
             let [depth, _] = Aabb { min: -half, max: half }.crossing(origin, direction, f32::MAX)?;
-            (depth, face_normal((origin + direction * depth) / half))
+            (depth, face_normal(half, origin, direction))
         }
         (None, None) => return None,
     };
     Some((depth, rotation * normal))
 }
 
-/// The normal of the face of a box that a point is on; the box is from -1 to 1.
-fn face_normal(point: Vec3) -> Vec3 {
-    let axis = point.abs().max_position();
+/// The normal of the face through which a ray enters a box: of those that look towards it, the one whose plane it passes last.
+fn face_normal(half: Vec3, origin: Vec3, direction: Vec3) -> Vec3 {
+    let towards = -direction.signum();
+    let entered = (half * towards - origin) / direction;
+    let axis = Vec3::select(direction.cmpne(Vec3::ZERO), entered, Vec3::NEG_INFINITY).max_position();
     let mut normal = Vec3::ZERO;
-    normal[axis] = point[axis].signum();
+    normal[axis] = towards[axis];
     normal
 }

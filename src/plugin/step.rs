@@ -153,6 +153,7 @@ pub struct MedialStep {
     pub gpu_departed: usize,
     /// Time of each pass of that answer.
     #[cfg(feature = "gpu")]
+    #[reflect(ignore)]
     gpu_times: Vec<(&'static str, Duration)>,
 }
 

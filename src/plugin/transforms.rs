@@ -5,7 +5,10 @@ use std::collections::{HashMap, HashSet};
 use bevy::{
     ecs::{intern::Interned, name::NameOrEntityItem, schedule::ScheduleLabel},
     prelude::*,
-    transform::systems::{mark_dirty_trees, propagate_parent_transforms, sync_simple_transforms},
+    transform::{
+        StaticTransformOptimizations,
+        systems::{mark_dirty_trees, propagate_parent_transforms, sync_simple_transforms},
+    },
 };
 
 use super::{
@@ -24,10 +27,11 @@ pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
         schedule,
         (MedialSystems::Detect, MedialSystems::Report).chain().after(TransformSystems::Propagate),
     )
-    .add_systems(schedule, (gather_statics, detect).chain().in_set(MedialSystems::Detect));
+    .add_systems(schedule, (gather_statics, detect).chain().in_set(MedialSystems::Detect))
+    .add_observer(forget_level);
     // Elsewhere nobody has told bodies yet where their transforms put them.
     if schedule != PostUpdate.intern() {
-        app.add_systems(
+        app.init_resource::<StaticTransformOptimizations>().add_systems(
             schedule,
             (mark_dirty_trees, propagate_parent_transforms, sync_simple_transforms)
                 .chain()
@@ -70,19 +74,32 @@ impl Refused {
 /// How exact a body has to be, and the level of detail that it has been told.
 type Told = (Detail, Option<&'static MedialLevel>);
 
-/// The level of detail of a shape, of which the entity is told.
-fn level_of(
+/// The shape of an entity that is loaded and can be placed, and where it is. The entity is told its level of detail, and that it has none otherwise.
+fn place(
     commands: &mut Commands,
-    entity: Entity,
-    axis: &MedialAxis,
+    refused: &mut Refused,
+    name: NameOrEntityItem,
+    axis: Option<&MedialAxis>,
     (detail, told): (DetailItem, Option<&MedialLevel>),
-    scale: f32,
-) -> usize {
-    let level = detail.level(axis, scale);
-    if told != Some(&MedialLevel(level)) {
-        commands.entity(entity).try_insert(MedialLevel(level));
+    transform: &GlobalTransform,
+) -> Option<(Pose3, Shape, usize)> {
+    let mut entity = commands.entity(name.entity);
+    let placed = axis.and_then(|axis| {
+        let (pose, scale) = refused.check(name, transform, uniform_pose_of(transform))?;
+        let level = detail.level(axis, scale);
+        Some((pose, Shape { axis: axis.level(level).clone(), scale }, level))
+    });
+    match (&placed, told) {
+        (Some((.., level)), told) if told != Some(&MedialLevel(*level)) => _ = entity.try_insert(MedialLevel(*level)),
+        (None, Some(_)) => _ = entity.try_remove::<MedialLevel>(),
+        _ => {}
     }
-    level
+    placed
+}
+
+/// A level of detail goes with the shape.
+fn forget_level(removed: On<Remove, MedialMesh>, mut commands: Commands) {
+    commands.entity(removed.entity).try_remove::<MedialLevel>();
 }
 
 /// A static, by all that its place in the hierarchy depends on.
@@ -116,7 +133,7 @@ fn gather_statics(
     let changed = changes.read();
     refused.0.retain(|entity| statics.contains(*entity));
     let (mut found, mut bodies) = (Vec::new(), Vec::new());
-    for (name, obb, mesh, (detail, told), transform) in statics.iter().sort::<Entity>() {
+    for (name, obb, mesh, told, transform) in statics.iter().sort::<Entity>() {
         let entity = name.entity;
         let (pose, solid) = match mesh {
             None => {
@@ -126,11 +143,11 @@ fn gather_statics(
                 (pose, KnownSolid::Box(half_extents))
             }
             Some(mesh) => {
-                let Some(axis) = axes.get(&mesh.0) else { continue };
-                let Some((pose, scale)) = refused.check(name, transform, uniform_pose_of(transform)) else { continue };
-                let level = level_of(&mut commands, entity, axis, (detail, told), scale);
-                bodies.push(StaticBody::new(Shape { axis: axis.level(level).clone(), scale }, pose));
-                (pose, KnownSolid::Medial { asset: mesh.0.id(), level, scale })
+                let placed = place(&mut commands, &mut refused, name, axes.get(&mesh.0), told, transform);
+                let Some((pose, shape, level)) = placed else { continue };
+                let solid = KnownSolid::Medial { asset: mesh.0.id(), level, scale: shape.scale };
+                bodies.push(StaticBody::new(shape, pose));
+                (pose, solid)
             }
         };
         found.push(Known { entity, pose, solid });
@@ -166,12 +183,10 @@ fn detect(
     step.infos.clear();
     let before = std::mem::take(&mut *poses);
     refused.0.retain(|entity| bodies.contains(*entity));
-    for (name, mesh, detail, transform, ccd) in bodies.iter().sort::<Entity>() {
+    for (name, mesh, told, transform, ccd) in bodies.iter().sort::<Entity>() {
         let entity = name.entity;
-        let Some(axis) = axes.get(&mesh.0) else { continue };
-        let Some((end, scale)) = refused.check(name, transform, uniform_pose_of(transform)) else { continue };
-        let level = level_of(&mut commands, entity, axis, detail, scale);
-        let shape = Shape { axis: axis.level(level).clone(), scale };
+        let placed = place(&mut commands, &mut refused, name, axes.get(&mesh.0), told, transform);
+        let Some((end, shape, _)) = placed else { continue };
         let start = before.get(&entity).copied().unwrap_or(end);
         poses.insert(entity, end);
         let sweep = Sweep::between(start, end, shape.center_of_mass(), Vec3::ZERO);
@@ -257,6 +272,52 @@ mod tests {
         app.update();
         let ended = told(&app).1;
         assert_eq!(ended, [MedialContactEnded { entity1: ball, entity2: wall }]);
+    }
+
+    #[test]
+    fn a_level_of_detail_goes_with_the_shape() {
+        let mut app = app();
+        let ball = ball(&mut app, 0.0);
+        let scale = |app: &mut App, scale: f32| {
+            app.world_mut().get_mut::<Transform>(ball).unwrap().scale = Vec3::splat(scale);
+            app.update();
+        };
+        let has_level = |app: &App| app.world().get::<MedialLevel>(ball).is_some();
+        for obb in [false, true] {
+            if obb {
+                app.world_mut().entity_mut(ball).insert(StaticObb::default());
+            }
+            scale(&mut app, 1.0);
+            assert!(has_level(&app));
+            scale(&mut app, 0.0);
+            assert!(!has_level(&app), "it is too small to collide with anything");
+            scale(&mut app, 1.0);
+            assert!(has_level(&app));
+        }
+        let mesh = app.world().get::<MedialMesh>(ball).unwrap().clone();
+        app.world_mut().resource_mut::<Assets<MedialAxis>>().remove(&mesh.0).unwrap();
+        app.update();
+        assert!(!has_level(&app), "its shape is taken out");
+        app.world_mut().resource_mut::<Assets<MedialAxis>>().insert(&mesh.0, MedialAxis::sphere(0.2).unwrap()).unwrap();
+        app.update();
+        assert!(has_level(&app));
+        app.world_mut().entity_mut(ball).remove::<MedialMesh>();
+        assert!(!has_level(&app), "it has no shape");
+    }
+
+    #[test]
+    fn in_the_fixed_schedule_nobody_else_has_to_know_transforms() {
+        let mut app = App::new();
+        let physics = MedialPhysicsPlugin { add_systems, ..default() }.in_fixed_schedule();
+        app.add_plugins((MinimalPlugins, AssetPlugin::default(), physics))
+            .insert_resource(Time::<Fixed>::from_hz(60.0))
+            .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));
+        let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
+        (0..3).for_each(|_| app.update());
+        place(&mut app, ball, 1.0);
+        app.update();
+        let hits: Vec<_> = told(&app).0.iter().map(|hit| (hit.entity1, hit.entity2)).collect();
+        assert_eq!(hits, [(ball, wall)]);
     }
 
     #[test]

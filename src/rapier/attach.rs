@@ -19,16 +19,23 @@ use crate::{
     constants::SCALE_ROUNDING,
     medial_axis::MedialAxis,
     pipeline::Shape,
-    plugin::{Changes, Detail, MedialLevel, MedialMesh, StaticObb, is_uniform},
+    plugin::{Detail, MedialLevel, MedialMesh, StaticObb, is_uniform},
 };
 
 /// Which shape an entity's collider was made from, or could not be.
 #[derive(Component, Clone)]
 pub(super) struct Attached {
     asset: AssetId<MedialAxis>,
-    /// None if it is not loaded.
-    level: Option<usize>,
+    /// At the level of detail; none if it is not loaded.
+    axis: Option<MedialAxis>,
     scale: Vec3,
+}
+
+impl Attached {
+    /// True if that is the same still: the asset may have got other content under its name.
+    fn is_of(&self, asset: AssetId<MedialAxis>, axis: Option<&MedialAxis>) -> bool {
+        self.asset == asset && self.axis.as_ref().map(MedialAxis::address) == axis.map(MedialAxis::address)
+    }
 }
 
 fn is_same_scale(scale: Vec3, wanted: Vec3) -> bool {
@@ -44,13 +51,12 @@ pub(super) fn attach_shapes(
     meshes: Query<(NameOrEntity, &MedialMesh, Detail, &Transform, Has<ChildOf>, Option<&Attached>)>,
     assets: Res<Assets<MedialAxis>>,
     server: Option<Res<AssetServer>>,
-    mut changes: Changes<MedialAxis>,
     hierarchy: TransformHelper,
     mut next_key: Local<u64>,
-    mut shared: Local<HashMap<(AssetId<MedialAxis>, usize, u32), Weak<OnceLock<Compound>>>>,
+    // By axis and scale, as long as a collider has both.
+    mut shared: Local<HashMap<(usize, u32), Weak<OnceLock<Compound>>>>,
 ) {
-    let changed = changes.read();
-    shared.retain(|(asset, ..), primitives| !changed.contains(asset) && primitives.strong_count() > 0);
+    shared.retain(|_, primitives| primitives.strong_count() > 0);
     for (name, mesh, detail, transform, is_child, attached) in &meshes {
         let scale = if is_child {
             hierarchy.compute_global_transform(name.entity).map_or(transform.scale, |global| global.scale())
@@ -61,13 +67,17 @@ pub(super) fn attach_shapes(
         let known = attached.filter(|attached| is_same_scale(attached.scale, scale));
         let scale = known.map_or(scale, |known| known.scale);
         let asset = mesh.0.id();
-        let leveled = assets.get(asset).map(|axis| (axis, detail.level(axis, scale.x)));
-        let wanted = Attached { asset, level: leveled.map(|(_, level)| level), scale };
-        if known.is_some_and(|known| (known.asset, known.level) == (asset, wanted.level)) && !changed.contains(&asset) {
+        let leveled = assets.get(asset).map(|finest| {
+            let level = detail.level(finest, scale.x);
+            (finest, level, finest.level(level))
+        });
+        let axis = leveled.map(|(.., axis)| axis);
+        if known.is_some_and(|known| known.is_of(asset, axis)) {
             continue;
         }
+        let wanted = Attached { asset, axis: axis.cloned(), scale };
         let mut entity = commands.entity(name.entity);
-        let Some((axis, level)) = leveled else {
+        let Some((finest, level, axis)) = leveled else {
             if let Some(LoadState::Failed(error)) = server.as_ref().and_then(|server| server.get_load_state(&mesh.0)) {
                 error!("{name}: its medial mesh did not load, so it collides with nothing: {error}");
                 entity.try_insert(wanted).try_remove::<(Collider, MedialLevel)>();
@@ -75,7 +85,7 @@ pub(super) fn attach_shapes(
             continue;
         };
         entity.try_insert(wanted);
-        if !is_uniform(scale) || !(axis.mass().inertia * scale.x.powi(5)).is_finite() {
+        if !is_uniform(scale) || !(finest.mass().inertia * scale.x.powi(5)).is_finite() {
             error!(
                 "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \
                  give it a uniform, positive, moderate Transform::scale, or build a mesh of the wanted proportions"
@@ -84,10 +94,10 @@ pub(super) fn attach_shapes(
             continue;
         }
         *next_key += 1;
-        let same = shared.entry((asset, level, scale.x.to_bits())).or_default();
+        let same = shared.entry((axis.address(), scale.x.to_bits())).or_default();
         let primitives = same.upgrade().unwrap_or_default();
         *same = Arc::downgrade(&primitives);
-        let shape = Shape { axis: axis.level(level).clone(), scale: scale.x };
+        let shape = Shape { axis: axis.clone(), scale: scale.x };
         let shape = MedialShape::sharing(shape, *next_key, primitives);
         entity.try_insert((Collider::from(SharedShape::new(shape)), UNSCALED, MedialLevel(level)));
     }

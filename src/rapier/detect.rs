@@ -72,6 +72,8 @@ pub(super) struct Snapshot {
     starts: HashMap<(Entity, ColliderHandle), Start>,
     /// How far each world was ahead of the time that is shown, in seconds.
     leads: HashMap<Entity, f32>,
+    /// True if rapier's step has been run since, and not left out by a condition on its set.
+    stepped: bool,
     took: Duration,
 }
 
@@ -122,8 +124,9 @@ pub(super) fn snapshot(
     let mut reach = Reach { prediction: 0.0, length_unit: 0.0 };
     snapshot.starts.clear();
     snapshot.leads.clear();
+    snapshot.leads.extend(contexts.iter().map(|context| (context.entity, context.lead.diff)));
+    snapshot.stepped = false;
     for context in contexts.iter().filter(|context| context.is_medial()) {
-        snapshot.leads.insert(context.entity, context.lead.diff);
         let Reach { prediction, length_unit } = context.reach();
         reach.prediction = reach.prediction.max(prediction);
         reach.length_unit = reach.length_unit.max(length_unit);
@@ -146,6 +149,16 @@ pub(super) fn snapshot(
     snapshot.took = clock.elapsed();
 }
 
+/// Notes that rapier's step is run: among its systems, under their conditions.
+pub(super) fn note_step(mut snapshot: ResMut<Snapshot>) {
+    snapshot.stepped = true;
+}
+
+/// True if rapier's step has been run.
+pub(super) fn has_stepped(snapshot: Res<Snapshot>) -> bool {
+    snapshot.stepped
+}
+
 /// Seconds that rapier simulates in a step to come, as far as that is known.
 fn to_come(mode: &TimestepMode, time: &Time) -> f32 {
     match *mode {
@@ -159,7 +172,8 @@ fn to_come(mode: &TimestepMode, time: &Time) -> f32 {
 fn simulated(context: &ContextReadOnlyItem, snapshot: &Snapshot, mode: &TimestepMode, time: &Time) -> f32 {
     match *mode {
         TimestepMode::Interpolated { dt, time_scale, .. } => {
-            let lead = snapshot.leads.get(&context.entity).copied().unwrap_or(context.lead.diff);
+            // A world that has come since was not ahead.
+            let lead = snapshot.leads.get(&context.entity).copied().unwrap_or(0.0);
             ((lead + time.delta_secs() - context.lead.diff) / dt).round() * dt * time_scale
         }
         TimestepMode::Fixed { .. } | TimestepMode::Variable { .. } => context.simulation.integration_parameters.dt,

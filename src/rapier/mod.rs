@@ -131,10 +131,14 @@ where
         )
         .add_systems(
             schedule,
-            (quarantine::isolate_results, detect::detect::<Hooks>, substeps::refine)
+            (
+                quarantine::isolate_results,
+                (detect::detect::<Hooks>, substeps::refine).chain().run_if(detect::has_stepped),
+            )
                 .chain()
                 .in_set(MedialSystems::Detect),
-        );
+        )
+        .add_systems(schedule, detect::note_step.in_set(PhysicsSet::StepSimulation));
 }
 
 /// True if rapier steps in a schedule.

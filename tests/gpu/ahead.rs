@@ -3,10 +3,12 @@
 use bevy::{
     diagnostic::{DiagnosticPath, DiagnosticsStore},
     prelude::*,
+    reflect::serde::{TypedReflectDeserializer, TypedReflectSerializer},
     render::renderer::RenderDevice,
 };
 use bevy_medial::{gpu::GpuCapacity, plugin::diagnostic_paths, prelude::*};
 use bevy_rapier3d::prelude::{Collider, GravityScale, RigidBody, Sleeping, Velocity};
+use serde::de::DeserializeSeed;
 
 use crate::{
     common::{DT, mesh, spawn_ground},
@@ -96,6 +98,15 @@ fn a_stack_stands_the_same_way() {
     assert!(latencies.answered() > 350 && touching > 300 && departed < 400);
 }
 
+/// What is saved with a world can be loaded, whatever there is in it by then.
+fn assert_comes_back_from_text(value: &impl Reflect, world: &World) {
+    let registry = world.resource::<AppTypeRegistry>().read();
+    let registration = registry.get(value.type_id()).unwrap();
+    let text = serde_json::to_string(&TypedReflectSerializer::new(value.as_partial_reflect(), &registry)).unwrap();
+    let seed = TypedReflectDeserializer::new(registration, &registry);
+    seed.deserialize(&mut serde_json::Deserializer::from_str(&text)).unwrap();
+}
+
 #[test]
 fn diagnostics_tell_times_and_latency() {
     if device().is_none() {
@@ -122,6 +133,7 @@ fn diagnostics_tell_times_and_latency() {
         for path in diagnostic_paths::GPU {
             assert_eq!(value(app, path.clone()).is_some_and(|time| time > 0.0), can_tell, "{path}");
         }
+        assert_comes_back_from_text(app.world().resource::<MedialStep>(), app.world());
 
         // Nothing is told of steps that the CPU culls.
         let told = |app: &App| {

@@ -4,6 +4,7 @@ use std::{fs, path::PathBuf, sync::LazyLock, time::Duration};
 
 use bevy::{
     asset::{AssetServer, LoadState},
+    ecs::schedule::ScheduleLabel,
     prelude::*,
     time::TimeUpdateStrategy,
 };
@@ -11,8 +12,8 @@ use bevy_medial::{medial_axis::MedialAxis, plugin::MedialStep, prelude::*, rapie
 use bevy_rapier3d::{
     plugin::context::{RapierContextColliders, RapierContextJoints, RapierContextSimulation, RapierRigidBodySet},
     prelude::{
-        Collider, ColliderDisabled, CollisionGroups, Group, RapierColliderHandle, RapierConfiguration, RigidBody,
-        RigidBodyDisabled, Sensor, Sleeping, TimestepMode, TransformInterpolation, Velocity,
+        Collider, ColliderDisabled, CollisionGroups, Group, PhysicsSet, RapierColliderHandle, RapierConfiguration,
+        RigidBody, RigidBodyDisabled, Sensor, Sleeping, TimestepMode, TransformInterpolation, Velocity,
     },
 };
 
@@ -651,6 +652,84 @@ fn frames_between_steps_change_nothing() {
     for frames in [2, 4] {
         assert_eq!(struck(frames, 30), expected, "{frames} frames a step");
     }
+}
+
+#[test]
+fn what_ends_with_the_last_medial_body_is_told_at_many_frames_a_step() {
+    let mut app = app();
+    app.insert_resource(TimestepMode::Interpolated { dt: DT, time_scale: 1.0, substeps: 1 });
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(0.3 * DT)));
+    let ground = spawn_ground(&mut app);
+    let body = spawn_body(&mut app, ball(), Transform::from_xyz(0.0, 0.21, 0.0));
+    let mut record = Record::default();
+    record.run(&mut app, 60);
+    assert_eq!(record.counts(body, ground), [1, 0]);
+    app.world_mut().despawn(body);
+    record.run(&mut app, 8);
+    assert_eq!(record.counts(body, ground), [1, 1]);
+    assert!(app.world().resource::<MedialStep>().input.bodies.is_empty());
+}
+
+/// Whether rapier's step is run.
+#[derive(Resource)]
+struct Playing(bool);
+
+#[test]
+fn while_a_condition_keeps_rapier_from_its_step_nothing_happens_and_a_fast_hit_stays_fine() {
+    let mut app = app();
+    app.insert_resource(Playing(true))
+        .configure_sets(PostUpdate, PhysicsSet::StepSimulation.run_if(|playing: Res<Playing>| playing.0));
+    let rods = [-1.0f32, 1.0].map(|x| {
+        let rod = MedialAxis::capsule(Vec3::Y * -0.4, Vec3::Y * 0.4, 0.05).unwrap();
+        spawn_flying(&mut app, rod, Transform::from_xyz(x, 0.0, 0.0), Velocity::linear(Vec3::X * x * -60.0))
+    });
+    let far = spawn_flying(&mut app, ball(), Transform::from_xyz(0.0, 9.0, 0.0), Velocity::zero());
+    let other = spawn_flying(&mut app, ball(), Transform::from_xyz(3.0, 9.0, 0.0), Velocity::zero());
+    let mut record = Record::default();
+    let finer = |app: &mut App| rods.map(|rod| rigid(app, rod).additional_solver_iterations());
+    for _ in 0..10 {
+        record.run(&mut app, 1);
+        if finer(&mut app)[0] > 0 {
+            break;
+        }
+    }
+    let (hit, poses) = (finer(&mut app), rods.map(|rod| *rigid(&mut app, rod).position()));
+    assert!(hit[0] > 0, "they do not hit each other");
+    app.world_mut().resource_mut::<Playing>().0 = false;
+    app.world_mut().get_mut::<Transform>(other).unwrap().translation.x = 0.39;
+    record.run(&mut app, 5);
+    assert_eq!(finer(&mut app), hit);
+    assert_eq!(rods.map(|rod| *rigid(&mut app, rod).position()), poses);
+    assert_eq!(record.counts(far, other), [0, 0]);
+    app.world_mut().resource_mut::<Playing>().0 = true;
+    record.run(&mut app, 3);
+    assert_eq!(record.counts(far, other)[0], 1);
+    assert_ne!(rods.map(|rod| *rigid(&mut app, rod).position()), poses);
+}
+
+#[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
+struct Rarely;
+
+#[test]
+fn a_shape_that_changes_while_a_schedule_of_its_own_rests_has_changed_when_that_goes_on() {
+    let mut app = app_with(MedialPhysicsPlugin::default().in_schedule(Rarely), &assets());
+    let mesh = mesh(&mut app, ball());
+    let body = app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), Transform::default())).id();
+    app.update();
+    let step = |app: &mut App| (0..2).for_each(|_| app.world_mut().run_schedule(Rarely));
+    let radius = |app: &mut App| {
+        let handle = app.world().get::<RapierColliderHandle>(body).unwrap().0;
+        let mut contexts = app.world_mut().query::<&RapierContextColliders>();
+        let context = contexts.single(app.world()).unwrap();
+        context.colliders[handle].shape().compute_local_bounding_sphere().radius
+    };
+    step(&mut app);
+    assert!((radius(&mut app) - 0.2).abs() < 1e-3);
+    let larger = MedialAxis::sphere(0.4).unwrap();
+    app.world_mut().resource_mut::<Assets<MedialAxis>>().insert(&mesh.0, larger).unwrap();
+    run(&mut app, 5);
+    step(&mut app);
+    assert!((radius(&mut app) - 0.4).abs() < 1e-3);
 }
 
 /// How much there is of everything that might grow.

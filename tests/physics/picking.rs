@@ -114,6 +114,19 @@ fn a_pointer_hits_the_front_body_where_its_exact_shape_is_and_not_the_one_behind
 }
 
 #[test]
+fn a_box_without_thickness_has_the_normal_of_its_face() {
+    let (mut app, _) = picking_app();
+    let flat = StaticObb::new(2.0, 2.0, 0.0);
+    for (x, y) in [(0.0, 0.0), (0.3, -1.7)] {
+        let wall = app.world_mut().spawn((flat, Transform::from_xyz(x, y, -4.0))).id();
+        assert_eq!(entities(&picked(&mut app)), [wall]);
+        let hits = &app.world().resource::<Hits>().0;
+        assert_eq!(hits[0].picks[0].1.normal, Some(Vec3::Z));
+        app.world_mut().despawn(wall);
+    }
+}
+
+#[test]
 fn what_cannot_be_picked_is_looked_through() {
     let (mut app, _) = picking_app();
     let ball = || MedialAxis::sphere(0.5).unwrap();
