@@ -32,8 +32,8 @@ fn is_finite_solid(solid: &Solid) -> bool {
     bound.center.is_finite() && bound.radius.is_finite()
 }
 
-/// A body. In metres: how far outside of its bounding sphere it may meet something, and how far it may leave its way.
-pub(super) fn body(body: &Body, [margin, slack]: [f32; 2], shapes: &mut Shapes) -> layout::Body {
+/// A body, and whether it is looked at. In metres: how far outside of its bounding sphere it may meet something, and how far it may leave its way.
+pub(super) fn body(body: &Body, is_awake: bool, [margin, slack]: [f32; 2], shapes: &mut Shapes) -> layout::Body {
     let sweep = &body.sweep;
     let (shape, scale, arm) = match &body.solid {
         Solid::Medial(shape) => (shapes.index_of(&shape.axis), shape.scale, shape.arm(sweep.local_center)),
@@ -55,7 +55,7 @@ pub(super) fn body(body: &Body, [margin, slack]: [f32; 2], shapes: &mut Shapes) 
         collides_with: body.groups.filter,
         owner: owner(body.owner),
         world: body.world,
-        is_active: body.active.into(),
+        is_active: is_awake.into(),
         slack,
         unused: 0,
     }

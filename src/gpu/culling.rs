@@ -134,7 +134,7 @@ impl GpuCulling {
     pub fn cull(&mut self, input: &StepInput, statics: &Statics) -> Result<Vec<Candidates>, GpuError> {
         let mut widening = Widening::new(input);
         loop {
-            self.upload(input, statics, |body| [widening.margin(input, body), 0.0])?;
+            self.upload(input, statics, &widening, |_| 0.0)?;
             let gpu = self.gpu.clone();
             let (batch, submission) = gpu.checked(format_args!("the passes of a step"), |device| {
                 let mut encoder = device.create_command_encoder(&Default::default());
@@ -150,8 +150,7 @@ impl GpuCulling {
         }
     }
 
-    /// Writes what a step depends on, and makes room. `margins` of each body in metres: how far outside of its bounding sphere it may meet
-    /// something, and how far it may leave its way.
+    /// Writes what a step depends on, and makes room. `slack` of each body: how far it may leave its way besides, in metres.
     ///
     /// # Errors
     /// If a place or motion is not finite, or the scene is more than the device can take.
@@ -159,7 +158,8 @@ impl GpuCulling {
         &mut self,
         input: &StepInput,
         statics: &Statics,
-        margins: impl Fn(usize) -> [f32; 2],
+        widening: &Widening,
+        slack: impl Fn(usize) -> f32,
     ) -> Result<(), GpuError> {
         let known = (statics.id(), statics.bodies().len() as u32);
         let new_statics = (self.statics != Some(known)).then(|| statics.bodies());
@@ -167,8 +167,9 @@ impl GpuCulling {
             return Err(GpuError::NotFinite(side));
         }
         let gpu = self.gpu.clone();
-        let written =
-            gpu.checked(format_args!("the bodies of a step"), |_| self.write(input, statics, known, margins)).flatten();
+        let written = gpu
+            .checked(format_args!("the bodies of a step"), |_| self.write(input, statics, known, widening, slack))
+            .flatten();
         if written.is_err() {
             // What there is on the device is unknown. The next step may be smaller.
             (self.shapes, self.statics, self.bound) = (Shapes::default(), None, None);
@@ -183,7 +184,8 @@ impl GpuCulling {
         input: &StepInput,
         statics: &Statics,
         known: (u64, u32),
-        margins: impl Fn(usize) -> [f32; 2],
+        widening: &Widening,
+        slack: impl Fn(usize) -> f32,
     ) -> Result<(), GpuError> {
         if self.shapes.tidy() {
             self.statics = None;
@@ -194,7 +196,10 @@ impl GpuCulling {
         gpu.require("workgroups", most.into(), leaves.div_ceil(WORKGROUP).into())?;
         let bodies: Vec<_> = (0..)
             .zip(&input.bodies)
-            .map(|(index, body)| bodies::body(body, margins(index), &mut self.shapes))
+            .map(|(index, body)| {
+                let margins = [widening.margin(input, index), slack(index)];
+                bodies::body(body, widening.is_awake(input, index), margins, &mut self.shapes)
+            })
             .collect();
         buffers.write(gpu, Slot::Bodies, cast_slice(&bodies))?;
         if self.statics != Some(known) {
@@ -374,7 +379,7 @@ mod tests {
         let input = StepInput { bodies: vec![body(0.0), body(0.1)], prediction: 0.01, ..Default::default() };
         let capacity = GpuCapacity { candidates: 1, ..GpuCapacity::default() };
         let mut culling = GpuCulling::new(&gpu, capacity).unwrap();
-        culling.upload(&input, &Statics::default(), |_| [0.01, 0.0]).unwrap();
+        culling.upload(&input, &Statics::default(), &Widening::new(&input), |_| 0.0).unwrap();
         let taken = [(); 2].map(|()| {
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             let batch = culling.encode(&mut encoder).unwrap();

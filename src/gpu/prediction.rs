@@ -55,9 +55,9 @@ impl Prediction {
         self.after
     }
 
-    /// In metres: how far outside of its bounding sphere a body may meet something, and how far it may leave its way.
-    pub(crate) fn margins(&self, widening: &Widening, body: usize) -> [f32; 2] {
-        [widening.margin(&self.input, body), self.slack[body]]
+    /// How far a body may leave its way, in metres.
+    pub(crate) fn slack(&self, body: usize) -> f32 {
+        self.slack[body]
     }
 
     /// The pairs that may meet in a step, by what was found for all of them, and how many bodies had to be culled on the CPU for that; none if the

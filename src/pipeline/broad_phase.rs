@@ -104,11 +104,20 @@ pub(super) fn run(
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {
-    pairs.clear();
-    match input.culling {
-        Culling::Hybrid => near_pairs(input, statics, (buffers, tasks), pairs, pool),
-        Culling::None => all_pairs(input, statics, pairs),
+    let mut widening = std::mem::take(&mut buffers.widening);
+    widening.reset(input);
+    if input.culling == Culling::Hybrid || widening.somebody_carries() {
+        loop {
+            near(input, statics, &widening, (buffers, tasks), pairs, pool);
+            if !widening.widen(input, pairs.iter().map(|pair| [pair.first, pair.second])) {
+                break;
+            }
+        }
     }
+    if input.culling == Culling::None {
+        all_pairs(input, statics, &widening, pairs);
+    }
+    buffers.widening = widening;
     pairs.retain_mut(|pair| consents(input, statics, pair, filter(pair.first, pair.second)));
 }
 
@@ -119,13 +128,15 @@ pub(super) fn from_candidates(
     candidates: Vec<Candidates>,
     filter: impl Fn(Side, Side) -> Meeting,
 ) -> Vec<(BodyPair, Option<Vec<PrimitivePair>>)> {
+    let mut widening = Widening::new(input);
+    widening.widen(input, candidates.iter().map(|pair| pair.sides));
     let mut pairs: Vec<(BodyPair, Option<Vec<PrimitivePair>>)> = candidates
         .into_iter()
         .filter_map(|Candidates { sides, mut primitives }| {
             let pair = match sides {
-                [Side::Body(i), Side::Body(j)] => between(input, i, j),
+                [Side::Body(i), Side::Body(j)] => between(input, &widening, i, j),
                 [Side::Body(body), Side::Static(item)] | [Side::Static(item), Side::Body(body)] => {
-                    with_static(input, statics, &input.bodies[body as usize], body, item)
+                    with_static(input, statics, &widening, body, item)
                 }
                 [Side::Static(_), Side::Static(_)] => None,
             }?;
@@ -155,25 +166,6 @@ fn consents(input: &StepInput, statics: &Statics, pair: &mut BodyPair, meeting: 
     meeting != Meeting::Apart
 }
 
-/// The pairs that may come within the prediction distance of each other.
-fn near_pairs(
-    input: &StepInput,
-    statics: &Statics,
-    (buffers, tasks): (&mut Buffers, &Scratches<Scratch>),
-    pairs: &mut Vec<BodyPair>,
-    pool: &TaskPool,
-) {
-    let mut widening = std::mem::take(&mut buffers.widening);
-    widening.reset(input);
-    loop {
-        near(input, statics, &widening, (buffers, tasks), pairs, pool);
-        if !widening.widen(input, pairs.iter().map(|pair| [pair.first, pair.second])) {
-            break;
-        }
-    }
-    buffers.widening = widening;
-}
-
 /// The sides of pairs that may come within the prediction distance of each other, of bodies that may leave their way by as much as is known.
 #[cfg(feature = "gpu")]
 pub(crate) fn near_sides(input: &StepInput, statics: &Statics, widening: &Widening, pool: &TaskPool) -> Vec<[Side; 2]> {
@@ -199,7 +191,6 @@ pub(crate) struct Widening {
 }
 
 impl Widening {
-    #[cfg(feature = "gpu")]
     pub fn new(input: &StepInput) -> Self {
         let mut new = Self::default();
         new.reset(input);
@@ -236,11 +227,20 @@ impl Widening {
         }
     }
 
+    fn somebody_carries(&self) -> bool {
+        !self.turns.is_empty()
+    }
+
     /// How far outside of what its bounding sphere sweeps a body may meet something, in metres; of two bodies, half of the prediction distance each.
     pub fn margin(&self, input: &StepInput, body: usize) -> f32 {
         let slide = if input.bodies[body].stops { input.slide_way() } else { 0.0 };
         let turn = self.turns.get(body).map_or(0.0, |turn| turn * self.spans[body]);
         0.5 * input.prediction + slide + self.carried[body] + turn
+    }
+
+    /// True for a body that is looked at: one that sleeps is if it may be carried along, and then meets what else sleeps or is at rest.
+    pub fn is_awake(&self, input: &StepInput, body: usize) -> bool {
+        input.bodies[body].active || self.carried[body] > 0.0
     }
 
     /// True if a body may be carried off its way.
@@ -251,7 +251,7 @@ impl Widening {
 
     /// Takes in the pairs that have been found; true if bodies go farther than was known, and so may be in more pairs.
     pub fn widen(&mut self, input: &StepInput, pairs: impl Iterator<Item = [Side; 2]> + Clone) -> bool {
-        if !input.stop_at_impact || self.turns.is_empty() {
+        if !input.stop_at_impact || !self.somebody_carries() {
             return false;
         }
         let mut wider = false;
@@ -330,14 +330,14 @@ fn near(
     parallel::gather(pool, tasks, leaves, 64, pairs, |_, _, &leaf, pairs| {
         let index = bvh.item(leaf);
         let i = index as usize;
-        let (body, sphere) = (&input.bodies[i], &spheres[i]);
+        let sphere = &spheres[i];
         bvh.overlapping_later(leaf, |other| {
-            pairs.extend(between(input, index, other).filter(|_| sphere.meets(&spheres[other as usize])));
+            pairs.extend(between(input, widening, index, other).filter(|_| sphere.meets(&spheres[other as usize])));
         });
         // The sphere has half of the prediction distance already.
         let reach = boxes[i].inflated(0.5 * input.prediction);
         statics.bvh.overlapping(&reach, |item| {
-            let Some(pair) = with_static(input, statics, body, index, item) else { return };
+            let Some(pair) = with_static(input, statics, widening, index, item) else { return };
             let obb = &statics.boxes[item as usize];
             let to_box = |point| obb.pose.inverse_transform_point(point);
             let cone = [Vec3::ZERO, sphere.motion]
@@ -358,8 +358,9 @@ fn kept_apart(input: &StepInput, owner1: Option<u64>, owner2: Option<u64>) -> bo
     }
 }
 
-fn may_collide(input: &StepInput, body1: &Body, body2: &Body) -> bool {
-    (body1.active || body2.active)
+fn may_collide(input: &StepInput, widening: &Widening, bodies: [u32; 2]) -> bool {
+    let [body1, body2] = bodies.map(|body| &input.bodies[body as usize]);
+    bodies.iter().any(|&body| widening.is_awake(input, body as usize))
         && body1.world == body2.world
         && (body1.solid.medial().is_some() || body2.solid.medial().is_some())
         && body1.groups.test(&body2.groups)
@@ -368,22 +369,22 @@ fn may_collide(input: &StepInput, body1: &Body, body2: &Body) -> bool {
 }
 
 /// The pair of two bodies, if they may collide.
-fn between(input: &StepInput, i: u32, j: u32) -> Option<BodyPair> {
+fn between(input: &StepInput, widening: &Widening, i: u32, j: u32) -> Option<BodyPair> {
     let [lesser, greater] = [i.min(j), i.max(j)];
-    let [body1, body2] = [lesser, greater].map(|index| &input.bodies[index as usize]);
-    let (first, second) = if body1.solid.medial().is_some() { (lesser, greater) } else { (greater, lesser) };
-    may_collide(input, body1, body2).then(|| BodyPair::new(Side::Body(first), Side::Body(second)))
+    let is_medial = input.bodies[lesser as usize].solid.medial().is_some();
+    let (first, second) = if is_medial { (lesser, greater) } else { (greater, lesser) };
+    may_collide(input, widening, [first, second]).then(|| BodyPair::new(Side::Body(first), Side::Body(second)))
 }
 
 /// The pair of a body and a static, if they may collide.
-fn with_static(input: &StepInput, statics: &Statics, body: &Body, index: u32, item: u32) -> Option<BodyPair> {
-    let target = &statics.bodies[item as usize];
+fn with_static(input: &StepInput, statics: &Statics, widening: &Widening, index: u32, item: u32) -> Option<BodyPair> {
+    let (body, target) = (&input.bodies[index as usize], &statics.bodies[item as usize]);
     let sides = if body.solid.medial().is_some() {
         Some((Side::Body(index), Side::Static(item)))
     } else {
         target.solid.medial().map(|_| (Side::Static(item), Side::Body(index)))
     };
-    let collide = body.active
+    let collide = widening.is_awake(input, index as usize)
         && body.world == target.world
         && body.groups.test(&target.groups)
         && body.types.test_either(&target.types)
@@ -392,10 +393,12 @@ fn with_static(input: &StepInput, statics: &Statics, body: &Body, index: u32, it
 }
 
 /// Every pair that may collide.
-fn all_pairs(input: &StepInput, statics: &Statics, pairs: &mut Vec<BodyPair>) {
-    for (i, body) in (0..).zip(&input.bodies) {
-        pairs.extend((i + 1..input.bodies.len() as u32).filter_map(|j| between(input, i, j)));
-        pairs.extend((0..statics.bodies.len() as u32).filter_map(|item| with_static(input, statics, body, i, item)));
+fn all_pairs(input: &StepInput, statics: &Statics, widening: &Widening, pairs: &mut Vec<BodyPair>) {
+    pairs.clear();
+    let [bodies, still] = [input.bodies.len(), statics.bodies.len()].map(|count| count as u32);
+    for i in 0..bodies {
+        pairs.extend((i + 1..bodies).filter_map(|j| between(input, widening, i, j)));
+        pairs.extend((0..still).filter_map(|item| with_static(input, statics, widening, i, item)));
     }
     pairs.sort_unstable();
 }

@@ -229,13 +229,17 @@ impl seams::Side for Shape {
 
 impl seams::Side for Parts<'_> {
     fn aabb(&self, id: u32) -> Aabb {
-        let part = self.iter().find(|part| part.id == id);
-        part.map_or(Aabb::EMPTY, |part| part.aabb().transformed(&part.pose, 1.0))
+        part(self, id).map_or(Aabb::EMPTY, |part| part.aabb().transformed(&part.pose, 1.0))
     }
 
     fn separation(&self, id: u32, point: Vec3, normal: Vec3, height: f32, _: f32) -> Option<Separation> {
-        self.iter().find(|part| part.id == id).map(|part| part.separation_from(point, normal * height))
+        part(self, id).map(|part| part.separation_from(point, normal * height))
     }
+}
+
+/// The part of a number.
+fn part<'p, 'a>(parts: &'p Parts<'a>, id: u32) -> Option<&'p Part<'a>> {
+    parts.binary_search_by_key(&id, |part| part.id).ok().map(|at| &parts[at])
 }
 
 /// Contacts within `prediction` of a convex part of another collider.

@@ -129,7 +129,7 @@ pub struct Body {
     pub assembly: Option<u64>,
     /// The world that it is in: bodies of different worlds do not meet.
     pub world: u32,
-    /// False for bodies that sleep or never move: two of these are not looked at.
+    /// False for bodies that sleep or never move: two of these are not looked at, unless something else may carry one along.
     pub active: bool,
     /// True if it stops where it is at an impact: a dynamic body does, a kinematic one goes on.
     pub stops: bool,

@@ -25,7 +25,7 @@ pub trait ConvexParts: Send + Sync {
         self.len() == 0
     }
 
-    /// The parts that come within `reach`, a box in its own frame, in an order that depends on nothing but the two.
+    /// The parts that come within `reach`, a box in its own frame, in ascending order of their numbers.
     fn within(&self, reach: &Aabb) -> Parts<'_>;
 
     /// A number that nothing of another shape has as long as this one is kept: what was found for it goes on to hold.
@@ -36,7 +36,7 @@ pub trait ConvexParts: Send + Sync {
 
 /// A convex part of a collider.
 pub struct Part<'a> {
-    /// Which.
+    /// Which: its number.
     pub id: u32,
     /// Pose of its frame in the collider's.
     pub pose: Pose3,
@@ -46,7 +46,7 @@ pub struct Part<'a> {
     pub rounding: f32,
 }
 
-/// Parts of a collider: most are one by themselves.
+/// Parts of a collider in ascending order of their numbers: most are one by themselves.
 pub type Parts<'a> = SmallVec<[Part<'a>; 1]>;
 
 /// A convex shape.

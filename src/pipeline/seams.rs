@@ -4,6 +4,7 @@
 //! it slides over them. They show: where such a contact touches, the surface of another part passes, and the contact's normal leans over it.
 //! The same goes for boxes side by side, and for the primitives of a medial mesh.
 
+use bevy::platform::collections::{HashMap, hash_map::Entry};
 use glam::{Quat, Vec3};
 
 use super::contact::Contact;
@@ -29,8 +30,35 @@ pub(super) struct Room {
     kept: Vec<(Contact, [Touch; 2])>,
     /// Those that are covered.
     removed: Vec<Contact>,
-    /// The deepest touch of each part of either side, with the box around the part and around all that it may cover.
-    parts: [Vec<(Touch, Aabb)>; 2],
+    parts: [TouchedParts; 2],
+}
+
+/// The deepest touch of each part of a side, with the box around the part and around all that it may cover.
+#[derive(Debug, Default)]
+struct TouchedParts {
+    list: Vec<(Touch, Aabb)>,
+    /// Where in the list a part is.
+    places: HashMap<u32, usize>,
+}
+
+impl TouchedParts {
+    fn clear(&mut self) {
+        self.list.clear();
+        self.places.clear();
+    }
+
+    /// Takes in a touch, unless there is one of that part.
+    fn insert(&mut self, touch: Touch, reach: impl FnOnce(u32) -> Aabb) {
+        if let Entry::Vacant(place) = self.places.entry(touch.part) {
+            place.insert(self.list.len());
+            self.list.push((touch, reach(touch.part)));
+        }
+    }
+
+    /// The box around all that a part may cover.
+    fn reach(&self, part: u32) -> Option<&Aabb> {
+        self.places.get(&part).map(|place| &self.list[*place].1)
+    }
 }
 
 /// Removes contacts with edges and sides of parts that other parts cover, which are in deeper contact or about as deep; leaves the others
@@ -64,16 +92,14 @@ pub(super) fn remove(
     };
     kept.clear();
     removed.clear();
-    parts.iter_mut().for_each(Vec::clear);
+    parts.iter_mut().for_each(TouchedParts::clear);
     for contact in contacts.iter() {
         let touches = touches(contact);
         for (side, (parts, touch)) in parts.iter_mut().zip(touches).enumerate() {
-            if parts.iter().all(|(other, _)| other.part != touch.part) {
-                parts.push((touch, reach(side, touch.part)));
-            }
+            parts.insert(touch, |part| reach(side, part));
         }
         let is_covered = |i: usize| {
-            parts[i].iter().any(|(other, reach)| touches[i].is_covered(other, reach, sides[i], [around, flush]))
+            parts[i].list.iter().any(|(other, reach)| touches[i].is_covered(other, reach, sides[i], [around, flush]))
         };
         // Primitives that share a sphere touch at the same place.
         let is_known = || {
@@ -102,8 +128,8 @@ pub(super) fn remove(
             !contact.pushes_as(other)
                 && other.distance <= contact.distance + 0.25 * around
                 && (0..2).any(|i| {
-                    let part = parts[i].iter().find(|(part, _)| part.part == touches[i].part);
-                    part.is_some_and(|(_, reach)| touched[i].is_covered(&touches[i], reach, sides[i], [around, flush]))
+                    let reach = parts[i].reach(touches[i].part);
+                    reach.is_some_and(|reach| touched[i].is_covered(&touches[i], reach, sides[i], [around, flush]))
                 })
         });
         if is_covered {

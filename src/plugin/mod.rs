@@ -20,6 +20,8 @@
 mod build;
 #[cfg(feature = "bevy_mesh")]
 mod build_cache;
+#[cfg(any(test, feature = "bevy_mesh", feature = "debug", not(feature = "rapier")))]
+mod changes;
 #[cfg(feature = "gpu")]
 mod choice;
 mod components;
@@ -41,12 +43,10 @@ mod step;
 #[cfg(any(test, not(feature = "rapier")))]
 mod transforms;
 
-use std::collections::HashSet;
-
 #[cfg(feature = "rapier")]
 use bevy::ecs::system::SystemParamItem;
 use bevy::{
-    ecs::{intern::Interned, schedule::ScheduleLabel, system::SystemParam},
+    ecs::{intern::Interned, schedule::ScheduleLabel},
     prelude::*,
 };
 #[cfg(feature = "rapier")]
@@ -60,6 +60,8 @@ use crate::{
 
 #[cfg(feature = "bevy_mesh")]
 pub use build::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
+#[cfg(any(test, feature = "bevy_mesh", feature = "debug", not(feature = "rapier")))]
+pub(crate) use changes::Changes;
 pub use components::{MedialCcd, MedialMesh, StaticObb};
 pub use diagnostics::paths as diagnostic_paths;
 #[cfg(feature = "debug")]
@@ -167,33 +169,6 @@ pub(crate) fn is_sound_pose(pose: &Pose3) -> bool {
 pub(crate) fn is_uniform(scale: Vec3) -> bool {
     let least = scale.min_element();
     scale.is_finite() && least > 0.0 && scale.max_element() <= least * (1.0 + SCALE_ROUNDING)
-}
-
-/// Tells which assets are no longer what they were.
-#[derive(SystemParam)]
-pub(crate) struct Changes<'w, 's, A: Asset> {
-    events: MessageReader<'w, 's, AssetEvent<A>>,
-    /// Those that were taken out while somebody has a handle.
-    removed: Local<'s, HashSet<AssetId<A>>>,
-}
-
-impl<A: Asset> Changes<'_, '_, A> {
-    /// Those that have been changed, or put back, since this was asked last.
-    pub fn read(&mut self) -> Vec<AssetId<A>> {
-        let (mut changed, mut unused) = (Vec::new(), Vec::new());
-        for event in self.events.read() {
-            match event {
-                AssetEvent::Modified { id } => changed.push(*id),
-                AssetEvent::Added { id } if self.removed.remove(id) => changed.push(*id),
-                AssetEvent::Removed { id } => _ = self.removed.insert(*id),
-                AssetEvent::Unused { id } => unused.push(*id),
-                _ => {}
-            }
-        }
-        // These do not come back.
-        unused.iter().for_each(|id| _ = self.removed.remove(id));
-        changed
-    }
 }
 
 impl Plugin for MedialPhysicsPlugin {

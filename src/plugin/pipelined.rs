@@ -184,7 +184,7 @@ impl RenderCulling {
         }
         if let Some(asked) = asked {
             let widening = Widening::new(&asked.input);
-            passes.upload(&asked.input, &asked.statics, |body| asked.margins(&widening, body))?;
+            passes.upload(&asked.input, &asked.statics, &widening, |body| asked.slack(body))?;
             self.uploaded = Some(asked);
         }
         Ok(())

@@ -86,21 +86,19 @@ pub(super) fn parts_within<'a>(shape: &'a dyn ParryShape, reach: &Aabb) -> Parts
     let mut parts = Parts::new();
     match shape.as_typed_shape() {
         TypedShape::Compound(compound) => {
-            for id in sorted(compound.bvh().intersect_aabb(&parry_reach)) {
+            for id in compound.bvh().intersect_aabb(&parry_reach) {
                 let (pose, shape) = &compound.shapes()[id as usize];
                 parts.extend(convex(id, *pose, &**shape, reach));
             }
         }
         TypedShape::TriMesh(mesh) => {
-            let ids = sorted(mesh.bvh().intersect_aabb(&parry_reach));
-            parts.extend(ids.into_iter().map(|id| {
+            parts.extend(mesh.bvh().intersect_aabb(&parry_reach).map(|id| {
                 let triangle = mesh.triangle(id);
                 slab(id, [triangle.a, triangle.b, triangle.c], 0.0)
             }));
         }
         TypedShape::Polyline(line) => {
-            let ids = sorted(line.bvh().intersect_aabb(&parry_reach));
-            parts.extend(ids.into_iter().map(|id| {
+            parts.extend(line.bvh().intersect_aabb(&parry_reach).map(|id| {
                 let segment = line.segment(id);
                 cone(id, [segment.a, segment.b], 0.0)
             }));
@@ -119,13 +117,9 @@ pub(super) fn parts_within<'a>(shape: &'a dyn ParryShape, reach: &Aabb) -> Parts
         }
         _ => parts.extend(convex(0, Pose3::IDENTITY, shape, reach)),
     }
+    // Cells come in the order of their columns or chunks.
+    parts.sort_unstable_by_key(|part| part.id);
     parts
-}
-
-fn sorted(ids: impl Iterator<Item = u32>) -> Vec<u32> {
-    let mut ids: Vec<u32> = ids.collect();
-    ids.sort_unstable();
-    ids
 }
 
 /// A shape of one part, which has the pose `pose` in the collider's frame.

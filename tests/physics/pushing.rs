@@ -86,6 +86,36 @@ fn what_sleeps_is_taken_along_as_well() {
 }
 
 #[test]
+fn what_sleeps_before_a_wall_or_before_what_sleeps_there_is_not_pushed_through() {
+    for kind in ["wall", "ball", "wall, all pairs"] {
+        let mut app = app();
+        app.world_mut().resource_mut::<MedialSettings>().brute_force = kind.ends_with("all pairs");
+        let speed = 12.0;
+        let plate = spawn_plate(&mut app, false, RigidBody::KinematicVelocityBased, Vec3::X * -(0.12 + 0.02));
+        let sphere = || MedialAxis::sphere(0.05).unwrap();
+        let ball = spawn_flying(&mut app, sphere(), Transform::default(), Velocity::zero());
+        let wall = app.world_mut().spawn((StaticObb::new(0.02, 1.0, 1.0), Transform::from_xyz(0.1, 0.0, 0.0))).id();
+        let next = (kind == "ball").then(|| {
+            app.world_mut().get_mut::<Transform>(wall).unwrap().translation.x = 0.25;
+            spawn_flying(&mut app, sphere(), Transform::from_xyz(0.13, 0.0, 0.0), Velocity::zero())
+        });
+        run(&mut app, 200);
+        assert!(is_at_rest(&mut app, ball), "{kind}: it does not sleep");
+        app.world_mut().entity_mut(plate).insert(Velocity::linear(Vec3::X * speed));
+        app.update();
+        let step = app.world().resource::<MedialStep>();
+        assert!(step.infos.iter().filter(|info| info.asleep).count() > 0, "{kind}: rapier has woken them");
+        let x = position(&mut app, ball).x;
+        assert!(x > 0.01, "{kind}: it is not pushed, at {x}");
+        let limit = match next {
+            Some(next) => position(&mut app, next).x - 0.1,
+            None => 0.08 - 0.05,
+        };
+        assert!(x < limit + 2e-3, "{kind}: at {x}, beyond {limit}");
+    }
+}
+
+#[test]
 fn a_bat_that_swings_hits_the_ball() {
     for medial in [false, true] {
         for spin in [5.0, 30.0, 90.0] {

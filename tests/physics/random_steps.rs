@@ -86,7 +86,7 @@ pub fn random_step(
             } else {
                 Sweep::at_rest(start)
             };
-            let stops = active && random.below(8) > 0;
+            let stops = random.below(8) > 0;
             Body { groups: groups(random), active, stops, passes: random.below(12) == 0, ..Body::new(shape, sweep) }
         })
         .collect();
