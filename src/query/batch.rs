@@ -282,6 +282,7 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         let (first, second) = self.at(simd, fraction);
         let (upper, normal) = nearest(&first, &second);
         let zero = upper.like(0.0);
+        // The first of all stays at the origin.
         let moving1: [_; N] = each(
             #[inline(always)]
             |i| (first[i], if i == 0 { first[0].center } else { self.first[i].velocity(simd) }),
