@@ -224,7 +224,6 @@ impl MedialAxis {
     }
 
     /// A number that no other axis has as long as this one, or a weak one, is kept.
-    #[cfg(any(feature = "gpu", feature = "rapier"))]
     pub(crate) fn address(&self) -> usize {
         Arc::as_ptr(&self.0).addr()
     }

@@ -249,7 +249,7 @@ impl Widening {
         self.carried[body] > 0.0
     }
 
-    /// Takes in the pairs that have been found; true if bodies go farther than was known, and so may be in more pairs.
+    /// Takes in the pairs that have been found, as far as they may collide; true if bodies go farther than was known, and so may be in more pairs.
     pub fn widen(&mut self, input: &StepInput, pairs: impl Iterator<Item = [Side; 2]> + Clone) -> bool {
         if !input.stop_at_impact || !self.somebody_carries() {
             return false;
@@ -258,7 +258,11 @@ impl Widening {
         loop {
             let mut more = false;
             for sides in pairs.clone() {
-                let [Some(a), Some(b)] = sides.map(|side| side.body().map(|body| body as usize)) else { continue };
+                let [Some(a), Some(b)] = sides.map(Side::body) else { continue };
+                if !may_collide(input, self, [a, b]) {
+                    continue;
+                }
+                let [a, b] = [a, b].map(|body| body as usize);
                 for (body, other) in [(a, b), (b, a)].into_iter().filter(|(body, _)| input.bodies[*body].stops) {
                     let farther = self.carries[other] + self.beyond(input, body, other) - self.carries[body];
                     if farther > 0.0 {
@@ -425,7 +429,7 @@ mod tests {
     use crate::{
         geometry::{Obb, Pose3, Sweep},
         medial_axis::MedialAxis,
-        pipeline::{Impact, Shape, StaticBody, step},
+        pipeline::{Impact, Shape, StaticBody, step, step_from_candidates},
     };
 
     /// The end of a bat that turns by half a radian is beside a large ball, which it carries farther than it goes itself.
@@ -458,6 +462,31 @@ mod tests {
         let gap = (pose.translation - end(&output)).dot(across) - RADIUS;
         let hits: Vec<Impact> = output.pairs.iter().filter_map(|pair| pair.impact).collect();
         assert!(gap > -0.01, "it goes {gap} m into the wall: {hits:?}");
+    }
+
+    /// A plate passes a ball that sleeps on a floor, as a joint has it: culling elsewhere may tell of all pairs.
+    #[test]
+    fn what_may_not_collide_wakes_nobody_by_candidates_either() {
+        let body = |center: Vec3, way: f32, owner: u64, is_dynamic: bool| {
+            let shape = Shape { axis: MedialAxis::sphere(0.1).unwrap(), scale: 1.0 };
+            let sweep = Sweep::at_rates(Pose3::from_translation(center), Vec3::ZERO, Vec3::X * way, Vec3::ZERO);
+            Body { stops: is_dynamic, active: !is_dynamic, owner: Some(owner), ..Body::new(shape, sweep) }
+        };
+        let bodies = vec![body(Vec3::X * -0.5, 0.5, 1, false), body(Vec3::ZERO, 0.0, 2, true)];
+        let mut input = StepInput { bodies, prediction: 0.02, stop_at_impact: true, ..Default::default() };
+        let floor = Obb { pose: Pose3::from_translation(Vec3::Y * -0.2), half_extents: Vec3::new(1.0, 0.1, 1.0) };
+        let statics = Statics::new(vec![StaticBody::solid_box(floor)]);
+        for is_apart in [false, true] {
+            input.apart.extend(is_apart.then_some([1, 2]));
+            let sides =
+                [[Side::Body(0), Side::Body(1)], [Side::Body(0), Side::Static(0)], [Side::Body(1), Side::Static(0)]];
+            let candidates = sides.map(|sides| Candidates { sides, primitives: None }).to_vec();
+            let found = step(&input, &statics, &TaskPool::new());
+            let known = step_from_candidates(&input, &statics, candidates, |_, _| Meeting::Stopping, &TaskPool::new());
+            assert_eq!(found.pairs, known.pairs);
+            let rests = found.pairs.iter().any(|pair| [pair.first, pair.second] == sides[2]);
+            assert_eq!(rests, !is_apart, "{:?}", found.pairs);
+        }
     }
 
     /// A piston hits one of two balls that are joined, far from each other; the other goes along, and there is a wall.

@@ -20,7 +20,7 @@
 mod build;
 #[cfg(feature = "bevy_mesh")]
 mod build_cache;
-#[cfg(any(test, feature = "bevy_mesh", feature = "debug", not(feature = "rapier")))]
+#[cfg(any(feature = "bevy_mesh", feature = "debug"))]
 mod changes;
 #[cfg(feature = "gpu")]
 mod choice;
@@ -60,7 +60,7 @@ use crate::{
 
 #[cfg(feature = "bevy_mesh")]
 pub use build::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
-#[cfg(any(test, feature = "bevy_mesh", feature = "debug", not(feature = "rapier")))]
+#[cfg(any(feature = "bevy_mesh", feature = "debug"))]
 pub(crate) use changes::Changes;
 pub use components::{MedialCcd, MedialMesh, StaticObb};
 pub use diagnostics::paths as diagnostic_paths;

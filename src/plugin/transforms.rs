@@ -12,8 +12,8 @@ use bevy::{
 };
 
 use super::{
-    BodyInfo, Changes, Detail, DetailItem, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep,
-    MedialSystems, StaticObb, is_bounded, is_sound_pose, is_uniform,
+    BodyInfo, Detail, DetailItem, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep, MedialSystems,
+    StaticObb, is_bounded, is_sound_pose, is_uniform,
 };
 use crate::{
     constants::DEFAULT_PREDICTION,
@@ -82,19 +82,20 @@ fn place(
     axis: Option<&MedialAxis>,
     (detail, told): (DetailItem, Option<&MedialLevel>),
     transform: &GlobalTransform,
-) -> Option<(Pose3, Shape, usize)> {
+) -> Option<(Pose3, Shape)> {
     let mut entity = commands.entity(name.entity);
-    let placed = axis.and_then(|axis| {
-        let (pose, scale) = refused.check(name, transform, uniform_pose_of(transform))?;
-        let level = detail.level(axis, scale);
-        Some((pose, Shape { axis: axis.level(level).clone(), scale }, level))
-    });
-    match (&placed, told) {
-        (Some((.., level)), told) if told != Some(&MedialLevel(*level)) => _ = entity.try_insert(MedialLevel(*level)),
-        (None, Some(_)) => _ = entity.try_remove::<MedialLevel>(),
-        _ => {}
+    let placed = axis.and_then(|axis| Some((axis, refused.check(name, transform, uniform_pose_of(transform))?)));
+    let Some((axis, (pose, scale))) = placed else {
+        if told.is_some() {
+            entity.try_remove::<MedialLevel>();
+        }
+        return None;
+    };
+    let level = detail.level(axis, scale);
+    if told != Some(&MedialLevel(level)) {
+        entity.try_insert(MedialLevel(level));
     }
-    placed
+    Some((pose, Shape { axis: axis.level(level).clone(), scale }))
 }
 
 /// A level of detail goes with the shape.
@@ -110,15 +111,23 @@ struct Known {
     solid: KnownSolid,
 }
 
-#[derive(Clone, PartialEq)]
+#[derive(Clone)]
 enum KnownSolid {
     /// A box by its half extents.
     Box(Vec3),
-    Medial {
-        asset: AssetId<MedialAxis>,
-        level: usize,
-        scale: f32,
-    },
+    Medial(Shape),
+}
+
+impl PartialEq for KnownSolid {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (KnownSolid::Box(a), KnownSolid::Box(b)) => a == b,
+            (KnownSolid::Medial(a), KnownSolid::Medial(b)) => {
+                a.axis.address() == b.axis.address() && a.scale == b.scale
+            }
+            _ => false,
+        }
+    }
 }
 
 fn gather_statics(
@@ -126,11 +135,9 @@ fn gather_statics(
     mut step: ResMut<MedialStep>,
     statics: Query<(NameOrEntity, &StaticObb, Option<&MedialMesh>, Told, &GlobalTransform)>,
     axes: Res<Assets<MedialAxis>>,
-    mut changes: Changes<MedialAxis>,
     mut known: Local<Vec<Known>>,
     mut refused: Local<Refused>,
 ) {
-    let changed = changes.read();
     refused.0.retain(|entity| statics.contains(*entity));
     let (mut found, mut bodies) = (Vec::new(), Vec::new());
     for (name, obb, mesh, told, transform) in statics.iter().sort::<Entity>() {
@@ -144,18 +151,15 @@ fn gather_statics(
             }
             Some(mesh) => {
                 let placed = place(&mut commands, &mut refused, name, axes.get(&mesh.0), told, transform);
-                let Some((pose, shape, level)) = placed else { continue };
-                let solid = KnownSolid::Medial { asset: mesh.0.id(), level, scale: shape.scale };
-                bodies.push(StaticBody::new(shape, pose));
-                (pose, solid)
+                let Some((pose, shape)) = placed else { continue };
+                bodies.push(StaticBody::new(shape.clone(), pose));
+                (pose, KnownSolid::Medial(shape))
             }
         };
         found.push(Known { entity, pose, solid });
     }
-    let is_changed =
-        |known: &Known| matches!(known.solid, KnownSolid::Medial { asset, .. } if changed.contains(&asset));
     // Who sets the resource anew has lost them.
-    if found == *known && step.static_infos.len() == found.len() && !found.iter().any(is_changed) {
+    if found == *known && step.static_infos.len() == found.len() {
         return;
     }
     step.static_infos = found.iter().map(|found| BodyInfo::at_rest(found.entity)).collect();
@@ -186,7 +190,7 @@ fn detect(
     for (name, mesh, told, transform, ccd) in bodies.iter().sort::<Entity>() {
         let entity = name.entity;
         let placed = place(&mut commands, &mut refused, name, axes.get(&mesh.0), told, transform);
-        let Some((end, shape, _)) = placed else { continue };
+        let Some((end, shape)) = placed else { continue };
         let start = before.get(&entity).copied().unwrap_or(end);
         poses.insert(entity, end);
         let sweep = Sweep::between(start, end, shape.center_of_mass(), Vec3::ZERO);
@@ -376,6 +380,26 @@ mod tests {
         place(&mut app, loading, 0.0);
         place(&mut app, ball, -1.0);
         assert_eq!(told(&app).0.len(), 1);
+    }
+
+    #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
+    struct Rarely;
+
+    #[test]
+    fn a_static_whose_shape_changes_while_a_schedule_of_its_own_rests_has_changed_when_that_goes_on() {
+        let mut app = app_with(MedialPhysicsPlugin { add_systems, ..default() }.in_schedule(Rarely));
+        let fixed = ball(&mut app, 0.0);
+        app.world_mut().entity_mut(fixed).insert(StaticObb::default());
+        let radius = |app: &mut App| {
+            app.world_mut().run_schedule(Rarely);
+            app.world().resource::<MedialStep>().statics.bodies()[0].solid.bounding_sphere().radius
+        };
+        app.update();
+        assert!((radius(&mut app) - RADIUS).abs() < 1e-3);
+        let mesh = app.world().get::<MedialMesh>(fixed).unwrap().clone();
+        app.world_mut().resource_mut::<Assets<MedialAxis>>().insert(&mesh.0, MedialAxis::sphere(0.4).unwrap()).unwrap();
+        (0..5).for_each(|_| app.update());
+        assert!((radius(&mut app) - 0.4).abs() < 1e-3);
     }
 
     #[test]
