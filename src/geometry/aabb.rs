@@ -1,4 +1,4 @@
-use glam::{Vec3, Vec3A};
+use glam::{Vec3, Vec3A, Vec3Swizzles};
 use glamx::Pose3;
 
 use super::Sphere;
@@ -70,6 +70,12 @@ impl Aabb {
     /// Squared length of the diagonal.
     pub fn extent_squared(&self) -> f32 {
         self.min.distance_squared(self.max)
+    }
+
+    /// Surface area.
+    pub fn area(&self) -> f32 {
+        let size = self.max - self.min;
+        2.0 * size.dot(size.yzx())
     }
 
     /// True if a point is within it or on its faces.

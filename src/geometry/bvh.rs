@@ -11,6 +11,8 @@ use super::{Aabb, aabb::Box3A};
 #[derive(Clone, Debug, Default)]
 pub struct Bvh {
     nodes: Vec<Node>,
+    /// What it cost to search when it was built: see [`cost`](Self::cost).
+    built_cost: f32,
 }
 
 /// Two to a cache line.
@@ -27,6 +29,8 @@ struct Node {
 const LEAF: u32 = 1 << 31;
 /// Each child has three quarters of its parent's items at most.
 const MAX_DEPTH: usize = 80;
+/// A tree whose items have moved is built anew when it costs so many times as much to search as when it was built.
+const MOST_COST: f32 = 1.25;
 
 impl Node {
     fn new(Aabb { min, max }: Aabb, link: u32) -> Self {
@@ -45,19 +49,29 @@ impl Node {
 impl Bvh {
     /// A hierarchy over `boxes`, whose positions in the slice are the items.
     pub fn new(boxes: &[Aabb]) -> Self {
-        let mut bvh = Self { nodes: Vec::with_capacity(2 * boxes.len()) };
+        let mut bvh = Self { nodes: Vec::with_capacity(2 * boxes.len()), built_cost: 0.0 };
         bvh.rebuild(boxes, &mut Vec::with_capacity(boxes.len()));
         bvh
     }
 
-    /// Becomes a hierarchy over `boxes`. `items`: room to work in.
-    pub(crate) fn rebuild(&mut self, boxes: &[Aabb], items: &mut Vec<Item>) {
+    /// Becomes a hierarchy over `boxes`. As long as those of the same items have moved little, it is the tree of before with other boxes, which takes a
+    /// small part of the time. `items`: room to work in.
+    pub(crate) fn update(&mut self, boxes: &[Aabb], items: &mut Vec<Item>) {
+        let has_as_many = self.nodes.len().div_ceil(2) == boxes.len();
+        let is_good = has_as_many && self.refit(boxes) <= MOST_COST * self.built_cost;
+        if !is_good {
+            self.rebuild(boxes, items);
+        }
+    }
+
+    fn rebuild(&mut self, boxes: &[Aabb], items: &mut Vec<Item>) {
         items.clear();
         items.extend((0..).zip(boxes).map(|(index, aabb)| Item { center: aabb.center(), index }));
         self.nodes.clear();
         if !items.is_empty() {
             self.build(boxes, items);
         }
+        self.built_cost = self.cost();
     }
 
     fn build(&mut self, boxes: &[Aabb], items: &mut [Item]) -> Aabb {
@@ -72,6 +86,30 @@ impl Bvh {
         let aabb = self.build(boxes, left).merge(self.build(boxes, right));
         self.nodes[node] = Node::new(aabb, self.nodes.len() as u32);
         aabb
+    }
+
+    /// Takes over boxes that have moved; tells what the tree costs now.
+    fn refit(&mut self, boxes: &[Aabb]) -> f32 {
+        let mut cost = 0.0;
+        // Children come later than their parents.
+        for index in (0..self.nodes.len()).rev() {
+            let aabb = match self.nodes[index].item() {
+                Some(item) => boxes[item as usize],
+                None => {
+                    let [left, right] = self.children(index).map(|child| self.nodes[child].aabb());
+                    left.merge(right)
+                }
+            };
+            cost += aabb.area();
+            let node = &mut self.nodes[index];
+            (node.min, node.max) = (aabb.min, aabb.max);
+        }
+        cost
+    }
+
+    /// The surface of all nodes' boxes, in square metres: it is in proportion to how many are met by whatever passes.
+    fn cost(&self) -> f32 {
+        self.nodes.iter().map(|node| node.aabb().area()).sum()
     }
 
     /// The nodes as bytes, for upload: 32 each, `min, link, max, 0`. A link is the node that follows the subtree; of a leaf it is the item, with
@@ -382,6 +420,35 @@ mod tests {
             found += expected.len();
         }
         assert!(found > 100, "only {found} overlaps");
+    }
+
+    #[test]
+    fn a_tree_follows_its_boxes_until_they_have_gone_far() {
+        let (mut kept, mut built) = (0, 0);
+        let (mut bvh, mut room) = (Bvh::default(), Vec::new());
+        let mut items = boxes(100, 5);
+        let velocities = boxes(100, 6);
+        for _ in 0..40 {
+            for (aabb, velocity) in items.iter_mut().zip(&velocities) {
+                *aabb = aabb.swept((velocity.min - 4.0) * 0.05, [1.0, 1.0]);
+            }
+            let before: Vec<u32> = bvh.leaves().map(|leaf| bvh.item(leaf)).collect();
+            bvh.update(&items, &mut room);
+            let is_kept = bvh.leaves().map(|leaf| bvh.item(leaf)).eq(before);
+            *if is_kept { &mut kept } else { &mut built } += 1;
+            assert!(bvh.cost() <= 1.3 * Bvh::new(&items).cost(), "a tree that is bad to search");
+            for query in boxes(20, 7) {
+                let mut visited = Vec::new();
+                bvh.overlapping(&query, |item| visited.push(item));
+                visited.sort_unstable();
+                assert_eq!(visited, Vec::from_iter((0..100).filter(|&i| items[i as usize].overlaps(&query))));
+            }
+        }
+        assert!(kept > 20 && built > 3, "kept {kept} times, built {built} times");
+        for count in [0, 1, 30] {
+            bvh.update(&items[..count], &mut room);
+            assert_eq!(bvh.leaves().count(), count);
+        }
     }
 
     #[test]

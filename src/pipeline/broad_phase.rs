@@ -326,7 +326,7 @@ fn near(
     });
     boxes.clear();
     boxes.extend(spheres.iter().map(SweptSphere::aabb));
-    bvh.rebuild(boxes, items);
+    bvh.update(boxes, items);
     leaves.clear();
     leaves.extend(bvh.leaves());
     let (spheres, boxes, bvh) = (&*spheres, &*boxes, &*bvh);
