@@ -354,10 +354,10 @@ fn near(
     pairs.sort_unstable();
 }
 
-/// True if two owners are the same, or a joint keeps them from colliding.
-fn kept_apart(input: &StepInput, owner1: Option<u64>, owner2: Option<u64>) -> bool {
+/// True if two owners are the same, or a joint keeps them from colliding. `sensor`: one of them is one.
+fn kept_apart(input: &StepInput, [owner1, owner2]: [Option<u64>; 2], sensor: bool) -> bool {
     match (owner1, owner2) {
-        (Some(a), Some(b)) => a == b || input.apart.contains(&[a.min(b), a.max(b)]),
+        (Some(a), Some(b)) => a == b || !sensor && input.apart.contains(&[a.min(b), a.max(b)]),
         _ => false,
     }
 }
@@ -369,7 +369,7 @@ fn may_collide(input: &StepInput, widening: &Widening, bodies: [u32; 2]) -> bool
         && (body1.solid.medial().is_some() || body2.solid.medial().is_some())
         && body1.groups.test(&body2.groups)
         && body1.types.test_either(&body2.types)
-        && !kept_apart(input, body1.owner, body2.owner)
+        && !kept_apart(input, [body1.owner, body2.owner], body1.sensor || body2.sensor)
 }
 
 /// The pair of two bodies, if they may collide.
@@ -392,7 +392,7 @@ fn with_static(input: &StepInput, statics: &Statics, widening: &Widening, index:
         && body.world == target.world
         && body.groups.test(&target.groups)
         && body.types.test_either(&target.types)
-        && !kept_apart(input, body.owner, target.owner);
+        && !kept_apart(input, [body.owner, target.owner], body.sensor || target.sensor);
     sides.filter(|_| collide).map(|(first, second)| BodyPair::new(first, second))
 }
 

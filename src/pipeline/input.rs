@@ -4,7 +4,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::{collections::HashSet, fmt, sync::Arc};
 
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 
 use super::{ConvexParts, Pace, Reach, Second, Shape, broad_phase};
 use crate::{
@@ -135,6 +135,10 @@ pub struct Body {
     pub stops: bool,
     /// True if nothing stops at it, nor it at anything: a sensor.
     pub passes: bool,
+    /// True for a sensor, which is told of what joints keep from colliding with it as well.
+    pub sensor: bool,
+    /// Axes of the world along which it does not go, whoever pushes it, and those about which it does not turn.
+    pub locked: [BVec3; 2],
     /// Its paces before the step and after it, if a solver acts on contacts: it has use for [fewer](Reach::of_pair) of them.
     pub paces: Option<[Pace; 2]>,
     /// What gravity has added to its way per step in this step, in metres: what stops loses it for the rest of the step.
@@ -157,9 +161,21 @@ impl Body {
             active: true,
             stops: true,
             passes: false,
+            sensor: false,
+            locked: [BVec3::FALSE; 2],
             paces: None,
             gained: Vec3::ZERO,
         }
+    }
+
+    /// What of a way it can go, in metres along the axes of the world.
+    pub(super) fn free_way(&self, way: Vec3) -> Vec3 {
+        Vec3::select(self.locked[0], Vec3::ZERO, way)
+    }
+
+    /// What of a turn it can take: axis times angle, in the world.
+    pub(super) fn free_turn(&self, turn: Vec3) -> Vec3 {
+        Vec3::select(self.locked[1], Vec3::ZERO, turn)
     }
 }
 
@@ -184,6 +200,8 @@ pub struct StaticBody {
     pub world: u32,
     /// True if nothing stops at it: a sensor.
     pub passes: bool,
+    /// True for a sensor, which is told of what joints keep from colliding with it as well.
+    pub sensor: bool,
 }
 
 impl StaticBody {
@@ -191,7 +209,8 @@ impl StaticBody {
     pub fn new(solid: impl Into<Solid>, pose: Pose3) -> Self {
         let all = Groups::ALL;
         let solid = solid.into();
-        Self { solid, pose, order: 0, owner: None, groups: all, types: all, stop_groups: all, world: 0, passes: false }
+        let (groups, types, stop_groups) = (all, all, all);
+        Self { solid, pose, order: 0, owner: None, groups, types, stop_groups, world: 0, passes: false, sensor: false }
     }
 
     /// A box that collides with all.

@@ -23,7 +23,7 @@ use bevy::tasks::TaskPool;
 use glam::{Quat, Vec3};
 
 use super::{
-    Impact, Scratch, Side, Statics, StepInput,
+    Body, Impact, Scratch, Side, Statics, StepInput,
     broad_phase::BodyPair,
     first_impact::{ImpactResult, Question, first_impact},
     islands::Islands,
@@ -115,8 +115,8 @@ impl Stops {
     /// The course of a body that leaves its way from a fraction on.
     fn slide(&self, input: &StepInput, body: u32, fraction: f32, way: Vec3) -> Course {
         let (slides, slid) = self.course(body).map_or((0, 0.0), |course| (course.slides, course.slid));
-        let rest = self.sweep_from(input, body, fraction);
-        let sweep = moved_on(&rest, -way);
+        let way = input.bodies[body as usize].free_way(way);
+        let sweep = moved_on(&self.sweep_from(input, body, fraction), -way);
         Course {
             from: fraction,
             sweep,
@@ -177,6 +177,21 @@ struct Event {
     pair: usize,
 }
 
+impl Event {
+    /// When the bodies leave their ways: never at 1, when all is over.
+    fn fraction(&self) -> f32 {
+        self.impact.fraction.min(1.0f32.next_down())
+    }
+}
+
+/// What an event of a round makes of a body.
+#[derive(Clone, Copy, Debug)]
+struct Outcome {
+    event: usize,
+    body: u32,
+    course: Course,
+}
+
 /// A pair that is to be searched again from a fraction on, and its island's queue.
 #[derive(Clone, Copy, Debug)]
 struct Search {
@@ -214,11 +229,10 @@ pub(super) struct Buffers {
     queues: Vec<BinaryHeap<Event>>,
     /// The impacts of a round, each with its island's queue, and what they lead to.
     events: Vec<(usize, Event)>,
-    courses: Vec<(u32, Course)>,
+    outcomes: Vec<Outcome>,
     affected: Vec<usize>,
     searches: Vec<Search>,
     found: Vec<ImpactResult>,
-    scratch: Scratch,
 }
 
 /// The pairs of each body.
@@ -282,7 +296,7 @@ impl Assemblies {
 
 /// Stops bodies; `results` then holds the impacts that have happened.
 ///
-/// Of each island an impact is taken at a time, and what all of these change is searched on the pool's threads.
+/// Of each island an impact is taken at a time; what these do to its bodies, and what that changes, is found on the pool's threads.
 pub(super) fn run<'b>(
     input: &StepInput,
     statics: &Statics,
@@ -301,11 +315,10 @@ pub(super) fn run<'b>(
         happened,
         queues,
         events,
-        courses,
+        outcomes,
         affected,
         searches,
         found,
-        scratch,
     } = buffers;
     stops.reset(input.bodies.len());
     let is_event = |pair: usize| pairs[pair].stops && results[pair].impact.is_some();
@@ -319,7 +332,7 @@ pub(super) fn run<'b>(
     next.extend(results.iter().map(|result| fraction_of(result.impact)));
     happened.clear();
     happened.resize(pairs.len(), false);
-    let mut run = Run { input, statics, pairs, results, stops, pairs_of, assemblies, next, happened, scratch };
+    let mut run = Run { input, statics, pairs, results, stops, pairs_of, assemblies, next, happened };
     run.fill(queues, events, islands);
     loop {
         events.clear();
@@ -329,14 +342,13 @@ pub(super) fn run<'b>(
         if events.is_empty() {
             break;
         }
+        run.meet(events, outcomes, tasks, pool);
         searches.clear();
-        for &(queue, event) in events.iter() {
-            // Never 1, when all is over.
-            let fraction = event.impact.fraction.min(1.0f32.next_down());
-            affected.clear();
-            run.meet(&event, fraction, courses, affected);
-            affected.retain(|&pair| islands.may_meet(pair));
-            searches.extend(affected.iter().map(|&pair| Search { queue, pair, fraction }));
+        for outcomes in outcomes.chunk_by(|a, b| a.event == b.event) {
+            let (queue, event) = events[outcomes[0].event];
+            run.leave(&event, outcomes, affected);
+            let again = affected.iter().filter(|&&pair| islands.may_meet(pair));
+            searches.extend(again.map(|&pair| Search { queue, pair, fraction: event.fraction() }));
         }
         run.search(searches, found, tasks, pool);
         for (&Search { queue, pair, .. }, found) in searches.iter().zip(found.drain(..)) {
@@ -368,7 +380,6 @@ struct Run<'a> {
     assemblies: &'a Assemblies,
     next: &'a mut [f32],
     happened: &'a mut [bool],
-    scratch: &'a mut Scratch,
 }
 
 impl Run<'_> {
@@ -399,7 +410,7 @@ impl Run<'_> {
     /// The first impacts of pairs from fractions on, with their bodies on the courses that they have by now.
     fn search(&self, searches: &[Search], found: &mut Vec<ImpactResult>, tasks: &Scratches<Scratch>, pool: &TaskPool) {
         let Self { input, statics, pairs, results, stops, .. } = self;
-        parallel::map(pool, tasks, searches, 32, found, |scratch, _, &Search { pair, fraction, .. }| {
+        parallel::map(pool, tasks, searches, 4, found, |scratch, _, &Search { pair, fraction, .. }| {
             impact_from(input, statics, &pairs[pair], stops, fraction, &results[pair], scratch)
         });
     }
@@ -413,55 +424,67 @@ impl Run<'_> {
         found.map(|impact| Event { impact, pair })
     }
 
-    /// Lets an impact happen. Adds the pairs that are to be searched again from there. `courses`: room to work in.
+    /// Lets an impact of each island happen, and finds what becomes of the bodies, to which those of other islands are nothing.
     fn meet(
         &mut self,
-        &Event { impact, pair }: &Event,
-        fraction: f32,
-        courses: &mut Vec<(u32, Course)>,
-        affected: &mut Vec<usize>,
+        events: &[(usize, Event)],
+        outcomes: &mut Vec<Outcome>,
+        tasks: &Scratches<Scratch>,
+        pool: &TaskPool,
     ) {
-        self.next[pair] = f32::INFINITY;
-        self.happened[pair] = true;
-        courses.clear();
-        self.slide_on(pair, &impact, fraction, courses);
-        let stands = courses.is_empty();
-        if stands {
-            self.stop_at(pair, &impact, fraction, courses);
+        for (_, event) in events {
+            self.next[event.pair] = f32::INFINITY;
+            self.happened[event.pair] = true;
         }
-        for &(body, course) in courses.iter() {
-            self.stops.set(body, course);
-        }
-        affected.extend(courses.iter().flat_map(|(body, _)| self.pairs_of.of(*body)));
-        affected.retain(|&other| other != pair || !stands);
+        let run = &*self;
+        outcomes.clear();
+        parallel::gather(pool, tasks, events, 4, outcomes, |scratch, number, (_, event), outcomes| {
+            if !run.slide_on(number, event, outcomes, scratch) {
+                run.stop_at(number, event, outcomes);
+            }
+        });
+    }
+
+    /// Puts bodies on the courses that an impact has led to. `affected` becomes the pairs that are to be searched again from there.
+    fn leave(&mut self, event: &Event, outcomes: &[Outcome], affected: &mut Vec<usize>) {
+        outcomes.iter().for_each(|outcome| self.stops.set(outcome.body, outcome.course));
+        let slides = outcomes.iter().any(|outcome| outcome.course.state == State::Sliding);
+        affected.clear();
+        affected.extend(outcomes.iter().flat_map(|outcome| self.pairs_of.of(outcome.body)));
+        affected.retain(|&pair| pair != event.pair || slides);
         affected.sort_unstable();
         affected.dedup();
     }
 
-    /// Adds the courses of the bodies of a pair that slide on along each other. None, if they have to stop.
-    fn slide_on(&mut self, pair: usize, impact: &Impact, fraction: f32, courses: &mut Vec<(u32, Course)>) {
-        for (body, way) in slides(self.input, self.stops, &self.pairs[pair], &self.results[pair], impact, fraction) {
-            let course = |body| (body, self.stops.slide(self.input, body, fraction, way));
-            courses.extend(self.assemblies.of(self.input, body).map(course));
+    /// Adds the courses of the bodies of a pair that slide on along each other. False, if they have to stop.
+    fn slide_on(&self, number: usize, event: &Event, outcomes: &mut Vec<Outcome>, scratch: &mut Scratch) -> bool {
+        let (pair, fraction, begin) = (event.pair, event.fraction(), outcomes.len());
+        let slides = slides(self.input, self.stops, &self.pairs[pair], &self.results[pair], &event.impact, fraction);
+        for (body, way) in slides {
+            let outcome =
+                |body| Outcome { event: number, body, course: self.stops.slide(self.input, body, fraction, way) };
+            outcomes.extend(self.assemblies.of(self.input, body).map(outcome));
         }
+        let slid = &outcomes[begin..];
         // What has met stays in touch, or the next step would know of no contact.
-        let end = |body| match courses.iter().find(|(other, _)| *other == body) {
-            Some((_, course)) => course.sweep.end,
+        let end = |body| match slid.iter().find(|outcome| outcome.body == body) {
+            Some(outcome) => outcome.course.sweep.end,
             None => self.stops.final_pose(self.input, body),
         };
-        let parted = courses.iter().flat_map(|(body, _)| self.pairs_of.of(*body)).any(|other| {
+        let parted = slid.iter().flat_map(|outcome| self.pairs_of.of(outcome.body)).any(|other| {
             let met = self.results[other].impact.filter(|_| self.happened[other]);
-            met.is_some_and(|met| !are_in_touch(self.input, self.statics, &self.pairs[other], &met, end, self.scratch))
+            met.is_some_and(|met| !are_in_touch(self.input, self.statics, &self.pairs[other], &met, end, scratch))
         });
         if parted {
-            courses.clear();
+            outcomes.truncate(begin);
         }
+        outcomes.len() > begin
     }
 
     /// Adds the courses of the bodies of a pair that stop at each other, or push.
-    fn stop_at(&self, pair: usize, impact: &Impact, fraction: f32, courses: &mut Vec<(u32, Course)>) {
-        let (input, stops) = (self.input, &*self.stops);
-        let BodyPair { first, second, .. } = self.pairs[pair];
+    fn stop_at(&self, number: usize, event: &Event, outcomes: &mut Vec<Outcome>) {
+        let (input, stops, impact, fraction) = (self.input, &*self.stops, &event.impact, event.fraction());
+        let BodyPair { first, second, .. } = self.pairs[event.pair];
         for (side, other, away) in [(first, second, -impact.normal), (second, first, impact.normal)] {
             let Some(body) = side.body().filter(|&body| input.is_stopping(body)) else { continue };
             let other = other.body();
@@ -485,18 +508,20 @@ impl Run<'_> {
                 _ => continue,
             };
             for body in self.assemblies.of(input, body) {
+                let of = &input.bodies[body as usize];
                 let now = stops.sweep_from(input, body, fraction);
                 let sweep = match (state, &push) {
                     // What pushes it already goes on to do so.
                     (State::Carried, Some(_)) if before == State::Carried => {
-                        moved_on(&now, away * (into - own).max(0.0))
+                        moved_on(&now, of.free_way(away * (into - own).max(0.0)))
                     }
-                    (State::Carried, Some(push)) => carried(&now, push, away),
+                    (State::Carried, Some(push)) => carried(of, &now, push, away),
                     _ => Sweep::at_rest(now.start),
                 };
                 let pushes = pushes + u32::from(state == State::Carried);
                 let slid = stops.slid(body);
-                courses.push((body, Course { from: fraction, sweep, state, slides: 0, slid, pushes }));
+                let course = Course { from: fraction, sweep, state, slides: 0, slid, pushes };
+                outcomes.push(Outcome { event: number, body, course });
             }
         }
     }
@@ -535,10 +560,13 @@ fn slides(
         }
         let sweep = stops.sweep_from(input, body, fraction);
         *way = way_at(&sweep, impact.point);
-        slides.push((body, into * sweep.translation.dot(into).max(0.0)));
+        // Along the axes that it can go, as far as takes off as much.
+        let free = input.bodies[body as usize].free_way(into);
+        let part = if free == into { 1.0 } else { 1.0 / free.length_squared() };
+        slides.push((body, free * (part * sweep.translation.dot(into).max(0.0))));
     }
     let slip = ways[0] - ways[1];
-    let all: f32 = slides.iter().map(|(_, way)| way.length()).sum();
+    let all: f32 = slides.iter().map(|(_, way)| way.dot(impact.normal).abs()).sum();
     let part = if all > 0.0 { (slip.dot(impact.normal) / all).clamp(0.0, 1.0) } else { 0.0 };
     slides.iter_mut().for_each(|(_, way)| *way *= part);
     slides.retain(|(_, way)| *way != Vec3::ZERO);
@@ -592,15 +620,18 @@ fn moved_on(sweep: &Sweep, way: Vec3) -> Sweep {
     Sweep { end, translation: sweep.translation + way, ..*sweep }
 }
 
-/// What is left of the step for a body that another pushes in a direction: it goes along as if it were part of the other. Where that one
-/// rather slides past, as a platform does under what falls on it, only with what of its way is a push.
-fn carried(body: &Sweep, pusher: &Sweep, direction: Vec3) -> Sweep {
+/// What is left of the step for a body that another pushes in a direction: it goes along as if it were part of the other, as far as its locked axes
+/// let it. Where that one rather slides past, as a platform does under what falls on it, only with what of its way is a push.
+fn carried(of: &Body, body: &Sweep, pusher: &Sweep, direction: Vec3) -> Sweep {
     let center = pusher.start.transform_point(pusher.local_center);
     let turn = Quat::from_scaled_axis(pusher.rotation);
     let push = pusher.translation.dot(direction).max(0.0);
     let slides = push < 0.5 * pusher.translation.length();
     let way = if slides { direction * push } else { pusher.translation };
-    let place = |point: Vec3| center + turn * (point - center) + way;
-    let end = Pose3::from_parts(place(body.start.translation), (turn * body.start.rotation).normalize());
-    Sweep::between(body.start, end, body.local_center, pusher.rotation)
+    let own = body.start.transform_point(body.local_center);
+    let moved = own + of.free_way(center + turn * (own - center) + way - own);
+    let own_turn = of.free_turn(pusher.rotation);
+    let rotation = (Quat::from_scaled_axis(own_turn) * body.start.rotation).normalize();
+    let end = Pose3::from_parts(moved - rotation * body.local_center, rotation);
+    Sweep::between(body.start, end, body.local_center, own_turn)
 }

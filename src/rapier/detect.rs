@@ -5,7 +5,7 @@ use std::{ops::Range, sync::Arc, time::Duration};
 use bevy::{
     ecs::{
         query::QueryData,
-        system::{StaticSystemParam, SystemParamItem},
+        system::{StaticSystemParam, SystemParam, SystemParamItem},
     },
     platform::{collections::HashMap, time::Instant},
     prelude::*,
@@ -41,11 +41,11 @@ use crate::{
 #[derive(QueryData)]
 #[query_data(mutable)]
 pub(super) struct Context {
-    entity: Entity,
-    bodies: &'static mut RapierRigidBodySet,
-    colliders: &'static RapierContextColliders,
+    pub entity: Entity,
+    pub bodies: &'static mut RapierRigidBodySet,
+    pub colliders: &'static RapierContextColliders,
     joints: &'static RapierContextJoints,
-    simulation: &'static RapierContextSimulation,
+    pub simulation: &'static RapierContextSimulation,
     configuration: &'static RapierConfiguration,
     lead: &'static SimulationToRenderTime,
 }
@@ -168,15 +168,34 @@ fn to_come(mode: &TimestepMode, time: &Time) -> f32 {
     }
 }
 
-/// Seconds that rapier has simulated in its step.
-fn simulated(context: &ContextReadOnlyItem, snapshot: &Snapshot, mode: &TimestepMode, time: &Time) -> f32 {
-    match *mode {
-        TimestepMode::Interpolated { dt, time_scale, .. } => {
-            // A world that has come since was not ahead.
-            let lead = snapshot.leads.get(&context.entity).copied().unwrap_or(0.0);
-            ((lead + time.delta_secs() - context.lead.diff) / dt).round() * dt * time_scale
+/// What rapier has done in its step.
+#[derive(SystemParam)]
+pub(super) struct RapierStep<'w> {
+    snapshot: Res<'w, Snapshot>,
+    mode: Res<'w, TimestepMode>,
+    time: Res<'w, Time>,
+}
+
+impl RapierStep<'_> {
+    /// How many steps of its own length it has taken for a world.
+    pub fn steps(&self, context: &ContextReadOnlyItem) -> f32 {
+        let TimestepMode::Interpolated { dt, .. } = *self.mode else { return 1.0 };
+        // A world that has come since was not ahead.
+        let lead = self.snapshot.leads.get(&context.entity).copied().unwrap_or(0.0);
+        ((lead + self.time.delta_secs() - context.lead.diff) / dt).round()
+    }
+
+    /// Seconds that it has simulated.
+    fn simulated(&self, context: &ContextReadOnlyItem) -> f32 {
+        match *self.mode {
+            TimestepMode::Interpolated { dt, time_scale, .. } => self.steps(context) * dt * time_scale,
+            TimestepMode::Fixed { .. } | TimestepMode::Variable { .. } => context.simulation.integration_parameters.dt,
         }
-        TimestepMode::Fixed { .. } | TimestepMode::Variable { .. } => context.simulation.integration_parameters.dt,
+    }
+
+    /// False for a world that is halted, and while a frame passes between two steps.
+    pub fn runs(&self, context: &ContextReadOnlyItem) -> bool {
+        context.configuration.physics_pipeline_active && self.simulated(context) > 0.0
     }
 }
 
@@ -196,6 +215,12 @@ fn types(collider: &RapierCollider, body: Option<&RapierBody>) -> Groups {
     let collides = |other| active.test(own, other) || (own != Dynamic && other != Dynamic);
     let filter = all.filter(|&other| collides(other)).fold(0, |bits, other| bits | 1 << other as u32);
     Groups { memberships: 1 << own as u32, filter }
+}
+
+/// The axes along which a body does not go, and those about which it does not turn.
+fn locked(body: &RapierBody) -> [BVec3; 2] {
+    let bits = body.locked_axes().bits();
+    [bits, bits >> 3].map(|bits| BVec3::new(bits & 1 != 0, bits & 2 != 0, bits & 4 != 0))
 }
 
 /// A collider's place in rapier's order.
@@ -248,10 +273,8 @@ fn sensors(fixed: &[Fixed]) -> impl Iterator<Item = &Fixed> {
 /// Runs the pipeline over the motion that rapier has solved, stops bodies at their first impact and fills the table.
 pub(super) fn detect<Hooks>(
     mut step: ResMut<MedialStep>,
-    snapshot: Res<Snapshot>,
+    rapier: RapierStep,
     table: Res<ContactTable>,
-    mode: Res<TimestepMode>,
-    time: Res<Time>,
     ccd: Query<&MedialCcd>,
     settings: Res<MedialSettings>,
     mut contexts: Query<Context>,
@@ -262,10 +285,7 @@ pub(super) fn detect<Hooks>(
     for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
 {
     // While all is halted, or a frame passes between two steps, the last step holds, and whatever changes counts from the next step on.
-    let running = |context: &ContextReadOnlyItem| {
-        context.configuration.physics_pipeline_active && simulated(context, &snapshot, &mode, &time) > 0.0
-    };
-    if !contexts.iter().any(|context| running(&context)) {
+    if !contexts.iter().any(|context| rapier.runs(&context)) {
         return;
     }
     let clock = Instant::now();
@@ -285,15 +305,15 @@ pub(super) fn detect<Hooks>(
     step.infos.clear();
     let mut worlds: Vec<(Entity, f32)> = Vec::new();
     let mut fixed = Vec::new();
-    let to_come = to_come(&mode, &time);
+    let to_come = to_come(&rapier.mode, &rapier.time);
     // Those that sleep where they slept.
     let mut resting = Vec::new();
     // Those whose motion ends elsewhere than rapier's.
     let mut astray = Vec::new();
     for context in contexts.iter().sort::<Entity>().filter(|context| context.is_medial()) {
         let world = worlds.len() as u32;
-        let running = running(&context);
-        let dt = simulated(&context, &snapshot, &mode, &time);
+        let running = rapier.runs(&context);
+        let dt = rapier.simulated(&context);
         worlds.push((context.entity, dt));
         let Reach { prediction, length_unit } = context.reach();
         step.input.prediction = step.input.prediction.max(prediction);
@@ -322,7 +342,7 @@ pub(super) fn detect<Hooks>(
                 continue;
             };
             let Some(solid) = solid(collider.shared_shape()) else { continue };
-            let start = snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
+            let start = rapier.snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
             let before = start.map_or(Pace::REST, |_| table.pace(SecondKey::of(collider.shape())));
             let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
             let center = end.inverse_transform_point(body.center_of_mass());
@@ -343,6 +363,12 @@ pub(super) fn detect<Hooks>(
             }
             let gained =
                 if stops { gained(body, start.linear, context.configuration.gravity * dt) } else { Vec3::ZERO };
+            // Rapier finds the velocity of what is moved by poses in the step.
+            let (linear, angular) = if running && body.is_kinematic() {
+                (sweep.translation / dt, sweep.rotation / dt)
+            } else {
+                (start.linear, start.angular)
+            };
             step.input.bodies.push(Body {
                 solid,
                 sweep,
@@ -356,6 +382,8 @@ pub(super) fn detect<Hooks>(
                 active,
                 stops,
                 passes,
+                sensor,
+                locked: locked(body),
                 paces: Some([before, pace(collider, body, to_come)]),
                 gained: gained * to_come,
             });
@@ -366,8 +394,8 @@ pub(super) fn detect<Hooks>(
                 // In a world that is halted nothing is looked at, either.
                 asleep: !running || body.is_sleeping(),
                 center: start.pose.transform_point(center),
-                linear: start.linear,
-                angular: start.angular,
+                linear,
+                angular,
             });
         }
     }
@@ -384,7 +412,7 @@ pub(super) fn detect<Hooks>(
         *known = fixed;
     }
     let hooks = hooks.into_inner();
-    step.snapshot_time = snapshot.took + clock.elapsed();
+    step.snapshot_time = rapier.snapshot.took + clock.elapsed();
     step.run(|step, first, second| {
         let Ok(context) = contexts.get(step.context(first)) else { return Meeting::Apart };
         let pair = [first, second].map(|side| step.info(side).collider);
@@ -410,10 +438,9 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
     for item in fixed {
         let Some(solid) = solid(&item.shape) else { continue };
         let [groups, stop_groups] = item.groups;
-        let &Fixed { pose, owner, types, world, passes, .. } = item;
-        let order = order(item.collider);
-        bodies.push(StaticBody { solid, pose, order, owner, groups, types, stop_groups, world, passes });
-        let &Fixed { entity, collider, sensor, .. } = item;
+        let &Fixed { entity, collider, pose, owner, types, world, sensor, passes, .. } = item;
+        let order = order(collider);
+        bodies.push(StaticBody { solid, pose, order, owner, groups, types, stop_groups, world, passes, sensor });
         step.static_infos.push(BodyInfo { collider, sensor, ..BodyInfo::at_rest(entity) });
     }
     step.statics = Statics::new(bodies);

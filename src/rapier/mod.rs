@@ -33,6 +33,7 @@ mod attach;
 mod detect;
 mod dispatcher;
 mod hooks;
+mod interpolation;
 mod joints;
 mod motion;
 mod parts;
@@ -53,7 +54,7 @@ use bevy::{
 };
 use bevy_rapier3d::{
     parry::query::{DefaultQueryDispatcher, QueryDispatcher},
-    plugin::{RapierTransformPropagateSet, context::RapierContextSimulation},
+    plugin::{RapierTransformPropagateSet, context::RapierContextSimulation, systems::update_character_controls},
     prelude::{BevyPhysicsHooks, CollisionEvent, PhysicsSet, RapierPhysicsPlugin, RigidBody},
     rapier::geometry::NarrowPhase,
 };
@@ -115,17 +116,18 @@ where
                 .chain()
                 .in_set(MedialSystems::Attach),
         )
-        // Rapier propagates transforms without: what is set on an entity with children would be lost.
+        // Rapier propagates transforms without: what is set on an entity with children, by rapier's characters too, would be lost.
         .add_systems(
             schedule,
             mark_dirty_trees
                 .run_if(resource_exists::<StaticTransformOptimizations>)
                 .in_set(PhysicsSet::SyncBackend)
+                .after(update_character_controls)
                 .before(RapierTransformPropagateSet),
         )
         .add_systems(
             schedule,
-            (attach::wake_attached, quarantine::release, quarantine::isolate, detect::snapshot)
+            (renew_contacts, attach::wake_attached, quarantine::release, quarantine::isolate, detect::snapshot)
                 .chain()
                 .in_set(MedialSystems::Snapshot),
         )
@@ -133,7 +135,9 @@ where
             schedule,
             (
                 quarantine::isolate_results,
-                (detect::detect::<Hooks>, substeps::refine).chain().run_if(detect::has_stepped),
+                (detect::detect::<Hooks>, substeps::refine, interpolation::show_stops)
+                    .chain()
+                    .run_if(detect::has_stepped),
             )
                 .chain()
                 .in_set(MedialSystems::Detect),
@@ -155,7 +159,15 @@ fn install_dispatcher(
     for mut simulation in &mut contexts {
         let dispatcher = MedialDispatcher { table: table.clone() };
         simulation.narrow_phase = NarrowPhase::with_query_dispatcher(dispatcher.chain(DefaultQueryDispatcher));
-        // Rapier would keep the old contacts of a pair that has hardly moved: of one that has just stopped at its impact, too.
-        simulation.integration_parameters.contact_recycling = false;
+    }
+}
+
+/// Rapier would keep the old contacts of a pair that has hardly moved: of one that has just stopped at its impact, too. Whoever sets other parameters
+/// sets this as well.
+fn renew_contacts(mut contexts: Query<&mut RapierContextSimulation>) {
+    for mut simulation in &mut contexts {
+        if simulation.integration_parameters.contact_recycling {
+            simulation.integration_parameters.contact_recycling = false;
+        }
     }
 }

@@ -7,11 +7,12 @@
 
 use bevy::prelude::*;
 use bevy_rapier3d::{
-    plugin::context::{RapierContextColliders, RapierContextEntityLink, RapierContextSimulation, RapierRigidBodySet},
+    plugin::context::RapierContextEntityLink,
     prelude::{AdditionalSolverIterations, RapierRigidBodyHandle},
     rapier::geometry::Collider,
 };
 
+use super::detect::{Context, RapierStep};
 use crate::{
     constants::{MAX_SUBSTEPS, SUBSTEP_WAY},
     geometry::Sweep,
@@ -20,14 +21,18 @@ use crate::{
 };
 
 /// Sets the number of substeps of the next step, and takes back that of the last, whoever has set it: a context that was saved in between has
-/// it as well.
+/// it as well. Worlds that rest meanwhile keep theirs.
 pub(super) fn refine(
     step: Res<MedialStep>,
+    rapier: RapierStep,
     bodies: Query<(&RapierRigidBodyHandle, &RapierContextEntityLink, Option<&AdditionalSolverIterations>)>,
-    mut contexts: Query<(&mut RapierRigidBodySet, &RapierContextColliders, &RapierContextSimulation)>,
+    mut contexts: Query<Context>,
 ) {
-    for (handle, link, own) in &bodies {
-        let Ok((mut set, ..)) = contexts.get_mut(link.0) else { continue };
+    let resting: Vec<Entity> =
+        contexts.iter().filter(|context| !rapier.runs(context)).map(|context| context.entity).collect();
+    for (handle, link, own) in bodies.iter().filter(|(_, link, _)| !resting.contains(&link.0)) {
+        let Ok(mut context) = contexts.get_mut(link.0) else { continue };
+        let set = &mut context.bodies;
         let own = own.map_or(0, |own| own.0);
         // What is asked for to be changed counts as changed.
         if set.bodies.get(handle.0).is_some_and(|body| body.additional_solver_iterations() != own)
@@ -43,13 +48,13 @@ pub(super) fn refine(
         if way < 1.0 {
             continue;
         }
-        let Ok((mut bodies, colliders, simulation)) = contexts.get_mut(step.context(pair.first)) else { continue };
+        let Ok(mut context) = contexts.get_mut(step.context(pair.first)) else { continue };
         let substeps = ((way / SUBSTEP_WAY).ceil() as usize).min(MAX_SUBSTEPS);
-        let additional = substeps.saturating_sub(simulation.integration_parameters.num_solver_iterations);
+        let additional = substeps.saturating_sub(context.simulation.integration_parameters.num_solver_iterations);
         for side in sides {
-            let collider = colliders.colliders.get(step.info(side).collider);
+            let collider = context.colliders.colliders.get(step.info(side).collider);
             let Some(handle) = collider.and_then(Collider::parent) else { continue };
-            let Some(body) = bodies.bodies.get_mut(handle) else { continue };
+            let Some(body) = context.bodies.bodies.get_mut(handle) else { continue };
             if body.is_dynamic() && additional > body.additional_solver_iterations() {
                 body.set_additional_solver_iterations(additional);
             }

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
-use bevy_rapier3d::prelude::*;
+use bevy_rapier3d::{plugin::context::RapierContextSimulation, prelude::*, rapier::dynamics::IntegrationParameters};
 
 use crate::common::*;
 
@@ -299,4 +299,76 @@ fn a_child_of_a_turning_body_keeps_its_collider() {
         app.update();
         assert_eq!(before, shape_of(&app), "step {step}: another collider for the same shape");
     }
+}
+
+#[test]
+fn what_slides_down_a_slanting_floor_keeps_its_plane() {
+    let mut app = app();
+    let floor = Transform::from_rotation(Quat::from_rotation_x(0.4) * Quat::from_rotation_z(-0.5));
+    app.world_mut().spawn((StaticObb::new(20.0, 0.1, 20.0), floor));
+    let body = spawn_body(&mut app, ball(), Transform::from_xyz(-6.0, 6.0, 0.0));
+    app.world_mut().entity_mut(body).insert(LockedAxes::TRANSLATION_LOCKED_Z);
+    let mut slides = 0;
+    for _ in 0..150 {
+        app.update();
+        let step = app.world().resource::<MedialStep>();
+        slides += step.output.stops.iter().filter(|stop| stop.fraction == 1.0).count();
+        let place = position(&mut app, body);
+        assert!(place.z.abs() < 1e-5, "{place}");
+        let height = floor.rotation.inverse() * place;
+        assert!(height.y > 0.29, "it sinks in by {}", 0.3 - height.y);
+    }
+    assert!(slides > 3, "it slides {slides} times");
+}
+
+#[test]
+fn a_sensor_is_told_of_what_a_joint_keeps_from_colliding_with_it() {
+    for sensor in [false, true] {
+        let mut app = app();
+        let [still, flying] = [0.0, -1.0].map(|x| {
+            spawn_flying(&mut app, ball(), Transform::from_xyz(x, 0.0, 0.0), Velocity::linear(Vec3::X * -20.0 * x))
+        });
+        let mut joint = ImpulseJoint::new(still, RopeJointBuilder::new(50.0));
+        joint.data.as_mut().set_contacts_enabled(false);
+        app.world_mut().entity_mut(flying).insert(joint);
+        if sensor {
+            app.world_mut().entity_mut(flying).insert(Sensor);
+        }
+        let mut record = Record::default();
+        record.run(&mut app, 12);
+        assert!(position(&mut app, flying).x > 1.0);
+        assert_eq!(record.counts(still, flying), [usize::from(sensor); 2]);
+    }
+}
+
+#[test]
+fn what_is_moved_by_poses_hits_as_fast_as_it_goes() {
+    let mut app = app();
+    let piston =
+        (RigidBody::KinematicPositionBased, Collider::cuboid(0.1, 0.5, 0.5), Transform::from_xyz(-0.4, 0.0, 0.0));
+    let piston = app.world_mut().spawn(piston).id();
+    let body = spawn_flying(&mut app, ball(), Transform::default(), Velocity::zero());
+    app.update();
+    app.world_mut().get_mut::<Transform>(piston).unwrap().translation.x += 0.25;
+    let mut record = Record::default();
+    record.run(&mut app, 1);
+    let speeds: Vec<f32> = record.started.iter().map(|(_, started)| started.touch.approach_speed).collect();
+    assert_eq!(record.counts(body, piston)[0], 1);
+    assert!((speeds[0] * DT - 0.25).abs() < 1e-3, "{speeds:?}");
+}
+
+#[test]
+fn contacts_are_fresh_whoever_sets_the_parameters() {
+    let mut app = app();
+    spawn_wall(&mut app, 1.0);
+    let body = spawn_flying(&mut app, ball(), Transform::default(), Velocity::linear(Vec3::X * 30.0));
+    app.update();
+    let mut contexts = app.world_mut().query::<&mut RapierContextSimulation>();
+    for mut context in contexts.iter_mut(app.world_mut()) {
+        context.integration_parameters = IntegrationParameters::default();
+        assert!(context.integration_parameters.contact_recycling, "nothing to switch off");
+    }
+    run(&mut app, 10);
+    assert!(contexts.iter(app.world()).all(|context| !context.integration_parameters.contact_recycling));
+    assert!(rigid(&mut app, body).linvel().x < 1.0);
 }

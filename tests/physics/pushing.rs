@@ -162,3 +162,33 @@ fn what_is_pushed_against_a_wall_does_not_go_through_it() {
         }
     }
 }
+
+#[test]
+fn what_is_pushed_keeps_its_locked_axes() {
+    let capsule = || MedialAxis::capsule(Vec3::Y * -0.4, Vec3::Y * 0.4, 0.2).unwrap();
+    for locked in [LockedAxes::ROTATION_LOCKED, LockedAxes::TRANSLATION_LOCKED, LockedAxes::TRANSLATION_LOCKED_Z] {
+        let mut app = app();
+        // Slanting, and it turns.
+        let spin = Velocity { linear: Vec3::new(60.0, 0.0, 25.0), angular: Vec3::new(3.0, 5.0, 30.0) };
+        let plate = spawn_plate(&mut app, true, RigidBody::KinematicVelocityBased, Vec3::new(-1.3, 0.0, -0.4));
+        app.world_mut().entity_mut(plate).insert(spin);
+        let body = spawn_flying(&mut app, capsule(), Transform::default(), Velocity::zero());
+        app.world_mut().entity_mut(body).insert(locked);
+        let mut pushed = 0;
+        for _ in 0..4 {
+            app.update();
+            pushed += app.world().resource::<MedialStep>().output.stops.len();
+        }
+        assert!(pushed > 0, "{locked:?}: it is not hit");
+        let pose = *rigid(&mut app, body).position();
+        let [way, turn] = [pose.translation, pose.rotation.to_scaled_axis()];
+        assert_eq!(way.length() > 0.1, locked != LockedAxes::TRANSLATION_LOCKED, "{locked:?}: {way}");
+        assert_eq!(turn.length() > 0.1, locked != LockedAxes::ROTATION_LOCKED, "{locked:?}: {turn}");
+        if locked == LockedAxes::ROTATION_LOCKED {
+            assert!(turn.length() < 1e-5, "{turn}");
+        } else {
+            let held = if locked == LockedAxes::TRANSLATION_LOCKED { way } else { way * Vec3::Z };
+            assert!(held.length() < 1e-5, "{locked:?}: {way}");
+        }
+    }
+}

@@ -348,3 +348,17 @@ fn the_first_impact_ahead_is_the_one_that_comes() {
     assert!(hits >= 20 && spinning >= 10 && misses >= 5, "{hits} hits, {spinning} of them spinning, {misses} misses");
     assert!(grazes <= 2, "{grazes} have come later");
 }
+
+#[test]
+fn a_character_with_a_child_takes_a_single_step() {
+    let mut app = app();
+    let character = spawn_character(&mut app, Vec3::Y);
+    app.world_mut().entity_mut(character).with_child(Transform::default());
+    for step in 1..=5 {
+        run(&mut app, 10);
+        let (at, _) = walk(&mut app, character, Vec3::X * 0.3, 1);
+        run(&mut app, 2);
+        let now = app.world().get::<Transform>(character).unwrap().translation;
+        assert!((now.x - 0.3 * step as f32).abs() < 1e-3, "step {step}: at {at}, then {now}");
+    }
+}

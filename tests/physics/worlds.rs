@@ -1,9 +1,11 @@
 //! Several rapier contexts, and every way in which their time goes.
 
-use bevy::prelude::*;
+use std::time::Duration;
+
+use bevy::{prelude::*, time::TimeUpdateStrategy};
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
 use bevy_rapier3d::{
-    plugin::context::{RapierContextEntityLink, RapierContextSimulation},
+    plugin::context::{RapierContextEntityLink, RapierContextSimulation, RapierRigidBodySet},
     prelude::*,
 };
 
@@ -83,4 +85,58 @@ fn a_spinning_shot_stops_at_a_thin_wall_in_every_mode_of_time() {
             );
         }
     }
+}
+
+#[test]
+fn a_fast_hit_stays_fine_in_a_world_that_rests_while_another_goes_on() {
+    let mut app = app();
+    app.update();
+    let second = app.world_mut().spawn(RapierContextSimulation::default()).id();
+    spawn_body(&mut app, ball(), Transform::default());
+    let rods = [-1.0f32, 1.0].map(|x| {
+        let rod = MedialAxis::capsule(Vec3::Y * -0.4, Vec3::Y * 0.4, 0.05).unwrap();
+        let rod = spawn_flying(&mut app, rod, Transform::from_xyz(x, 0.0, 0.0), Velocity::linear(Vec3::X * x * -60.0));
+        app.world_mut().entity_mut(rod).insert(RapierContextEntityLink(second));
+        rod
+    });
+    let finer = |app: &App| {
+        let bodies = &app.world().get::<RapierRigidBodySet>(second).unwrap().bodies;
+        rods.map(|rod| {
+            let handle = app.world().get::<RapierRigidBodyHandle>(rod).unwrap().0;
+            bodies.get(handle).unwrap().additional_solver_iterations()
+        })
+    };
+    for _ in 0..10 {
+        app.update();
+        if finer(&app)[0] > 0 {
+            break;
+        }
+    }
+    let hit = finer(&app);
+    assert!(hit[0] > 0, "they do not hit each other");
+    app.world_mut().get_mut::<RapierConfiguration>(second).unwrap().physics_pipeline_active = false;
+    run(&mut app, 5);
+    assert_eq!(finer(&app), hit);
+    app.world_mut().get_mut::<RapierConfiguration>(second).unwrap().physics_pipeline_active = true;
+    run(&mut app, 10);
+    assert_eq!(finer(&app), [0; 2]);
+}
+
+#[test]
+fn a_shot_that_stops_early_in_a_frame_of_several_steps_is_shown_before_the_wall() {
+    let mut app = app();
+    app.insert_resource(TimestepMode::Interpolated { dt: DT, time_scale: 1.0, substeps: 1 });
+    app.world_mut().spawn((StaticObb::new(0.01, 2.0, 2.0), Transform::from_xyz(3.0, 0.0, 0.0)));
+    let shot = spawn_flying(&mut app, ball(), Transform::default(), Velocity::linear(Vec3::X * 150.0));
+    app.world_mut().entity_mut(shot).insert(TransformInterpolation::default());
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(2.5 * DT)));
+    let mut early = 0;
+    for frame in 0..8 {
+        app.update();
+        let step = app.world().resource::<MedialStep>();
+        early += step.output.stops.iter().filter(|stop| stop.fraction < 0.5).count();
+        let x = position_of(&app, shot).x;
+        assert!(x < 2.8, "frame {frame}: shown at {x}");
+    }
+    assert!(early > 0, "it does not stop in the first step of a frame");
 }
