@@ -182,15 +182,20 @@ impl TriangleMesh {
 }
 
 /// For each edge, the lesser vertex first, how many triangles run along it from the lesser to the greater one, and how many back. A triangle that repeats a
-/// vertex has one edge, there and back.
+/// vertex has none.
 pub(super) fn edge_uses(triangles: &[[u32; 3]]) -> HashMap<[u32; 2], [u32; 2]> {
     let mut uses = HashMap::<[u32; 2], [u32; 2]>::with_capacity(2 * triangles.len());
-    for &[a, b, c] in triangles {
-        for [from, to] in [[a, b], [b, c], [c, a]].into_iter().filter(|[from, to]| from != to) {
+    for &[a, b, c] in triangles.iter().filter(|triangle| is_proper(triangle)) {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
             uses.entry([from.min(to), from.max(to)]).or_default()[usize::from(from > to)] += 1;
         }
     }
     uses
+}
+
+/// True for triangles that do not repeat a vertex.
+fn is_proper([a, b, c]: &[u32; 3]) -> bool {
+    a != b && b != c && c != a
 }
 
 /// True for triangles whose height is less than a part of their longest side.
@@ -224,8 +229,7 @@ pub(super) fn list(indices: &[u32]) -> Vec<[u32; 3]> {
 #[cfg(any(feature = "bevy_mesh", feature = "mesh_files"))]
 pub(super) fn strip(indices: &[u32]) -> Vec<[u32; 3]> {
     let turned = |(at, w): (usize, &[u32])| if at % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
-    let proper = |[a, b, c]: &[u32; 3]| a != b && b != c && c != a;
-    indices.windows(3).enumerate().map(turned).filter(proper).collect()
+    indices.windows(3).enumerate().map(turned).filter(is_proper).collect()
 }
 
 #[cfg(test)]

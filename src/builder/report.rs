@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn each_flaw_is_found_and_named() {
         type Change = fn(&mut TriangleMesh);
-        let cases: [(Change, &[&str]); 7] = [
+        let cases: [(Change, &[&str]); 8] = [
             (|m| m.triangles.truncate(3), &["3 boundary edges"]),
             (|m| m.triangles[0].swap(0, 1), &["3 edges between triangles that face opposite ways"]),
             (|m| m.triangles.iter_mut().for_each(|t| t.swap(0, 1)), &["triangles face inwards"]),
@@ -165,6 +165,8 @@ mod tests {
                 &["2 boundary edges", "1 edges of more than two triangles", "1 triangles without area"],
             ),
             (|m| m.triangles.push([2, 2, 2]), &["1 triangles without area"]),
+            // What is left of the pole of a sphere.
+            (|m| m.triangles.push([0, 1, 1]), &["1 triangles without area"]),
             (|m| m.positions.push(Vec3::ONE), &["1 unused vertices"]),
         ];
         for (change, expected) in cases {

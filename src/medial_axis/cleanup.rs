@@ -144,12 +144,12 @@ fn drop_covered(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mu
             let by = primitives[*other].indices();
             *other != number && indices.iter().all(|&i| by.iter().any(|&j| holds(j, i)))
         };
-        // Whatever covers the primitive covers its first sphere, whose box meets that of the sphere which holds it, but for rounding.
+        // Whatever covers the primitive covers its first sphere, whose box lies in that of the sphere which holds it, but for rounding.
         let first = boxes[indices[0] as usize];
         let rounding = 4.0 * f32::EPSILON * first.min.abs().max(first.max.abs()).max_element();
-        let near = first.inflated(rounding);
+        let core = first.inflated(-rounding);
         bvh.visit(
-            |aabb| !covered.get() && aabb.overlaps(&near),
+            |aabb| !covered.get() && aabb.contains(&core),
             |holder| {
                 if !covered.get() && holds(holder, indices[0]) && users[holder as usize].iter().any(covers) {
                     covered.set(true);

@@ -194,7 +194,12 @@ fn leave_builds(
         let mut entity = commands.entity(entity);
         entity.try_remove::<Joined>();
         if !wants {
-            entity.try_remove::<MedialBuildStatus>();
+            // Whoever wants it again by then keeps it.
+            entity.queue_silenced(|mut entity: EntityWorldMut| {
+                if !entity.contains::<BuildMedialMesh>() {
+                    entity.remove::<MedialBuildStatus>();
+                }
+            });
         }
     }
 }

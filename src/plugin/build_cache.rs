@@ -28,7 +28,8 @@ pub(super) fn fit_cached(
     Ok(levels)
 }
 
-/// Tells content and options from all others, and this version of the builder from others, which may build otherwise.
+/// Tells content and options from all others, and this release of the builder, which may build otherwise, from others. Who works on the builder
+/// empties the cache.
 fn digest(mesh: &TriangleMesh, options: &FitOptions) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     let head = format!("{} {options:?} {} ", env!("CARGO_PKG_VERSION"), mesh.positions.len());

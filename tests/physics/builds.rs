@@ -160,6 +160,27 @@ fn a_build_that_nobody_waits_for_is_broken_off() {
 }
 
 #[test]
+fn what_is_wanted_again_at_once_is_built_whoever_comes_first() {
+    let again = |app: &mut App| {
+        let want = |mut commands: Commands, bodies: Query<Entity, (With<Mesh3d>, Without<BuildMedialMesh>)>| {
+            bodies.iter().for_each(|body| _ = commands.entity(body).insert(few()));
+        };
+        app.add_systems(Update, want);
+    };
+    let physics = || (MedialPhysicsPlugin::default(), MedialBuildPlugin { cache: None });
+    for mut app in [app_with((again, physics()), &assets()), app_with((physics(), again), &assets())] {
+        let mesh = add(&mut app, Cuboid::default());
+        let body = app.world_mut().spawn(mesh).id();
+        app.update();
+        for _ in 0..3 {
+            assert_eq!(wait_for(&mut app, body, is_over), MedialBuildStatus::Built);
+            app.world_mut().entity_mut(body).remove::<BuildMedialMesh>();
+            app.update();
+        }
+    }
+}
+
+#[test]
 fn what_has_been_built_is_not_built_again() {
     let cache = folder("physics-cache");
     let built = |mesh: Mesh, options: BuildMedialMesh| {

@@ -35,7 +35,9 @@ pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatE
     let mut json = document.into_json();
     // What colours a surface does not change it.
     json.extensions_required.retain(|name| !COLOURS.iter().any(|prefix| name.starts_with(prefix)));
-    if let Some(name) = json.extensions_required.first() {
+    // Exporters do not always say that it is required.
+    let places = json.extensions_used.iter().find(|name| *name == "EXT_mesh_gpu_instancing");
+    if let Some(name) = json.extensions_required.first().or(places) {
         let remedy = "export it without quantization, compression and other extensions";
         return Err(FormatError::new("the glTF document", format!("it needs the extension {name}"), remedy));
     }

@@ -20,7 +20,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
                 continue;
             }
         }
-        let mut fields = joined.split_whitespace();
+        let mut fields = joined.split_whitespace().take_while(|field| !field.starts_with('#'));
         let damaged = |problem: String| FormatError::damaged(format!("line {line}"), problem);
         match fields.next() {
             Some("v") => {

@@ -1,7 +1,7 @@
 use glam::Vec3;
 use ply_rs_bw::{
     parser::{ParseError, Parser, Reader},
-    ply::{Property, PropertyAccess, PropertyAccessResult},
+    ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType},
 };
 
 use super::{FormatError, polygon::triangulate};
@@ -23,7 +23,7 @@ impl PropertyAccess for Element {
             "x" => self.position[0] = scalar(&property),
             "y" => self.position[1] = scalar(&property),
             "z" => self.position[2] = scalar(&property),
-            "vertex_indices" | "vertex_index" => match indices(property) {
+            name if is_corners(name) => match indices(property) {
                 Some(corners) => self.corners = corners,
                 None => return PropertyAccessResult::UnsupportedType,
             },
@@ -31,6 +31,10 @@ impl PropertyAccess for Element {
         }
         PropertyAccessResult::Set
     }
+}
+
+fn is_corners(name: &str) -> bool {
+    name == "vertex_indices" || name == "vertex_index"
 }
 
 fn scalar(property: &Property) -> Option<f64> {
@@ -65,8 +69,12 @@ fn indices(property: Property) -> Option<Vec<i64>> {
 /// Reads the elements `vertex` (x, y, z), `face` and `tristrips` (`vertex_indices` or `vertex_index`) of all three encodings.
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let parser = Parser::<Element>::new();
-    let mut reader = Reader::new(bytes);
-    let header = parser.read_header(&mut reader).map_err(damaged)?;
+    let (head, body) = bytes.split_at(end_of_header(bytes));
+    // Comments may be in any encoding; what is read is ASCII.
+    let head = String::from_utf8_lossy(head);
+    let header = parser.read_header(&mut Reader::new(head.as_bytes())).map_err(damaged)?;
+    let mut reader = Reader::new(body);
+    let mut lines = (head.lines().count() + 1..).zip(body.split(|&byte| byte == b'\n'));
     let (mut positions, mut faces, mut strips) = (Vec::new(), Vec::new(), Vec::new());
     for (name, definition) in &header.elements {
         let count = definition.count;
@@ -80,7 +88,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
                 format!("the file is too short for {count}"),
             ));
         }
-        let elements = parser.read_payload_for_element(&mut reader, definition, &header).map_err(damaged)?;
+        let elements = match header.encoding {
+            Encoding::Ascii => rows(name, definition, &mut lines)?,
+            _ => parser.read_payload_for_element(&mut reader, definition, &header).map_err(damaged)?,
+        };
         match name.as_str() {
             "vertex" => {
                 for (number, vertex) in elements.iter().enumerate() {
@@ -119,6 +130,58 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
         }
     }
     Ok(TriangleMesh::new(positions, triangles)?)
+}
+
+/// Where the line ends that ends the header; all of the bytes, if none does.
+fn end_of_header(bytes: &[u8]) -> usize {
+    const LAST: &[u8] = b"\nend_header";
+    let last = bytes.windows(LAST.len()).position(|bytes| bytes == LAST).map(|start| start + LAST.len());
+    let end = last.and_then(|last| bytes[last..].iter().position(|&byte| byte == b'\n').map(|end| last + end + 1));
+    end.unwrap_or(bytes.len())
+}
+
+/// The elements of a text file, one to a line. Of properties that nobody asks for anything may be written, which the crate would refuse: no numbers, and
+/// numbers such as `.5`.
+fn rows<'b>(
+    name: &str,
+    definition: &ElementDef,
+    lines: &mut impl Iterator<Item = (usize, &'b [u8])>,
+) -> Result<Vec<Element>, FormatError> {
+    let mut lines = lines.filter(|(_, content)| !content.trim_ascii().is_empty());
+    let row = |number| {
+        let missing = || FormatError::damaged("the end of the file", format!("{name} {number} is missing"));
+        let (line, content) = lines.next().ok_or_else(missing)?;
+        row(definition, &String::from_utf8_lossy(content))
+            .map_err(|problem| FormatError::damaged(format!("line {line}"), problem))
+    };
+    (0..definition.count).map(row).collect()
+}
+
+fn row(definition: &ElementDef, content: &str) -> Result<Element, String> {
+    let mut element = Element::new();
+    let mut fields = content.split_whitespace();
+    for (name, property) in &definition.properties {
+        let mut field = || fields.next().ok_or_else(|| format!("it ends before `{name}` does"));
+        let count = match property.data_type {
+            PropertyType::Scalar(_) => {
+                let field = field()?;
+                if let Some(axis) = ["x", "y", "z"].iter().position(|axis| axis == name) {
+                    let value = field.parse().map_err(|_| format!("`{field}` is no number"))?;
+                    element.position[axis] = Some(value);
+                }
+                continue;
+            }
+            PropertyType::List(..) => field()?,
+        };
+        let count: usize = count.parse().map_err(|_| format!("`{count}` is no number of items"))?;
+        for _ in 0..count {
+            let field = field()?;
+            if is_corners(name) {
+                element.corners.push(field.parse().map_err(|_| format!("`{field}` is no number of a vertex"))?);
+            }
+        }
+    }
+    Ok(element)
 }
 
 /// The crate's message, which quotes lines of the file, without its line breaks.

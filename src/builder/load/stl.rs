@@ -12,7 +12,7 @@ const TRIANGLE: usize = 50;
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let count = bytes.get(80..HEADER).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
     let promised = count.map(|count| HEADER as u64 + TRIANGLE as u64 * u64::from(count));
-    let is_text = bytes.trim_ascii_start().starts_with(b"solid");
+    let is_text = bytes.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     let positions =
         if promised == Some(bytes.len() as u64) || !is_text { binary(bytes, promised) } else { text(bytes) }?;
     let triangles = (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
@@ -30,17 +30,17 @@ fn binary(bytes: &[u8], promised: Option<u64>) -> Result<Vec<Vec3>, FormatError>
         .collect())
 }
 
-/// Reads the `vertex` lines between `outer loop` and `endloop`.
+/// Reads the `vertex` lines between `outer loop` and `endloop`, in letters of either case. An `endsolid` comes after all.
 fn text(bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
     let mut positions = Vec::new();
     let mut open = None;
     let mut ended = false;
     for (line, content) in (1..).zip(bytes.split(|&byte| byte == b'\n')) {
-        let content = String::from_utf8_lossy(content);
+        let content = String::from_utf8_lossy(content).to_ascii_lowercase();
         let mut fields = content.split_whitespace();
         let damaged = |problem: String| FormatError::damaged(format!("line {line}"), problem);
         match (fields.next(), open) {
-            (Some("outer"), None) => open = Some(positions.len()),
+            (Some("outer"), None) => (open, ended) = (Some(positions.len()), false),
             (Some("vertex"), Some(_)) => {
                 positions.push(position(&mut fields).map_err(damaged)?);
             }

@@ -267,6 +267,7 @@ fn obj_records_and_errors() {
     assert_eq!(triangles("f 1 2 3 4"), [[0, 1, 2], [0, 2, 3]]);
     assert_eq!(triangles("f -4/1 -3/2/3 -2//1\r\n"), [[0, 1, 2]]);
     assert_eq!(triangles("f 1 2 \\\n 3\nl 1 2\n# \u{e9}"), [[0, 1, 2]]);
+    assert_eq!(triangles("f 1 2 3 # 4"), [[0, 1, 2]]);
     assert_eq!(triangles("f 1 2 3 \\"), [[0, 1, 2]], "a last line that promises another");
     assert_eq!(triangles("f 1 2\\\n3 4"), [[0, 1, 2], [0, 2, 3]], "numbers of two lines are not one");
     assert_eq!(triangles("# c:\\\nf 1 2 3"), [[0, 1, 2]], "a comment ends with its line");
@@ -297,6 +298,16 @@ fn stl_errors_name_the_line() {
     ] {
         assert_eq!(error(MeshFormat::Stl, &good.replacen(from, to, 1)), expected);
     }
+    let read = |text: &str| parse(MeshFormat::Stl, text.as_bytes());
+    let whole = read(&good).unwrap();
+    assert_eq!(read(&good.to_ascii_uppercase()).unwrap(), whole);
+    // A second solid, whole and cut within a loop and between facets.
+    assert_eq!(read(&(good.clone() + &good)).unwrap().triangles.len(), 2 * whole.triangles.len());
+    for last in ["vertex", "endfacet"] {
+        let cut = &good[..good.find(last).unwrap() + last.len()];
+        let cut = cut.trim_end_matches("vertex");
+        assert!(error(MeshFormat::Stl, &(good.clone() + cut)).contains("`endsolid` is missing"), "{last}");
+    }
 }
 
 #[test]
@@ -309,11 +320,33 @@ fn ply_polygons_are_cut_and_errors_name_line_and_element() {
         ("0 1 0\n3 0 1 4\n", "face 0: there is no vertex 4 among 4; export it again"),
         ("0 1 0\n2 0 1\n", "face 0: it has 2 corners in `vertex_indices`, not 3 or more; export it again"),
         ("0 1\n3 0 1 2\n", "line 13: "),
-        ("0 1 0\n", "line 14: "),
+        ("0 1 0\n", "the end of the file: face 0 is missing"),
+        ("0 1 0\n4 0 1 2\n", "line 14: it ends before `vertex_index` does"),
+        ("0 1 zero\n3 0 1 2\n", "line 13: `zero` is no number"),
+        ("0 1 0\n3 0 1 one\n", "line 14: `one` is no number of a vertex"),
     ] {
         let error = error(MeshFormat::Ply, &format!("{head}{rest}"));
         assert!(error.starts_with(expected) && error.ends_with("; export it again"), "{error}");
     }
+}
+
+/// Of what is not read anything may stand in a text file, and in comments.
+#[test]
+fn ply_numbers_and_comments_may_be_any() {
+    let header = |encoding: &str| {
+        let head = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n\
+                    element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n";
+        [format!("ply\nformat {encoding} 1.0\ncomment ").as_bytes(), b"\xe9\n", head.as_bytes()].concat()
+    };
+    let expected = TriangleMesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y * 0.5], vec![[0, 1, 2]]).unwrap();
+    let text = [&header("ascii")[..], b"0 0 0 nan\n1. 0 0 -inf\n\n0 .5 0 1e999\r\n3 0 1 2 2 .5 nan\n"].concat();
+    assert_eq!(parse(MeshFormat::Ply, &text).unwrap(), expected);
+    let mut binary = header("binary_little_endian");
+    binary.extend([0.0, 0.0, 0.0, f32::NAN, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0].map(f32::to_le_bytes).concat());
+    binary.push(3);
+    binary.extend([0i32, 1, 2].map(i32::to_le_bytes).concat());
+    binary.push(0);
+    assert_eq!(parse(MeshFormat::Ply, &binary).unwrap(), expected);
 }
 
 #[test]
@@ -412,6 +445,8 @@ fn gltf_modes_and_errors() {
         1,
     );
     parse(MeshFormat::Gltf, webp.as_bytes()).unwrap();
+    let instanced = json.replacen('{', r#"{ "extensionsUsed": ["KHR_materials_unlit", "EXT_mesh_gpu_instancing"],"#, 1);
+    assert!(error(MeshFormat::Gltf, &instanced).contains("it needs the extension EXT_mesh_gpu_instancing"));
     let needed = error(MeshFormat::Gltf, &needing("KHR_draco_mesh_compression"));
     assert!(needed.contains("KHR_draco_mesh_compression; export it without quantization, compression"), "{needed}");
 
