@@ -152,6 +152,10 @@ pub const SLIDE_WAY: f32 = 0.5;
 /// The same for a body that meets what it was not in touch with before, in slops.
 pub const LANDING: f32 = 100.0;
 
+/// Square of how far a body must be able to go for each metre along a normal, its locked axes aside, to slide: else it would go far aside to give way a
+/// little.
+pub const LEAST_FREE: f32 = 0.5;
+
 /// How often a body may slide on within a step before it stops. A ball rolls on after one, a body in a corner after a few.
 pub const MAX_SLIDES: u32 = 8;
 

@@ -72,6 +72,11 @@ impl Aabb {
         self.min.distance_squared(self.max)
     }
 
+    /// By how much its faces may be off by rounding where they are scaled or set off from spheres, in metres.
+    pub(crate) fn rounding(&self) -> f32 {
+        4.0 * f32::EPSILON * self.min.abs().max(self.max.abs()).max_element()
+    }
+
     /// Surface area.
     pub fn area(&self) -> f32 {
         let size = self.max - self.min;

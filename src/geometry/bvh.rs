@@ -11,8 +11,10 @@ use super::{Aabb, aabb::Box3A};
 #[derive(Clone, Debug, Default)]
 pub struct Bvh {
     nodes: Vec<Node>,
-    /// What it cost to search when it was built: see [`cost`](Self::cost).
-    built_cost: f32,
+    /// The least that it has cost to search since it was built: see [`cost`](Self::cost).
+    least_cost: f32,
+    /// How often its boxes have moved since.
+    updates: u32,
 }
 
 /// Two to a cache line.
@@ -29,8 +31,10 @@ struct Node {
 const LEAF: u32 = 1 << 31;
 /// Each child has three quarters of its parent's items at most.
 const MAX_DEPTH: usize = 80;
-/// A tree whose items have moved is built anew when it costs so many times as much to search as when it was built.
+/// A tree whose items have moved is built anew when it costs so many times as much to search as it did.
 const MOST_COST: f32 = 1.25;
+/// And after so many times in any case: beside an item that is far off it does not show how others have mixed.
+const MOST_UPDATES: u32 = 64;
 
 impl Node {
     fn new(Aabb { min, max }: Aabb, link: u32) -> Self {
@@ -49,7 +53,7 @@ impl Node {
 impl Bvh {
     /// A hierarchy over `boxes`, whose positions in the slice are the items.
     pub fn new(boxes: &[Aabb]) -> Self {
-        let mut bvh = Self { nodes: Vec::with_capacity(2 * boxes.len()), built_cost: 0.0 };
+        let mut bvh = Self { nodes: Vec::with_capacity(2 * boxes.len()), least_cost: 0.0, updates: 0 };
         bvh.rebuild(boxes, &mut Vec::with_capacity(boxes.len()));
         bvh
     }
@@ -58,8 +62,11 @@ impl Bvh {
     /// small part of the time. `items`: room to work in.
     pub(crate) fn update(&mut self, boxes: &[Aabb], items: &mut Vec<Item>) {
         let has_as_many = self.nodes.len().div_ceil(2) == boxes.len();
-        let is_good = has_as_many && self.refit(boxes) <= MOST_COST * self.built_cost;
-        if !is_good {
+        let cost = if has_as_many && self.updates < MOST_UPDATES { self.refit(boxes) } else { f32::INFINITY };
+        if cost.is_finite() && cost <= MOST_COST * self.least_cost {
+            self.updates += 1;
+            self.least_cost = self.least_cost.min(cost);
+        } else {
             self.rebuild(boxes, items);
         }
     }
@@ -71,7 +78,7 @@ impl Bvh {
         if !items.is_empty() {
             self.build(boxes, items);
         }
-        self.built_cost = self.cost();
+        (self.least_cost, self.updates) = (self.cost(), 0);
     }
 
     fn build(&mut self, boxes: &[Aabb], items: &mut [Item]) -> Aabb {
@@ -445,6 +452,26 @@ mod tests {
             }
         }
         assert!(kept > 20 && built > 3, "kept {kept} times, built {built} times");
+        // Built of wide boxes, or beside one that is far off, which hides the others' cost: at once or before long it is as good as another.
+        const FAR: Aabb = Aabb { min: Vec3::splat(-1e6), max: Vec3::splat(-1e6) };
+        let near_cost = |bvh: &Bvh| -> f32 {
+            let near = bvh.nodes.iter().map(Node::aabb).filter(|aabb| aabb.min != FAR.min);
+            near.map(|aabb| aabb.area()).sum()
+        };
+        let wide = items.iter().map(|aabb| aabb.inflated(50.0)).collect::<Vec<_>>();
+        for (first, updates) in [(wide, 1), ([&[FAR], &items[1..]].concat(), MOST_UPDATES)] {
+            bvh = Bvh::new(&first);
+            let has_far = first[0] == FAR;
+            for turn in 0..=updates {
+                if turn == 1 {
+                    items.rotate_left(33);
+                }
+                let now = if has_far { [&[FAR], &items[1..]].concat() } else { items.clone() };
+                bvh.update(&now, &mut room);
+                let is_good = near_cost(&bvh) <= 1.3 * near_cost(&Bvh::new(&now));
+                assert!(is_good || has_far && turn < updates, "after {turn} updates it is bad to search");
+            }
+        }
         for count in [0, 1, 30] {
             bvh.update(&items[..count], &mut room);
             assert_eq!(bvh.leaves().count(), count);

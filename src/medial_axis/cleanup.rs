@@ -146,8 +146,7 @@ fn drop_covered(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mu
         };
         // Whatever covers the primitive covers its first sphere, whose box lies in that of the sphere which holds it, but for rounding.
         let first = boxes[indices[0] as usize];
-        let rounding = 4.0 * f32::EPSILON * first.min.abs().max(first.max.abs()).max_element();
-        let core = first.inflated(-rounding);
+        let core = first.inflated(-first.rounding());
         bvh.visit(
             |aabb| !covered.get() && aabb.contains(&core),
             |holder| {

@@ -336,7 +336,9 @@ fn near(
         let i = index as usize;
         let sphere = &spheres[i];
         bvh.overlapping_later(leaf, |other| {
-            pairs.extend(between(input, widening, index, other).filter(|_| sphere.meets(&spheres[other as usize])));
+            // Rounding depends on which of them is asked, and the order of leaves on earlier steps.
+            let [a, b] = [index.min(other), index.max(other)].map(|i| &spheres[i as usize]);
+            pairs.extend(between(input, widening, index, other).filter(|_| a.meets(b)));
         });
         // The sphere has half of the prediction distance already.
         let reach = boxes[i].inflated(0.5 * input.prediction);

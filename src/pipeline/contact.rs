@@ -274,8 +274,7 @@ fn collect_part(
             }
             Core::Support(shape) => {
                 if let (main, true) = one_sided((&first, NONE_SHARED), &Support(&**shape), within, &mut push) {
-                    let main = main.normal;
-                    let near = first.origin() + main;
+                    let (near, main) = (main.point2, main.normal);
                     shape.face(-main, near, &mut |corner| at_corner(&first, corner, main, within, &mut push));
                 }
             }

@@ -104,8 +104,8 @@ impl MovingBoxes {
             indices.iter().fold(MovingBox::NOWHERE, |all, &i| all.merge(&place(&shape.axis.spheres()[i as usize])))
         };
         // Back and forth a flat shape's face would be rounded out of its own box.
-        let target =
-            target.scaled(shape.scale.recip()).inflated(4.0 * f32::EPSILON * shape.axis.bounding_sphere().radius);
+        let target = target.scaled(shape.scale.recip());
+        let target = target.inflated(target.rounding());
         shape.bvh().values(&target, MovingBox::NOWHERE, around, MovingBox::merge, &mut self.nodes);
         self.origin = origin;
     }
@@ -224,7 +224,10 @@ impl MovingBox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::medial_axis::{MedialAxis, oracle::Random};
+    use crate::{
+        geometry::Primitive,
+        medial_axis::{MedialAxis, oracle::Random},
+    };
 
     #[test]
     fn the_boxes_of_both_bodies_of_a_pair_are_there() {
@@ -251,6 +254,19 @@ mod tests {
             }
         }
         assert!(shared > 50, "only {shared} pairs share a row");
+    }
+
+    #[test]
+    fn a_sheet_far_from_its_origin_is_within_its_own_box() {
+        let sphere = |y: f32, z: f32| Sphere::new(Vec3::new(100.0, y, z), 0.0);
+        let spheres = vec![sphere(0.0, 0.0), sphere(1.0, 0.0), sphere(0.0, 1.0)];
+        let axis = MedialAxis::new(spheres, vec![Primitive::Slab([0, 1, 2])]).unwrap().0;
+        for scale in (1..40).map(|i| 0.7 * i as f32) {
+            let shape = Shape { axis: axis.clone(), scale };
+            let mut cache = BoxCache::default();
+            let place = cache.place(Side::Body(0), &shape, &Sweep::at_rest(Pose3::IDENTITY));
+            assert!(cache.between(place, [0.0, 1.0]).node(0).min[0].is_finite(), "scale {scale}");
+        }
     }
 
     #[test]

@@ -32,7 +32,7 @@ use super::{
     parallel::{self, Scratches},
 };
 use crate::{
-    constants::{LANDING, MAX_PUSHES, MAX_SLIDES, RENEWED_SLOP},
+    constants::{LANDING, LEAST_FREE, MAX_PUSHES, MAX_SLIDES, RENEWED_SLOP},
     geometry::{Pose3, Sweep},
 };
 
@@ -560,10 +560,11 @@ fn slides(
         }
         let sweep = stops.sweep_from(input, body, fraction);
         *way = way_at(&sweep, impact.point);
-        // Along the axes that it can go, as far as takes off as much.
+        let ahead = sweep.translation.dot(into).max(0.0);
+        // Along the axes that it can go, as far as takes off as much, unless it can hardly give way.
         let free = input.bodies[body as usize].free_way(into);
-        let part = if free == into { 1.0 } else { 1.0 / free.length_squared() };
-        slides.push((body, free * (part * sweep.translation.dot(into).max(0.0))));
+        let gives = if free == into { 1.0 } else { free.length_squared() };
+        slides.push((body, free * if gives > LEAST_FREE { ahead / gives } else { 0.0 }));
     }
     let slip = ways[0] - ways[1];
     let all: f32 = slides.iter().map(|(_, way)| way.dot(impact.normal).abs()).sum();

@@ -8,7 +8,7 @@ use bevy::{
 use bevy_medial::{
     geometry::{Pose3, Primitive, Sphere, Sweep},
     medial_axis::MedialAxis,
-    pipeline::{Body, Shape, Solid, StaticBody, Statics, StepInput, step},
+    pipeline::{Body, Manifold, Second, Shape, Solid, StaticBody, Statics, StepInput, contact, step},
     rapier::{ContactTable, MedialDispatcher, MedialShape},
     scenes::Monitor,
 };
@@ -19,7 +19,7 @@ use bevy_rapier3d::{
     },
     prelude::*,
 };
-use std::sync::Arc;
+use std::{f32::consts::FRAC_PI_2, sync::Arc};
 
 use crate::common::*;
 
@@ -534,5 +534,33 @@ fn what_passes_a_body_makes_no_contact_because_of_a_slow_twin() {
         run(&mut app, 12);
         let speed = rigid(&mut app, passed).linvel();
         assert!(speed.length() < 1e-3, "from {start}: {speed}");
+    }
+}
+
+#[test]
+fn what_lies_on_its_side_on_a_large_slab_touches_along_its_length() {
+    let sphere = |x: f32, z: f32| Sphere::new(Vec3::new(x, 0.0, z), 0.05);
+    let spheres = vec![sphere(-2.0, -2.0), sphere(2.0, -2.0), sphere(0.0, 2.0)];
+    let slab = Shape::new(MedialAxis::new(spheres, vec![Primitive::Slab([0, 1, 2])]).unwrap().0);
+    let tip = 0.1f32.atan2(0.6);
+    for (name, collider, turn, height) in [
+        ("cylinder", Collider::cylinder(0.3, 0.1), -FRAC_PI_2, 0.1),
+        ("cone", Collider::cone(0.3, 0.1), -FRAC_PI_2 - tip, 0.3 * tip.sin()),
+    ] {
+        for yaw in (0..16).map(|i| 0.4 * i as f32) {
+            let pose12 = Pose3::from_parts(
+                Vec3::new(0.1, 0.05 + height, 0.0),
+                Quat::from_rotation_y(yaw) * Quat::from_rotation_z(turn),
+            );
+            let manifolds = contact::manifolds(&slab, Second::Parts(&collider.raw), &pose12, 0.01);
+            let along: Vec<f32> = manifolds
+                .iter()
+                .flat_map(Manifold::contacts)
+                .filter(|contact| contact.distance.abs() < 1e-3)
+                .map(|contact| contact.point2.y)
+                .collect();
+            let reach = along.iter().fold([0.0f32; 2], |[low, high], &y| [low.min(y), high.max(y)]);
+            assert!(reach[0] < -0.29 && reach[1] > 0.29, "{name}, {yaw}: touches at {along:?}");
+        }
     }
 }
