@@ -22,9 +22,13 @@ fn main() -> AppExit {
             (
                 // Rapier takes over transforms, velocities and forces in this set: what comes before it counts in this step.
                 blow.before(PhysicsSet::SyncBackend),
-                // Impacts and contacts are known, bodies have stopped; transforms are not written yet.
-                tell_impacts.after(MedialSystems::Detect).before(PhysicsSet::Writeback),
-                // Transforms and velocities are those of the step's end, messages are written.
+                // Impacts and contacts are known, bodies have stopped; transforms are not written yet. In a frame without a step the last one's are still there.
+                tell_impacts
+                    .run_if(resource_changed::<MedialStep>)
+                    .after(MedialSystems::Detect)
+                    .before(PhysicsSet::Writeback),
+                // Transforms and velocities are those of the step's end, messages are written. What despawns bodies belongs here: rapier still
+                // writes back what it knows of them before.
                 bring_back.after(MedialSystems::Report),
             ),
         )
@@ -54,13 +58,13 @@ fn blow(time: Res<Time>, mut bodies: Query<&mut Velocity, With<InTheWind>>) {
     }
 }
 
-fn tell_impacts(step: Res<MedialStep>, names: Query<NameOrEntity>) -> Result {
+fn tell_impacts(step: Res<MedialStep>, names: Query<NameOrEntity>) {
     for pair in &step.output.pairs {
         let Some(impact) = pair.impact else { continue };
-        let [name1, name2] = [names.get(step.info(pair.first).entity)?, names.get(step.info(pair.second).entity)?];
-        println!("{name1} hits {name2} {:.0} % into the step, at {:.2}", impact.fraction * 100.0, impact.point);
+        if let [Ok(name1), Ok(name2)] = [pair.first, pair.second].map(|side| names.get(step.info(side).entity)) {
+            println!("{name1} hits {name2} {:.0} % into the step, at {:.2}", impact.fraction * 100.0, impact.point);
+        }
     }
-    Ok(())
 }
 
 fn bring_back(mut bodies: Query<(&Name, &mut Transform), With<InTheWind>>) {

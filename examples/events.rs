@@ -41,21 +41,22 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>, mut axes: ResMut<Asse
 }
 
 /// To an observer, its own entity is the first, and the normal points away from it. What it changes holds in the next step.
-fn jump(hit: On<MedialContactStarted>, mut bodies: Query<&mut Velocity>) -> Result {
-    bodies.get_mut(hit.entity1)?.linear -= hit.touch.normal * (1.8 * hit.touch.approach_speed);
-    Ok(())
-}
-
-fn tell_started(mut started: MessageReader<MedialContactStarted>, names: Query<NameOrEntity>) -> Result {
-    for MedialContactStarted { entity1, entity2, touch, .. } in started.read() {
-        let [name1, name2] = [names.get(*entity1)?, names.get(*entity2)?];
-        let (point, speed) = (touch.point, touch.approach_speed);
-        println!("{name1} touches {name2} at {point:.2}, closing in at {speed:.1} m/s");
+fn jump(hit: On<MedialContactStarted>, mut bodies: Query<&mut Velocity>) {
+    if let Ok(mut velocity) = bodies.get_mut(hit.entity1) {
+        velocity.linear -= hit.touch.normal * (1.8 * hit.touch.approach_speed);
     }
-    Ok(())
 }
 
-/// An entity that has ended to touch may be gone.
+/// When a message is read, an entity that it names may be gone.
+fn tell_started(mut started: MessageReader<MedialContactStarted>, names: Query<NameOrEntity>) {
+    for MedialContactStarted { entity1, entity2, touch, .. } in started.read() {
+        if let [Ok(name1), Ok(name2)] = [entity1, entity2].map(|entity| names.get(*entity)) {
+            let (point, speed) = (touch.point, touch.approach_speed);
+            println!("{name1} touches {name2} at {point:.2}, closing in at {speed:.1} m/s");
+        }
+    }
+}
+
 fn tell_ended(mut ended: MessageReader<MedialContactEnded>, names: Query<NameOrEntity>) {
     for MedialContactEnded { entity1, entity2 } in ended.read() {
         if let [Ok(name1), Ok(name2)] = [entity1, entity2].map(|entity| names.get(*entity)) {

@@ -98,6 +98,12 @@ pub const CHORD_TOLERANCE: f32 = 1.0e-3;
 /// Cosine of the angle up to which the contact of a sphere counts as part of its primitive's flat or straight contact (25 degrees).
 pub const VERTEX_NORMAL_COSINE: f32 = 0.9;
 
+/// Least sine of the angle at which edges cross in a point: of those closer to parallel the ends tell as much.
+pub const CROSSING_SINE: f32 = 0.1;
+
+/// Least distance of such a point from the ends of both edges, in lengths of the shorter one.
+pub const CROSSING_END: f32 = 0.02;
+
 /// Cosine of the angle up to which contacts share a manifold (5 degrees): rapier solves one normal per manifold.
 pub const MANIFOLD_NORMAL_COSINE: f32 = 0.996;
 

@@ -108,17 +108,21 @@ pub mod query;
 pub mod rapier;
 #[cfg(feature = "rapier")]
 pub mod scenes;
+mod whole_file;
 
 /// What an app needs.
 pub mod prelude {
-    #[cfg(feature = "bevy_mesh")]
-    pub use crate::plugin::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
     #[cfg(feature = "debug")]
-    pub use crate::plugin::{MedialGizmo, MedialGizmos};
+    pub use crate::plugin::{MedialGizmo, MedialGizmoLayer, MedialGizmos, MedialGizmosPlugin};
     #[cfg(feature = "picking")]
-    pub use crate::plugin::{MedialPickingPlugin, MedialPickingSettings};
+    pub use crate::plugin::{MedialPickingCamera, MedialPickingPlugin, MedialPickingSettings};
     #[cfg(feature = "rapier")]
     pub use crate::rapier::MedialQueries;
+    #[cfg(feature = "bevy_mesh")]
+    pub use crate::{
+        builder::FitOptions,
+        plugin::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus},
+    };
     pub use crate::{
         medial_axis::MedialAxis,
         plugin::{

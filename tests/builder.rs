@@ -117,6 +117,39 @@ fn pieces_too_small_for_samples_have_a_sphere_each() {
 }
 
 #[test]
+fn pieces_among_many_others_have_a_sphere_each() {
+    let mut tree = TriangleMesh { positions: vec![], triangles: vec![] };
+    add_box(&mut tree, Vec3::ZERO, Vec3::new(1.0, 1.0, 20.0));
+    // Leaves, which enclose nothing.
+    for i in 0..1500 {
+        let first = tree.positions.len() as u32;
+        let at = Vec3::new(2.0 + 0.1 * (i % 40) as f32, 0.0, 0.5 * (i / 40) as f32);
+        tree.positions.extend([Vec3::ZERO, Vec3::X, Vec3::Z].map(|corner| at + 0.05 * corner));
+        tree.triangles.push([first, first + 1, first + 2]);
+    }
+    let fruits: Vec<Vec3> = (0..20).map(|i| Vec3::new(-3.0, 0.0, i as f32)).collect();
+    fruits.iter().for_each(|&min| add_box(&mut tree, min, Vec3::splat(0.1)));
+    let axis = built(&tree, &with(60)).unwrap().axis;
+    for min in fruits {
+        let within = |center: Vec3| (center - min).min_element() > 0.0 && (center - min).max_element() < 0.1;
+        assert!(axis.spheres().iter().any(|sphere| within(sphere.center)), "none in the one at {min}");
+    }
+    // And all of them are counted.
+    let error = built(&boxes(1500), &with(60)).unwrap_err();
+    assert_eq!(error, BuildError::TooFewSpheres { components: 1500, spheres: 60 });
+}
+
+#[test]
+fn what_is_as_thin_as_sheet_metal_is_solid() {
+    for size in [Vec3::new(20.0, 20.0, 0.002), Vec3::new(100.0, 0.008, 0.008)] {
+        let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
+        add_box(&mut mesh, Vec3::ZERO, size);
+        let error = measure(&mesh, &built(&mesh, &with(30)).unwrap().axis);
+        assert!(error.max() < 3.0, "{size}: {error}");
+    }
+}
+
+#[test]
 fn the_same_input_gives_the_same_bytes() {
     let mesh = torus(0.3, 0.1, 60, 20);
     let text = |seed: u64| {

@@ -26,7 +26,8 @@ pub struct BuildOptions {
     /// Largest number of faces; `None`: as for edges.
     pub faces: Option<usize>,
     /// How often a shape is sought, each time from other samples, of which the best is taken, and how often each level of a chain is sought beside
-    /// that which comes of the one before; `None`: the finest one to three times, as time allows, others not.
+    /// that which comes of the one before; `None`: the finest one to three times, as time allows, others the more often the coarser they are, up to
+    /// four times.
     pub searches: Option<usize>,
     /// Seed of the surface samples.
     pub seed: u64,
@@ -120,6 +121,20 @@ fn searches(triangles: usize, spheres: usize) -> usize {
     (1 + triangles / TRIANGLES_PER_SEARCH / spheres).clamp(least, MOST_SEARCHES)
 }
 
+/// Spheres of all searches for a level together, and most searches, beside that which comes of the level before, if nothing is said: the fewer
+/// spheres there are, the more is chance, and the less time it takes.
+const SOUGHT: [usize; 2] = [48, 4];
+
+/// How often the finest level is sought.
+fn finest_searches(mesh: &TriangleMesh, options: &BuildOptions) -> usize {
+    options.searches.unwrap_or_else(|| searches(mesh.triangles.len(), options.spheres.max(1))).max(1)
+}
+
+/// How often another level of a chain is sought from samples.
+fn level_searches(options: &BuildOptions, spheres: usize) -> usize {
+    options.searches.unwrap_or((SOUGHT[0] / spheres).min(SOUGHT[1]))
+}
+
 /// A medial mesh of a solid.
 ///
 /// `progress` is told the part of the work that is done, from 0 to 1, by whichever thread does it, and may break it off.
@@ -154,17 +169,24 @@ pub fn build_levels(
 ) -> Result<Vec<Built>, BuildError> {
     let solid = Solid::new(mesh)?;
     let judge = Judge::new(&solid, options.seed);
-    let share = finest_share(options.spheres);
+    let share = finest_share(mesh, options);
     let search = finest(&judge, mesh, options, &between(progress, 0.0, share))?;
     let first = search.built(&solid)?;
     let others = coarser(&judge, mesh, options, search, |level| level, &between(progress, share, 1.0))?;
     Ok(once(first).chain(others).collect())
 }
 
-/// The part of the work on a chain that is its finest level's: each takes about as long as it has spheres.
-pub(super) fn finest_share(spheres: usize) -> f32 {
-    let spheres = spheres.clamp(1, MAX_SPHERES);
-    spheres as f32 / chain(spheres, 1).sum::<usize>() as f32
+/// The part of the work on a chain that is its finest level's.
+pub(super) fn finest_share(mesh: &TriangleMesh, options: &BuildOptions) -> f32 {
+    let spheres = options.spheres.clamp(1, MAX_SPHERES);
+    let finest = spheres * finest_searches(mesh, options);
+    let others: usize = chain(spheres, 1).skip(1).map(|spheres| work(options, spheres)).sum();
+    finest as f32 / (finest + others) as f32
+}
+
+/// How much work another level is: a search takes about as long as it has spheres.
+fn work(options: &BuildOptions, spheres: usize) -> usize {
+    spheres * (1 + level_searches(options, spheres))
 }
 
 /// The levels of a chain that come of its finest one, each finished as soon as it is there.
@@ -178,16 +200,16 @@ pub(super) fn coarser<T>(
 ) -> Result<Vec<T>, BuildError> {
     let counts = chain(search.spheres(), search.full_components()).skip(1);
     let counts: Vec<usize> = counts.filter(|&spheres| spheres < search.balls()).collect();
-    let whole: usize = counts.iter().sum();
+    let whole: usize = counts.iter().map(|&spheres| work(options, spheres)).sum();
     let (mut levels, mut done) = (Vec::new(), 0);
     for spheres in counts {
         let share = |limit: usize| limit.saturating_mul(spheres) / options.spheres.max(1);
         let (edges, faces) = (options.edges.map(share), options.faces.map(share));
         let options = BuildOptions { spheres, edges, faces, ..*options };
         let starts: Vec<Start> =
-            once(Start::Finer(Box::new(search))).chain(seeds(&options, options.searches.unwrap_or(0))).collect();
-        let [from, to] = [done, done + spheres].map(|spheres| spheres as f32 / whole as f32);
-        done += spheres;
+            once(Start::Finer(Box::new(search))).chain(seeds(&options, level_searches(&options, spheres))).collect();
+        let [from, to] = [done, done + work(&options, spheres)].map(|done| done as f32 / whole as f32);
+        done += work(&options, spheres);
         search = best(judge, mesh, &options, &starts, &between(progress, from, to))?;
         levels.push(finish(search.built(judge.solid)?));
     }
@@ -213,8 +235,7 @@ pub(super) fn finest(
     options: &BuildOptions,
     progress: &Progress,
 ) -> Result<Search, BuildError> {
-    let count = options.searches.unwrap_or_else(|| searches(mesh.triangles.len(), options.spheres.max(1)));
-    let starts: Vec<Start> = seeds(options, count.max(1)).collect();
+    let starts: Vec<Start> = seeds(options, finest_searches(mesh, options)).collect();
     best(judge, mesh, options, &starts, progress)
 }
 

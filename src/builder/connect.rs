@@ -181,7 +181,7 @@ fn missing_edges(complex: &Complex, candidate: &Primitive) -> Vec<[u32; 2]> {
 
 fn has(complex: &Complex, candidate: &Primitive) -> bool {
     match candidate {
-        Primitive::Slab(f) => complex.faces.contains(f),
+        Primitive::Slab(f) => complex.faces.binary_search(f).is_ok(),
         _ => missing_edges(complex, candidate).is_empty(),
     }
 }

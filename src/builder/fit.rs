@@ -33,8 +33,8 @@ pub struct FitOptions {
     pub max_error: Option<f32>,
     /// All levels of detail, down to one sphere a component; else the finest alone.
     pub levels: bool,
-    /// How often each level is sought from other samples, of which the best is taken. `None`: the finest one to three times, as time allows; the
-    /// others come of the finer ones alone.
+    /// How often each level is sought from other samples, of which the best is taken. `None`: the finest one to three times, as time allows; others
+    /// the more often the coarser they are, up to four times.
     pub searches: Option<usize>,
     /// The same seed gives the same result.
     pub seed: u64,
@@ -66,7 +66,7 @@ pub fn fit(
     let solid = Solid::new(mesh)?;
     let judge = Judge::new(&solid, options.seed);
     let level = |built: Built| Level { error: measure(&solid.mesh, &built.axis), axis: built.axis };
-    let share = |spheres: usize| if options.levels { finest_share(spheres) } else { 1.0 };
+    let share = |spheres: usize| if options.levels { finest_share(mesh, &with(spheres)) } else { 1.0 };
     let trial = |spheres: usize| -> Result<(Search, Level), BuildError> {
         let search = finest(&judge, mesh, &with(spheres), &between(progress, 0.0, share(spheres)))?;
         let level = level(search.built(&solid)?);

@@ -8,7 +8,6 @@
 
 use std::{
     fs,
-    hash::{BuildHasher, RandomState},
     path::{Path, PathBuf},
 };
 
@@ -20,6 +19,7 @@ use super::{Deviation, TwoSidedError};
 use crate::{
     geometry::Sphere,
     medial_axis::{MedialAxis, MedialAxisError, ma::MaFile},
+    whole_file,
 };
 
 const MAGIC: [u8; 6] = *b"medial";
@@ -188,14 +188,8 @@ impl MedialLevels {
     /// # Errors
     /// Names the file that the system does not write.
     pub fn save(&self, path: &Path) -> Result<(), MedialFileError> {
-        // Nobody else writes one of that name, on whatever machine.
-        let temporary = path.with_extension(format!("{:016x}.tmp", RandomState::new().hash_one(path)));
-        let written = fs::write(&temporary, self.to_bytes()).and_then(|()| fs::rename(&temporary, path));
-        written.map_err(|source| {
-            // What is left of it does no harm if this fails too.
-            let _ = fs::remove_file(&temporary);
-            MedialFileError::Io { path: path.into(), source }
-        })
+        let written = whole_file::write(path, &self.to_bytes());
+        written.map_err(|source| MedialFileError::Io { path: path.into(), source })
     }
 }
 

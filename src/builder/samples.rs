@@ -5,7 +5,10 @@ use std::f32::consts::{PI, TAU};
 
 use glam::Vec3;
 
-use crate::geometry::{Primitive, Sphere};
+use crate::{
+    geometry::{Primitive, Sphere},
+    medial_axis::face_normals,
+};
 
 /// Least number of points on a patch with curvature, so that small ones are seen from all sides.
 const LEAST: f32 = 32.0;
@@ -132,14 +135,9 @@ fn square(count: u32, start: f64) -> impl Iterator<Item = [f32; 2]> {
 
 /// The two flat faces of a slab.
 fn faces([a, b, c]: [Sphere; 3]) -> Option<[Patch; 2]> {
-    let (e2, e3) = (b.center - a.center, c.center - a.center);
-    let area = e2.cross(e3);
-    let normal = area.try_normalize()?;
-    // In-plane gradient of the radius.
-    let g = (e3.cross(area) * (b.radius - a.radius) - e2.cross(area) * (c.radius - a.radius)) / area.length_squared();
-    let out = normal * (1.0 - g.length_squared()).max(0.0).sqrt();
+    let normals = face_normals(&[a, b, c], [0, 1, 2])?.map(|normal| normal.as_vec3());
     let face = |n: Vec3| Patch::Triangle([a, b, c].map(|s| s.center + n * s.radius));
-    g.is_finite().then(|| [face(out - g), face(-out - g)])
+    normals.iter().all(|n| n.is_finite()).then(|| normals.map(face))
 }
 
 #[cfg(test)]

@@ -76,6 +76,14 @@ fn body(parts: &[u32], touching: &BTreeSet<[u32; 2]>, part_count: usize) -> f64 
     bodies.sum::<f64>() / parts.len() as f64
 }
 
+/// How many there are.
+fn distinct(parts: &[u32]) -> usize {
+    let mut parts = parts.to_vec();
+    parts.sort_unstable();
+    parts.dedup();
+    parts.len()
+}
+
 impl Search {
     /// Spheres to start with.
     pub fn new(
@@ -95,16 +103,27 @@ impl Search {
         let ((area, vertices), (fine_area, fine_vertices)) = (count(COARSE, 1), count(FINE, 2));
         let coarse = Samples::new(solid, area, vertices, seed).turned_outward(solid);
         let fine = Samples::new(solid, fine_area, fine_vertices, seed);
+        // Every second sample of a part that bounds it has a ball, so that no part goes without.
+        let mut has_ball = vec![false; solid.part_count];
+        let chosen: Vec<bool> = (coarse.normals.iter().zip(&coarse.parts))
+            .map(|(normal, &part)| {
+                let bounds = *normal != DVec3::ZERO;
+                has_ball[part as usize] ^= bounds;
+                bounds && has_ball[part as usize]
+            })
+            .collect();
         let balls = parallel::map(coarse.len(), 32, |i| {
-            let normal = coarse.normals[i];
-            (i % 2 == 0 && normal != DVec3::ZERO)
-                .then(|| medial_ball(solid, coarse.parts[i], coarse.points.positions[i], normal))
+            chosen[i].then(|| medial_ball(solid, coarse.parts[i], coarse.points.positions[i], coarse.normals[i]))
         });
         report(0.1)?;
         let at_first = ((spheres as f64 * SURPLUS) as usize).min(balls.iter().flatten().count());
         let clusters = clusters::cluster(&coarse, &balls, at_first, solid.part_count);
         if clusters.balls.is_empty() {
             return Err(BuildError::NoVolume);
+        }
+        let components = distinct(&clusters.parts);
+        if components > spheres {
+            return Err(BuildError::TooFewSpheres { components, spheres });
         }
         let mut complex = Complex { balls: clusters.balls, ..Complex::default() };
         let touching = connect::touching(&coarse, &clusters.labels);
@@ -126,20 +145,12 @@ impl Search {
         connect::connect(&mut complex, &clusters.parts, &touching, cones, &coarse, limits, &target);
         let (coarse, fine) = (coarse.into(), fine.into());
         let (parts, verdict) = (clusters.parts, Verdict::UNKNOWN);
-        let search = Self { coarse, fine, complex, parts, plan, verdict };
-        let components = search.full_components();
-        if components > spheres {
-            return Err(BuildError::TooFewSpheres { components, spheres });
-        }
-        Ok(search)
+        Ok(Self { coarse, fine, complex, parts, plan, verdict })
     }
 
     /// Components that have a sphere.
     pub fn full_components(&self) -> usize {
-        let mut parts = self.parts.clone();
-        parts.sort_unstable();
-        parts.dedup();
-        parts.len()
+        distinct(&self.parts)
     }
 
     /// Most spheres.

@@ -24,11 +24,11 @@ pub(super) struct Samples {
 /// How much a vertex counts beside a sample of the area.
 const VERTEX_WEIGHT: f64 = 0.1;
 
-/// Fewest samples of the area of a part.
-const LEAST_OF_PART: usize = 24;
+/// Fewest samples of the area of a part, where there are not too many parts, and where there are.
+const LEAST_OF_PART: [usize; 2] = [24, 2];
 
-/// How far from the surface the inside is looked for.
-const PROBE: f64 = 1e-4;
+/// How far from the surface the inside is looked for: nearer to it where the solid is too thin for the first.
+const PROBES: [f64; 2] = [1e-4, 1e-5];
 
 impl Samples {
     /// About `count` samples of the area, and up to `vertices` vertices. A part that is too small for its share has some more.
@@ -65,7 +65,7 @@ impl Samples {
         }
         let mut seen = vec![0; solid.part_count];
         parts.iter().for_each(|&part| seen[part as usize] += 1);
-        let least = LEAST_OF_PART.min(count / solid.part_count);
+        let least = LEAST_OF_PART[0].min(count / solid.part_count).max(LEAST_OF_PART[1]);
         let is_small = |index: usize| seen[solid.parts[index] as usize] < least;
         let small: Vec<usize> = (0..triangles.len()).filter(|&index| is_small(index)).collect();
         let mut part_areas = vec![0.0; solid.part_count];
@@ -101,13 +101,15 @@ impl Samples {
 
 /// The normal or its opposite, whichever leads out of the solid, or zero.
 fn outward(solid: &Solid, point: DVec3, normal: DVec3) -> DVec3 {
-    let below = solid.tree.is_inside(point - normal * PROBE);
-    let above = solid.tree.is_inside(point + normal * PROBE);
-    match (below, above) {
-        (true, false) => normal,
-        (false, true) => -normal,
-        _ => DVec3::ZERO,
+    for probe in PROBES.map(|probe| normal * probe) {
+        match [point - probe, point + probe].map(|place| solid.tree.is_inside(place)) {
+            [true, false] => return normal,
+            [false, true] => return -normal,
+            [true, true] => break,
+            [false, false] => {}
+        }
     }
+    DVec3::ZERO
 }
 
 /// Splitmix64.

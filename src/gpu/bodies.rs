@@ -1,6 +1,6 @@
 //! Bodies and statics as the GPU has them.
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 use super::{
     layout::{self, BOX_SHAPE, NO_OWNER, OTHER_SHAPE},
@@ -101,7 +101,7 @@ fn single_box(parts: &dyn ConvexParts) -> Option<(Vec3, f32)> {
     let Aabb { min, max } = parts.aabb();
     let all = Aabb { min: min * 2.0, max: max * 2.0 };
     match &parts.within(&all)[..] {
-        [part] if part.pose.rotation.is_near_identity() && part.pose.translation == parts.aabb().center() => {
+        [part] if part.pose.rotation == Quat::IDENTITY && part.pose.translation == parts.aabb().center() => {
             match part.core {
                 Core::Cuboid(half) => Some((half, part.rounding)),
                 _ => None,

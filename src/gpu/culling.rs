@@ -36,9 +36,12 @@ use super::{
 };
 use crate::{
     constants::TOUCH_DISTANCE,
-    geometry::{Aabb, Sphere},
+    geometry::Aabb,
     pipeline::{Candidates, Statics, StepInput, Widening},
 };
+
+/// How many bodies tell where most of them are, about.
+const SAMPLED: usize = 512;
 
 /// Passes of which times are told.
 const PASSES: u32 = 7;
@@ -210,7 +213,7 @@ impl GpuCulling {
         }
         self.shapes.upload(gpu, buffers)?;
 
-        let space = Aabb::from_spheres(bodies.iter().map(|body| Sphere::new(body.position, 0.0)));
+        let space = most_of(bodies.iter().map(|body| body.position));
         // Cells of bodies in one place are as small as they may be and countable.
         let size = (space.max - space.min).max(Vec3::splat(1e-30));
         let GpuCapacity { pairs, chords, candidates, survivors } = self.capacity;
@@ -338,7 +341,7 @@ impl GpuCulling {
         self.times =
             batch.labels.into_iter().zip(self.timer.durations(&data[batch.room.times_at() as usize..])).collect();
         self.staging.push(batch.staging);
-        self.expected = Room::for_counts(&counts);
+        self.expected = self.expected.followed_by(Room::for_counts(&counts));
         batch.room.candidates(data)
     }
 
@@ -357,6 +360,20 @@ impl GpuCulling {
     }
 }
 
+/// A box that holds most of the points: a few that are far off would have all others share a cell.
+fn most_of(points: impl ExactSizeIterator<Item = Vec3>) -> Aabb {
+    let step = points.len().div_ceil(SAMPLED).max(1);
+    let sample: Vec<Vec3> = points.step_by(step).collect();
+    let Some(last) = sample.len().checked_sub(1) else { return Aabb::EMPTY };
+    let [low, high] = [last / 32, last - last / 32].map(|rank| {
+        Vec3::from(std::array::from_fn(|axis| {
+            let mut along: Vec<f32> = sample.iter().map(|point| point[axis]).collect();
+            *along.select_nth_unstable_by(rank, f32::total_cmp).1
+        }))
+    });
+    Aabb { min: low, max: high }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -365,6 +382,19 @@ mod tests {
         medial_axis::MedialAxis,
         pipeline::{Body, Shape},
     };
+
+    #[test]
+    fn a_few_far_off_do_not_tell_where_most_are() {
+        let place = |i: u32| Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32);
+        for (count, far) in [(1000, 0), (1000, 5), (10_000, 5), (3, 0), (1, 0)] {
+            let points = (0..count).map(|i| if i % 997 < far { Vec3::splat(-1e6) } else { place(i % 1000) });
+            let Aabb { min, max } = most_of(points.collect::<Vec<_>>().into_iter());
+            assert!(min.min_element() >= 0.0 && max.max_element() < 10.0 && (max - min).min_element() >= 0.0);
+            assert!(count < 1000 || (max - min).min_element() > 6.0, "{count}, {far}: {min} to {max}");
+        }
+        let Aabb { min, max } = most_of(std::iter::empty::<Vec3>().collect::<Vec<_>>().into_iter());
+        assert!(min.cmpgt(max).all());
+    }
 
     /// Two batches are on their way when it turns out that buffers are too small, as where nobody waits for them.
     #[test]

@@ -103,17 +103,17 @@ impl Prediction {
         loop {
             let is_departed = |side: &Side| side.body().is_some_and(|body| departed[body as usize]);
             kept.retain(|pair| !pair.sides.iter().any(is_departed));
-            let mut all = kept.clone();
+            let mut near = Vec::new();
             if departed.contains(&true) {
-                let near = pipeline::near_sides(input, statics, &widening, pool);
-                let near = near.into_iter().filter(|sides| sides.iter().any(is_departed));
-                all.extend(near.map(|sides| Candidates { sides, primitives: None }));
+                near = pipeline::near_sides(input, statics, &widening, pool);
+                near.retain(|sides| sides.iter().any(is_departed));
             }
-            if !widening.widen(input, all.iter().map(|pair| pair.sides)) {
-                return Some((all, departed.iter().filter(|departed| **departed).count()));
+            if !widening.widen(input, kept.iter().map(|pair| pair.sides).chain(near.iter().copied())) {
+                kept.extend(near.into_iter().map(|sides| Candidates { sides, primitives: None }));
+                return Some((kept, departed.iter().filter(|departed| **departed).count()));
             }
             for (body, departed) in departed.iter_mut().enumerate() {
-                *departed |= widening.is_wider(body);
+                *departed |= widening.is_wider(input, body);
             }
         }
     }

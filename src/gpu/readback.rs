@@ -38,6 +38,12 @@ impl Room {
         Self { pairs, survivors }
     }
 
+    /// Room for what is expected after a step that took `now`. It goes down slowly: what does not fit is looked for once more.
+    pub fn followed_by(self, now: Self) -> Self {
+        let most = |before: u32, now: u32| now.max(before - before / 16);
+        Self { pairs: most(self.pairs, now.pairs), survivors: most(self.survivors, now.survivors) }
+    }
+
     /// Where the survivors begin.
     pub fn survivors_at(self) -> u64 {
         Self::PAIRS_AT + u64::from(self.pairs) * size_of::<Pair>() as u64

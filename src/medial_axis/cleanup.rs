@@ -144,13 +144,15 @@ fn drop_covered(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mu
             let by = primitives[*other].indices();
             *other != number && indices.iter().all(|&i| by.iter().any(|&j| holds(j, i)))
         };
-        // Whatever covers the primitive covers its first sphere, whose box lies in that of the sphere which holds it, but for rounding.
-        let first = boxes[indices[0] as usize];
-        let core = first.inflated(-first.rounding());
+        // Whatever covers the primitive covers each of its spheres, whose box lies in that of the sphere which holds it, but for rounding. That of the
+        // fewest primitives has the fewest to ask.
+        let Some(sphere) = indices.iter().copied().min_by_key(|&i| users[i as usize].len()) else { return false };
+        let own = boxes[sphere as usize];
+        let core = own.inflated(-own.rounding());
         bvh.visit(
             |aabb| !covered.get() && aabb.contains(&core),
             |holder| {
-                if !covered.get() && holds(holder, indices[0]) && users[holder as usize].iter().any(covers) {
+                if !covered.get() && holds(holder, sphere) && users[holder as usize].iter().any(covers) {
                     covered.set(true);
                 }
             },

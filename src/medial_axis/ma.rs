@@ -10,13 +10,16 @@
 //! Blank lines and lines that start with `#` may stand anywhere. Records may come in any order, but in the numbers that
 //! the first line states.
 
-use std::fmt::Write;
+use std::{fmt::Write, io, path::Path};
 
 use glam::Vec3;
 use thiserror::Error;
 
 use super::{CleanupReport, MedialAxis, MedialAxisError};
-use crate::geometry::{Primitive, Sphere};
+use crate::{
+    geometry::{Primitive, Sphere},
+    whole_file,
+};
 
 /// The content of a `.ma` file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -194,6 +197,14 @@ pub fn write(file: &MaFile) -> String {
         let _ = writeln!(text, "f {i} {j} {k}");
     }
     text
+}
+
+/// Writes a `.ma` file, of which nobody sees a part: it gets its name when it is whole.
+///
+/// # Errors
+/// What the system says.
+pub fn save(path: &Path, file: &MaFile) -> io::Result<()> {
+    whole_file::write(path, write(file).as_bytes())
 }
 
 /// A text without the byte order mark that some programs begin it with.

@@ -30,9 +30,10 @@ use crate::geometry::{Aabb, Bvh, Primitive, Sphere};
 pub use cleanup::CleanupReport;
 pub(crate) use cleanup::numbers_of_kept;
 pub use mass::MassProperties;
-pub use surface::{Surface, triangulate};
+pub(crate) use surface::face_normals;
 #[cfg(feature = "debug")]
-pub(crate) use surface::{face_normals, mantle_directions};
+pub(crate) use surface::mantle_directions;
+pub use surface::{Surface, triangulate};
 
 /// Largest coordinate or radius of a shape, in metres: up to here no derived value overflows an f32.
 pub const MAX_EXTENT: f32 = 1.0e6;

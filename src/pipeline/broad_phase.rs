@@ -179,8 +179,6 @@ pub(crate) fn near_sides(input: &StepInput, statics: &Statics, widening: &Wideni
 pub(crate) struct Widening {
     /// How far each body can carry along what it hits, or is carried itself, in metres.
     carries: Vec<f32>,
-    /// How far each is carried.
-    carried: Vec<f32>,
     /// By how much what may carry it turns, in radians, up to 2: no chord of a turn is longer than twice the arm. Empty, as what follows counts for
     /// nothing then, if nobody carries.
     turns: Vec<f32>,
@@ -205,8 +203,6 @@ impl Widening {
         };
         self.carries.clear();
         self.carries.extend(input.bodies.iter().map(carries));
-        self.carried.clear();
-        self.carried.resize(input.bodies.len(), 0.0);
         self.turns.clear();
         if self.carries.iter().all(|&way| way == 0.0) {
             return;
@@ -235,18 +231,22 @@ impl Widening {
     pub fn margin(&self, input: &StepInput, body: usize) -> f32 {
         let slide = if input.bodies[body].stops { input.slide_way() } else { 0.0 };
         let turn = self.turns.get(body).map_or(0.0, |turn| turn * self.spans[body]);
-        0.5 * input.prediction + slide + self.carried[body] + turn
+        0.5 * input.prediction + slide + self.carried(input, body) + turn
+    }
+
+    /// How far a body is carried off its way, in metres.
+    fn carried(&self, input: &StepInput, body: usize) -> f32 {
+        if input.bodies[body].stops { self.carries[body] } else { 0.0 }
     }
 
     /// True for a body that is looked at: one that sleeps is if it may be carried along, and then meets what else sleeps or is at rest.
     pub fn is_awake(&self, input: &StepInput, body: usize) -> bool {
-        input.bodies[body].active || self.carried[body] > 0.0
+        input.bodies[body].active || self.is_wider(input, body)
     }
 
     /// True if a body may be carried off its way.
-    #[cfg(feature = "gpu")]
-    pub fn is_wider(&self, body: usize) -> bool {
-        self.carried[body] > 0.0
+    pub fn is_wider(&self, input: &StepInput, body: usize) -> bool {
+        self.carried(input, body) > 0.0
     }
 
     /// Takes in the pairs that have been found, as far as they may collide; true if bodies go farther than was known, and so may be in more pairs.
@@ -267,7 +267,6 @@ impl Widening {
                     let farther = self.carries[other] + self.beyond(input, body, other) - self.carries[body];
                     if farther > 0.0 {
                         self.carries[body] += farther;
-                        self.carried[body] += farther;
                         self.turns[body] = self.turns[body].max(self.turns[other]);
                         more = true;
                     }
@@ -283,17 +282,16 @@ impl Widening {
 
     /// What is joined with a body that is carried goes as far; true if that is farther than was known.
     fn join(&mut self, input: &StepInput) -> bool {
-        let Self { carries, carried, turns, assemblies, .. } = self;
+        let Self { carries, turns, assemblies, .. } = self;
         let mut more = false;
         for members in assemblies.iter().filter(|members| members.len() > 1) {
             let members = members.iter().map(|&(_, body)| body as usize).filter(|&body| input.bodies[body].stops);
             let most = |values: &[f32]| {
-                members.clone().filter(|&body| carried[body] > 0.0).map(|body| values[body]).fold(0.0, f32::max)
+                members.clone().filter(|&body| carries[body] > 0.0).map(|body| values[body]).fold(0.0, f32::max)
             };
             let (way, turn) = (most(carries), most(turns));
             for body in members {
                 if carries[body] < way {
-                    carried[body] += way - carries[body];
                     carries[body] = way;
                     turns[body] = turns[body].max(turn);
                     more = true;
@@ -340,6 +338,9 @@ fn near(
             let [a, b] = [index.min(other), index.max(other)].map(|i| &spheres[i as usize]);
             pairs.extend(between(input, widening, index, other).filter(|_| a.meets(b)));
         });
+        if !widening.is_awake(input, i) {
+            return;
+        }
         // The sphere has half of the prediction distance already.
         let reach = boxes[i].inflated(0.5 * input.prediction);
         statics.bvh.overlapping(&reach, |item| {

@@ -5,6 +5,7 @@
 
 use std::cmp::Ordering;
 
+use arrayvec::ArrayVec;
 use bevy::platform::collections::HashSet;
 use glam::{Vec3, Vec4};
 
@@ -18,7 +19,7 @@ use super::{
     with_spheres,
 };
 use crate::{
-    constants::{SAME_SPHERE, SEAM_REACH, VERTEX_NORMAL_COSINE},
+    constants::{CROSSING_END, CROSSING_SINE, SAME_SPHERE, SEAM_REACH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, Support, separation},
 };
@@ -203,7 +204,11 @@ pub(super) fn of_shapes(
                 let [settled1, settled2] = &mut *settled;
                 let spheres1 = SharedSpheres::new(shape1, primitive1, primitive2, settled1);
                 let spheres2 = SharedSpheres::new(shape2, primitive2, primitive1, settled2);
-                directions.learn(two_sided((&first, spheres1), (&second, spheres2), prediction, &mut push));
+                let (main, is_near) = two_sided((&first, spheres1), (&second, spheres2), prediction, &mut push);
+                if is_near {
+                    crossings(&first, &second, &main, prediction, &mut push);
+                }
+                directions.learn(main.normal);
             }
         }));
     };
@@ -268,14 +273,17 @@ fn collect_part(
         with_spheres!(hull, |first| match &part.core {
             Core::Cuboid(half) => {
                 if let (main, true) = one_sided((&first, NONE_SHARED), &Cuboid { half: *half }, within, &mut push) {
-                    let main = main.normal;
-                    corners(*half, -main, |corner| at_corner(&first, corner, main, within, &mut push));
+                    on_face(&first, &face(*half, -main.normal), &main, within, &mut push);
                 }
             }
             Core::Support(shape) => {
                 if let (main, true) = one_sided((&first, NONE_SHARED), &Support(&**shape), within, &mut push) {
-                    let (near, main) = (main.point2, main.normal);
-                    shape.face(-main, near, &mut |corner| at_corner(&first, corner, main, within, &mut push));
+                    let mut corners = ArrayVec::<Sphere, 4>::new();
+                    shape.face(-main.normal, main.point2, &mut |corner| {
+                        // Four tell enough.
+                        let _ = corners.try_push(Sphere::new(corner, 0.0));
+                    });
+                    on_face(&first, &corners, &main, within, &mut push);
                 }
             }
             Core::Hull(hull) => with_spheres!(*hull, |second| {
@@ -285,53 +293,103 @@ fn collect_part(
     });
 }
 
-/// The corners of a box's face that looks along `direction`.
-fn corners(half: Vec3, direction: Vec3, mut visit: impl FnMut(Vec3)) {
+/// The corners of a box's face that looks along `direction`, one after the other around it.
+fn face(half: Vec3, direction: Vec3) -> [Sphere; 4] {
     let axis = direction.abs().max_position();
     let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-    for (side_u, side_v) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
+    [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)].map(|(side_u, side_v)| {
         let mut corner = half * direction.signum();
         corner[u] = side_u * half[u];
         corner[v] = side_v * half[v];
-        visit(corner);
-    }
+        Sphere::new(corner, 0.0)
+    })
 }
 
-/// A corner of the other side, if it is near and faces the same way as the nearest points: a small box on a large slab rests on its corners.
-fn at_corner<const N: usize>(
+/// The corners of the other side's face that are near and face the same way as the nearest points: a small box on a large slab rests on its corners. And
+/// where edges cross.
+fn on_face<const N: usize>(
     first: &[Sphere; N],
-    corner: Vec3,
-    main: Vec3,
+    face: &[Sphere],
+    main: &Separation,
     prediction: f32,
     push: &mut impl FnMut(&Separation),
 ) {
-    let point = Sphere::new(corner, 0.0);
-    if N > 1 && Aabb::from_spheres(*first).inflated(prediction).overlaps(&Aabb::from_spheres([point])) {
-        let theirs = separation(first, &[point], 0);
-        if theirs.distance <= prediction && theirs.normal.dot(main) >= VERTEX_NORMAL_COSINE {
-            push(&theirs);
+    if N == 1 {
+        return;
+    }
+    let around = Aabb::from_spheres(*first).inflated(prediction);
+    for corner in face.iter().filter(|corner| around.overlaps(&Aabb::from_spheres([**corner]))) {
+        at_feature(&separation(first, &[*corner], 0), main.normal, prediction, push);
+    }
+    crossings(first, face, main, prediction, push);
+}
+
+/// Where edges of either side that lie on the other side cross: a rod across a wall rests on both edges of the wall, and has its ends in the air.
+fn crossings(
+    first: &[Sphere],
+    second: &[Sphere],
+    main: &Separation,
+    prediction: f32,
+    push: &mut impl FnMut(&Separation),
+) {
+    // Of two cones the nearest points are all there is.
+    if first.len() < 2 || second.len() < 2 || first.len() + second.len() < 5 {
+        return;
+    }
+    let normal = main.normal;
+    for ours in lying(first, main.point1, normal, prediction) {
+        for theirs in lying(second, main.point2, -normal, prediction) {
+            let Some([sphere1, sphere2]) = crossing(&ours, &theirs, normal) else { continue };
+            let point1 = sphere1.center + normal * sphere1.radius;
+            let point2 = sphere2.center - normal * sphere2.radius;
+            let distance = (point2 - point1).dot(normal);
+            if distance <= prediction {
+                push(&Separation { distance, point1, point2, ..*main });
+            }
         }
     }
 }
 
+/// The spheres of two edges that lie one over the other, seen along the normal. None near an end, which is a contact if it lies on the other side: they
+/// would take turns.
+fn crossing(ours: &[Sphere; 2], theirs: &[Sphere; 2], normal: Vec3) -> Option<[Sphere; 2]> {
+    let [way1, way2] = [ours, theirs].map(|[a, b]| b.center - a.center);
+    let [length1, length2] = [way1, way2].map(Vec3::length);
+    let (apart, area) = (theirs[0].center - ours[0].center, way1.cross(way2).dot(normal));
+    let [along1, along2] = [way2, way1].map(|way| apart.cross(way).dot(normal) / area);
+    let end = CROSSING_END * length1.min(length2);
+    let is_within = |along: f32, length: f32| (end..length - end).contains(&(along * length));
+    let cross = area.abs() > CROSSING_SINE * length1 * length2;
+    (cross && is_within(along1, length1) && is_within(along2, length2))
+        .then(|| [ours[0].lerp(&ours[1], along1), theirs[0].lerp(&theirs[1], along2)])
+}
+
+/// The edges between spheres, or around a face, that lie in the plane of contact all along. `outward`: its normal, away from them.
+fn lying(spheres: &[Sphere], point: Vec3, outward: Vec3, prediction: f32) -> impl Iterator<Item = [Sphere; 2]> {
+    let is_low = move |sphere: &Sphere| (sphere.center - point).dot(outward) + sphere.radius >= -prediction;
+    let count = if spheres.len() == 2 { 1 } else { spheres.len() };
+    let edges = (0..count).map(|i| [spheres[i], spheres[(i + 1) % spheres.len()]]);
+    edges.filter(move |edge| edge.iter().all(is_low))
+}
+
 /// The nearest points of two primitives, and the nearest points of the other spheres on either side that face the same way:
-/// a cone on a floor, or beside another cone, touches along a line, and rests on both its ends. Returns the normal of the nearest points.
+/// a cone on a floor, or beside another cone, touches along a line, and rests on both its ends. Returns the nearest points, and whether they are near.
 fn two_sided<const N: usize, const M: usize>(
     (first, spheres1): (&[Sphere; N], SharedSpheres),
     (second, spheres2): (&[Sphere; M], SharedSpheres),
     prediction: f32,
     push: &mut impl FnMut(&Separation),
-) -> Vec3 {
+) -> (Separation, bool) {
     let (main, is_near) = one_sided((first, spheres1), second, prediction, push);
     if is_near && N > 1 && M > 1 {
         spheres2.each(second, |sphere| {
             is_on(sphere, main.point2, main.normal) || {
                 let theirs = separation(first, &[*sphere], 0);
-                at_sphere(&theirs, main.normal, prediction, push)
+                at_feature(&theirs, main.normal, prediction, push)
             }
         });
     }
-    main.normal
+    (main, is_near)
 }
 
 /// True if a point, the nearest of a primitive, has been found on this sphere. `normal`: along or against the outward normal there.
@@ -357,15 +415,15 @@ fn one_sided<const N: usize, B: Convex>(
         spheres.each(first, |sphere| {
             is_on(sphere, main.point1, main.normal) || {
                 let ours = separation(&[*sphere], second, 0);
-                at_sphere(&ours, main.normal, prediction, push)
+                at_feature(&ours, main.normal, prediction, push)
             }
         });
     }
     (main, true)
 }
 
-/// The contact of a sphere, if it is near and faces the same way as the nearest points. True if that is settled whatever these are.
-fn at_sphere(contact: &Separation, main: Vec3, prediction: f32, push: &mut impl FnMut(&Separation)) -> bool {
+/// The contact of a sphere, a corner or an edge, if it is near and faces the same way as the nearest points. True if that is settled whatever these are.
+fn at_feature(contact: &Separation, main: Vec3, prediction: f32, push: &mut impl FnMut(&Separation)) -> bool {
     let is_near = contact.distance <= prediction;
     let is_contact = is_near && contact.normal.dot(main) >= VERTEX_NORMAL_COSINE;
     if is_contact {

@@ -52,6 +52,10 @@ pub(super) fn manifolds(
     pool: &TaskPool,
 ) {
     parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
+        // Of those that sleep, and are not carried along, nobody asks.
+        if !pair.bodies().any(|body| input.bodies[body as usize].active || stops.leaves_way(body)) {
+            return;
+        }
         let Scratch { contact: buffers, contacts, reduce, found, laps: [finding, reducing], .. } = scratch;
         let mut lap = laps();
         let sides = [pair.first, pair.second];

@@ -137,6 +137,11 @@ impl Stops {
         self.course(body).filter(|course| course.state != State::Sliding).map_or(1.0, |course| course.from)
     }
 
+    /// True if a body leaves its way.
+    pub fn leaves_way(&self, body: u32) -> bool {
+        self.course(body).is_some()
+    }
+
     /// From when on a pair is to be searched again, as a fraction of the step, if its bodies leave their ways before the impact that was found on those.
     fn leaves(&self, pair: &BodyPair, impact: Option<Impact>) -> Option<f32> {
         let from = pair.bodies().filter_map(|body| self.course(body)).map(|course| course.from);
@@ -146,7 +151,7 @@ impl Stops {
 
     /// The bodies that end elsewhere, and the fractions at which they left their way for good.
     pub fn iter(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
-        (0..self.of.len() as u32).filter(|&body| self.course(body).is_some()).map(|body| (body, self.left(body)))
+        (0..self.of.len() as u32).filter(|&body| self.leaves_way(body)).map(|body| (body, self.left(body)))
     }
 
     /// Between which times of its own motion a body is from a fraction on, but for what it has slid. None if it has left it.
@@ -276,7 +281,8 @@ impl Assemblies {
     /// Those of the bodies of a step.
     pub fn set(&mut self, input: &StepInput) {
         self.0.clear();
-        self.0.extend((0..).zip(&input.bodies).filter_map(|(index, body)| Some((body.assembly?, index))));
+        let stopping = (0..).zip(&input.bodies).filter(|(_, body)| body.stops);
+        self.0.extend(stopping.filter_map(|(index, body)| Some((body.assembly?, index))));
         self.0.sort_unstable();
     }
 

@@ -19,7 +19,7 @@ use bevy::{
     tasks::{TaskPool, TaskPoolBuilder},
 };
 
-use super::{Changes, MedialMesh, build_cache::fit_cached, init_medial_axis};
+use super::{Changes, MedialMesh, MedialSystems, build_cache::fit_cached, init_medial_axis};
 use crate::{
     builder::{FitOptions, TriangleMesh, on_this_thread},
     medial_axis::MedialAxis,
@@ -93,7 +93,7 @@ impl Plugin for MedialBuildPlugin {
             .register_type::<MedialBuildStatus>()
             .register_type::<MedialMesh>()
             .insert_resource(Cache(self.cache.clone()))
-            .add_systems(Update, (leave_builds, join_builds, take_results).chain());
+            .add_systems(Update, (leave_builds, join_builds, take_results).chain().in_set(MedialSystems::Build));
     }
 }
 

@@ -135,6 +135,9 @@ impl MedialPhysicsPlugin {
 /// The plugin's systems within a step, in this order. Without the feature `rapier` there are the last two only, after Bevy has propagated transforms.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MedialSystems {
+    /// Shapes are built of meshes, where [`BuildMedialMesh`] asks for it. In `Update`.
+    #[cfg(feature = "bevy_mesh")]
+    Build,
     /// Colliders of loaded shapes are made. Before rapier takes over changes.
     Attach,
     /// Poses at the start of the step are noted. Right before rapier's step.

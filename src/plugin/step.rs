@@ -227,12 +227,14 @@ impl MedialStep {
         (self.workspace, self.output) = (workspace, output);
         #[cfg(feature = "gpu")]
         {
-            let (pairs, time) = (self.output.counts.primitive_pairs, self.output.times.total());
+            let pairs = self.output.counts.primitive_pairs;
             if self.input.culling == Culling::None {
                 self.gpu.look_ahead.asked = None;
             } else {
-                self.gpu.note(self.settings.backend, on_gpu, pairs, time);
+                let clock = Instant::now();
                 self.look_ahead(pairs);
+                self.output.times.broad += clock.elapsed();
+                self.gpu.note(self.settings.backend, on_gpu, pairs, self.output.times.total());
             }
         }
     }

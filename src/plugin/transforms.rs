@@ -43,8 +43,9 @@ pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
 /// Where something is, and its scale; none of what cannot be computed with.
 fn pose_of(transform: &GlobalTransform) -> Option<(Pose3, Vec3)> {
     let (scale, rotation, translation) = transform.to_scale_rotation_translation();
-    let pose = Pose3::from_parts(translation, rotation);
-    (is_sound_pose(&pose) && is_bounded(scale)).then_some((pose, scale))
+    let sound = is_sound_pose(&Pose3::from_parts(translation, rotation)) && is_bounded(scale);
+    // That of a stretched parent and a turned child is of no unit length.
+    sound.then(|| (Pose3::from_parts(translation, rotation.normalize()), scale))
 }
 
 /// The same of a medial mesh, which has one scale.
@@ -219,6 +220,17 @@ mod tests {
     use crate::plugin::{MedialBackend, MedialContactEnded, MedialContactStarted, MedialPhysicsPlugin};
 
     const RADIUS: f32 = 0.1;
+
+    #[test]
+    fn a_stretched_parent_turns_a_child_by_no_other_length() {
+        let parent = Transform::from_scale(Vec3::new(1.0, 1.4, 1.0));
+        let child = Transform::from_rotation(Quat::from_rotation_x(0.25 * std::f32::consts::PI));
+        let place = GlobalTransform::from(parent) * child;
+        let told = place.to_scale_rotation_translation().1.length();
+        assert!((told - 1.0).abs() > 1e-3, "{told}: nothing to put right");
+        let (pose, _) = pose_of(&place).unwrap();
+        assert!(pose.rotation.is_normalized());
+    }
 
     /// An app without rapier, each of whose updates is 1/60 s.
     fn app() -> App {

@@ -32,6 +32,11 @@ pub(super) struct Attached {
 }
 
 impl Attached {
+    /// True if the collider is that of the shape, and not one that the user has put there.
+    fn has_collider(&self) -> bool {
+        self.axis.is_some()
+    }
+
     /// True if that is the same still: the asset may have got other content under its name.
     fn is_of(&self, asset: AssetId<MedialAxis>, axis: Option<&MedialAxis>) -> bool {
         self.asset == asset && self.axis.as_ref().map(MedialAxis::address) == axis.map(MedialAxis::address)
@@ -80,7 +85,11 @@ pub(super) fn attach_shapes(
         let Some((finest, level, axis)) = leveled else {
             if let Some(LoadState::Failed(error)) = server.as_ref().and_then(|server| server.get_load_state(&mesh.0)) {
                 error!("{name}: its medial mesh did not load, so it collides with nothing: {error}");
-                entity.try_insert(wanted).try_remove::<(Collider, MedialLevel)>();
+                // A collider that stood in for it is the user's.
+                if attached.is_some_and(Attached::has_collider) {
+                    entity.try_remove::<(Collider, MedialLevel)>();
+                }
+                entity.try_insert(wanted);
             }
             continue;
         };
@@ -109,10 +118,12 @@ const UNSCALED: ColliderScale = ColliderScale::Absolute(Vec3::ONE);
 /// Takes back what a user has made of that: rapier would turn the medial shape into a compound of other shapes.
 pub(super) fn keep_unscaled(
     mut commands: Commands,
-    attached: Query<(Entity, Option<&ColliderScale>), (With<Attached>, With<Collider>)>,
+    attached: Query<(Entity, Option<&ColliderScale>, &Attached), With<Collider>>,
 ) {
-    for (entity, _) in attached.iter().filter(|(_, scale)| *scale != Some(&UNSCALED)) {
-        commands.entity(entity).try_insert(UNSCALED);
+    for (entity, scale, attached) in &attached {
+        if attached.has_collider() && scale != Some(&UNSCALED) {
+            commands.entity(entity).try_insert(UNSCALED);
+        }
     }
 }
 
@@ -121,11 +132,14 @@ pub(super) fn keep_unscaled(
 pub(super) fn detach_shape(
     removed: On<Remove, MedialMesh>,
     mut commands: Commands,
-    attached: Query<Has<StaticObb>, With<Attached>>,
+    shapes: Query<(Option<&Attached>, Has<StaticObb>)>,
 ) {
-    let Ok(has_box) = attached.get(removed.entity) else { return };
+    let Ok((attached, has_box)) = shapes.get(removed.entity) else { return };
     let mut entity = commands.entity(removed.entity);
-    entity.try_remove::<(Attached, Collider, ColliderScale, MedialLevel)>();
+    if attached.is_some_and(Attached::has_collider) {
+        entity.try_remove::<(Collider, ColliderScale, MedialLevel)>();
+    }
+    entity.try_remove::<Attached>();
     if has_box {
         // Unless the entity itself goes.
         entity.queue_silenced(|mut entity: EntityWorldMut| {
@@ -190,8 +204,15 @@ pub(super) fn attach_boxes(
 #[derive(Resource, Default)]
 pub(super) struct Freed(Vec<Entity>);
 
-pub(super) fn note_freed<C: Component>(removed: On<Remove, C>, mut freed: ResMut<Freed>) {
-    freed.0.push(removed.entity);
+pub(super) fn note_freed<C: Component>(
+    removed: On<Remove, C>,
+    physical: Query<(), Or<(With<RigidBody>, With<RapierColliderHandle>, With<Children>)>>,
+    mut freed: ResMut<Freed>,
+) {
+    // Much else has a parent, as the nodes of a menu.
+    if physical.contains(removed.entity) {
+        freed.0.push(removed.entity);
+    }
 }
 
 /// Gives a shape to the body that it belongs to by now, if it got another one or the first after its collider: rapier has it made anew, which otherwise

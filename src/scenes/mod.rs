@@ -15,7 +15,7 @@ use bevy_rapier3d::{
 
 use crate::{
     medial_axis::MedialAxis,
-    plugin::{MedialBudget, MedialMesh, MedialPhysicsPlugin, StaticObb},
+    plugin::{MedialBudget, MedialMesh, MedialPhysicsPlugin, MedialSystems, StaticObb},
 };
 
 pub use models::{Model, ModelError, load_models};
@@ -140,7 +140,7 @@ pub fn set_budget(app: &mut App, budget: MedialBudget) {
 
 /// Lets every [`Bullet`] of an app be as fast as it is.
 pub fn lift_speed_limits(app: &mut App) {
-    app.add_systems(PostUpdate, lift_limits.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation));
+    app.add_systems(PostUpdate, lift_limits.after(PhysicsSet::SyncBackend).before(MedialSystems::Snapshot));
 }
 
 fn lift_limits(

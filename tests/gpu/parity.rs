@@ -2,12 +2,14 @@
 
 use bevy::prelude::*;
 use bevy_medial::{
+    medial_axis::MedialAxis,
     prelude::*,
     scenes::{SCENES, Scene, headless_app},
 };
+use bevy_rapier3d::prelude::{Collider, RigidBody, Velocity};
 
 use crate::{
-    common::{DT, models},
+    common::{DT, models, position, spawn_flying},
     device,
     renderer::rendering_app,
 };
@@ -79,6 +81,32 @@ impl Latencies {
     pub fn answered(&self) -> usize {
         self.gpu[1..].iter().sum()
     }
+}
+
+/// A plate in a compound, tilted so little that over all of it the difference is that of its thickness many times.
+#[test]
+fn a_plate_that_is_all_but_level_is_not_culled_as_if_it_were() {
+    if device().is_none() {
+        return;
+    }
+    let [cpu, gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| {
+        let mut app = headless_app(DT);
+        app.world_mut().resource_mut::<MedialSettings>().backend = backend;
+        let plate = vec![(Vec3::ZERO, Quat::from_rotation_z(0.0025), Collider::cuboid(50.0, 0.01, 50.0))];
+        app.world_mut().spawn((RigidBody::Fixed, Collider::compound(plate)));
+        let ball = MedialAxis::sphere(0.05).unwrap();
+        let at = Transform::from_xyz(45.0, 0.26, 0.0);
+        let ball = spawn_flying(&mut app, ball, at, Velocity::linear(Vec3::Y * -10.0));
+        let mut stops = 0;
+        for _ in 0..4 {
+            app.update();
+            stops += app.world().resource::<MedialStep>().output.stops.len();
+        }
+        assert_eq!(culled_on_gpu(&app), backend == MedialBackend::Gpu);
+        (position(&mut app, ball), stops)
+    });
+    assert!(cpu.1 > 0, "it meets nothing");
+    assert_eq!(cpu, gpu);
 }
 
 /// Every scene on the CPU, with the GPU waited for, and with the GPU looking ahead.

@@ -564,3 +564,33 @@ fn what_lies_on_its_side_on_a_large_slab_touches_along_its_length() {
         }
     }
 }
+
+#[test]
+fn what_lies_across_something_narrower_rests_on_both_of_its_edges() {
+    let half = Vec3::new(0.15, 0.5, 2.0);
+    let beam = Shape::new(MedialAxis::rounded_box(half, 0.02).unwrap());
+    let cuboid = Collider::cuboid(half.x, half.y, half.z);
+    let corners: Vec<Vec3> =
+        (0..8).map(|i| half * Vec3::from([0, 1, 2].map(|bit| if i >> bit & 1 == 0 { -1.0 } else { 1.0 }))).collect();
+    let hull = Collider::convex_hull(&corners).unwrap();
+    let rod = MedialAxis::capsule(Vec3::X * -1.0, Vec3::X, 0.05).unwrap();
+    let plank = MedialAxis::rounded_box(Vec3::new(1.0, 0.05, 0.4), 0.05).unwrap();
+    for (what, axis, width) in [("rod", rod, 0.0), ("plank", plank, 0.35)] {
+        let shape = Shape::new(axis);
+        let seconds =
+            [("box", Second::Parts(&cuboid.raw)), ("hull", Second::Parts(&hull.raw)), ("medial", Second::Shape(&beam))];
+        for (name, second) in seconds {
+            for tilt in [-1e-4, 0.0, 1e-4] {
+                let pose12 = Pose3::from_parts(Vec3::Y * -(half.y + 0.05), Quat::from_rotation_z(tilt));
+                let places: Vec<Vec3> = contact::manifolds(&shape, second, &pose12, 0.01)
+                    .iter()
+                    .flat_map(Manifold::contacts)
+                    .map(|contact| contact.point1)
+                    .collect();
+                let rests_at = |x: f32, z: f32| places.iter().any(|p| p.x * x > 0.12 && p.z * z >= width - 0.01);
+                let all = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)].map(|(x, z)| rests_at(x, z));
+                assert_eq!(all, [true; 4], "{what} on {name}, tilted by {tilt}: {places:?}");
+            }
+        }
+    }
+}

@@ -1,7 +1,7 @@
 //! Bodies on joints.
 
 use bevy::prelude::*;
-use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_medial::{medial_axis::MedialAxis, pipeline::Side, prelude::*};
 use bevy_rapier3d::prelude::*;
 
 use crate::common::*;
@@ -103,4 +103,23 @@ fn links_of_a_multibody_collide_with_others_and_not_with_their_neighbours() {
     }
     assert!(links.iter().any(|&link| record.started.iter().any(|(_, m)| m.entity1 == link || m.entity2 == link)));
     assert!(rigid(&mut app, links[2]).linvel().length() < 1.0);
+}
+
+#[test]
+fn a_link_is_not_stopped_by_what_a_joint_holds_to_it() {
+    let mut app = app();
+    app.world_mut().spawn((StaticObb::new(0.05, 90.0, 90.0), Transform::from_xyz(4.0, 0.0, 0.0)));
+    let velocity = Vec3::X * 100.0;
+    let links = spawn_chain(&mut app, 2, Quat::IDENTITY, velocity, true);
+    let at = Transform::from_xyz(4.0 * (HALF + 0.06), 0.0, 0.0);
+    let sword = spawn_flying(&mut app, rod(), at, Velocity::linear(velocity));
+    app.world_mut().entity_mut(sword).insert(ImpulseJoint::new(links[1], ball_joint()));
+    let mut stopped = Vec::new();
+    for _ in 0..10 {
+        app.update();
+        let step = app.world().resource::<MedialStep>();
+        stopped.extend(step.output.stops.iter().map(|stop| step.info(Side::Body(stop.body)).entity));
+    }
+    assert!(stopped.contains(&sword), "it does not reach the wall");
+    assert!(!links.iter().any(|link| stopped.contains(link)), "{links:?} among {stopped:?}");
 }

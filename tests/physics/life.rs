@@ -112,6 +112,34 @@ fn a_failed_load_is_told_once_and_may_be_made_good() {
 }
 
 #[test]
+fn what_stands_in_for_a_shape_that_does_not_load_stays() {
+    let mut app = app();
+    let mesh = MedialMesh(app.world().resource::<AssetServer>().load("no such.ma"));
+    let body = (RigidBody::Dynamic, mesh.clone(), Collider::ball(0.5), Transform::from_scale(Vec3::splat(2.0)));
+    let body = app.world_mut().spawn(body).id();
+    wait(&mut app, &mesh, |state| matches!(state, LoadState::Failed(_)));
+    run(&mut app, 5);
+    let radius = |app: &App| app.world().get::<Collider>(body).unwrap().raw.as_ball().unwrap().radius;
+    assert_eq!(radius(&app), 1.0);
+    app.world_mut().entity_mut(body).remove::<MedialMesh>();
+    run(&mut app, 5);
+    assert_eq!(radius(&app), 1.0);
+}
+
+#[test]
+fn a_box_that_loses_its_shape_before_that_has_loaded_is_a_box() {
+    let mut app = app();
+    let mesh = MedialMesh(app.world().resource::<AssetServer>().load("no such.ma"));
+    let floor = app.world_mut().spawn((StaticObb::new(2.0, 0.5, 2.0), mesh, Transform::from_xyz(0.0, -0.5, 0.0))).id();
+    app.update();
+    assert!(app.world().get::<Collider>(floor).is_none());
+    app.world_mut().entity_mut(floor).remove::<MedialMesh>();
+    run(&mut app, 3);
+    assert_eq!(app.world().get::<RigidBody>(floor), Some(&RigidBody::Fixed));
+    assert!(app.world().get::<Collider>(floor).is_some_and(|collider| collider.as_cuboid().is_some()));
+}
+
+#[test]
 fn a_scale_that_no_shape_can_have_is_told_once() {
     log::keep();
     let mut app = app();

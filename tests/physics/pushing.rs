@@ -91,6 +91,30 @@ fn what_sleeps_is_taken_along_as_well() {
 }
 
 #[test]
+fn a_pile_that_sleeps_is_not_searched_for_contacts_because_somebody_walks_by() {
+    let mut app = app();
+    spawn_ground(&mut app);
+    let axis = MedialAxis::rounded_box(Vec3::splat(0.2), 0.02).unwrap();
+    let pile: Vec<Entity> = (0..2)
+        .map(|i| spawn_body(&mut app, axis.clone(), Transform::from_xyz(0.0, 0.2 + 0.4 * i as f32, 0.0)))
+        .collect();
+    let walker = spawn_plate(&mut app, false, RigidBody::KinematicVelocityBased, Vec3::new(-0.6, 1.1, 0.0));
+    run(&mut app, 200);
+    assert!(pile.iter().all(|&body| is_at_rest(&mut app, body)), "it does not sleep");
+    app.world_mut().entity_mut(walker).insert(Velocity::linear(Vec3::Z));
+    let mut looked_at = 0;
+    for _ in 0..10 {
+        app.update();
+        let output = &app.world().resource::<MedialStep>().output;
+        looked_at = looked_at.max(output.counts.body_pairs);
+        assert_eq!(output.counts.contacts, 0);
+    }
+    // Each with the ground, with each other, and one at least with who walks.
+    assert!(looked_at >= 4, "{looked_at}: nothing is near");
+    assert!(pile.iter().all(|&body| is_at_rest(&mut app, body)));
+}
+
+#[test]
 fn what_sleeps_before_a_wall_or_before_what_sleeps_there_is_not_pushed_through() {
     for kind in ["wall", "ball", "wall, all pairs"] {
         let mut app = app();

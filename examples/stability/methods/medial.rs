@@ -47,7 +47,7 @@ impl Medial {
             stop_at_impact: variant != Variant::Alternating,
             ..default()
         });
-        app.add_systems(PostUpdate, calm_bullets.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation));
+        app.add_systems(PostUpdate, calm_bullets.after(PhysicsSet::SyncBackend).before(MedialSystems::Snapshot));
         if variant == Variant::Alternating {
             alternating::add(&mut app);
         }

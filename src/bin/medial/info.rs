@@ -52,7 +52,7 @@ fn medial(path: &Path) -> Outcome {
     let _ = writeln!(text, "bounds: {min} to {max} m, diagonal {} m", max.distance(min));
     let mean = axis.spheres().iter().map(|s| f64::from(s.radius)).sum::<f64>() / axis.spheres().len() as f64;
     let greatest = axis.spheres().iter().map(|s| s.radius).fold(0.0, f32::max);
-    let _ = writeln!(text, "radii: {} to {greatest} m, mean {mean:.6} m", axis.min_radius());
+    let _ = writeln!(text, "radii: {} to {greatest} m, mean {} m", axis.min_radius(), mean as f32);
     let mass = axis.mass();
     let [x, y, z] = [mass.inertia.x_axis, mass.inertia.y_axis, mass.inertia.z_axis];
     let _ = writeln!(text, "volume: {} m^3, centre of mass: {} m", mass.volume, mass.center_of_mass);

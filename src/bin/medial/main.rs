@@ -131,7 +131,7 @@ fn read_file(path: &Path) -> Result<ma::MaFile, String> {
 }
 
 fn write_axis(path: &Path, axis: &MedialAxis) -> Result<(), String> {
-    fs::write(path, ma::write(&axis.into())).map_err(|error| at(path, format!("cannot be written: {error}")))
+    ma::save(path, &axis.into()).map_err(|error| at(path, format!("cannot be written: {error}")))
 }
 
 fn at(path: &Path, error: impl std::fmt::Display) -> String {

@@ -54,10 +54,12 @@ fn clip_ears(corners: &[u32], facing: impl Fn([u32; 3]) -> f64, triangles: &mut 
             triangles.push(ear);
             left.remove((at + 1) % count);
             tried = 0;
+            // The corner before may have become one.
+            at = (at.min(left.len() - 1) + left.len() - 1) % left.len();
         } else {
             tried += 1;
+            at = (at + 1) % count;
         }
-        at = (at + 1) % left.len();
     }
     triangles.extend(left[1..].windows(2).map(|pair| [left[0], pair[0], pair[1]]));
 }
@@ -94,6 +96,28 @@ mod tests {
                 assert!(least >= 0.0, "from corner {turn}: {triangles:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_long_strip_takes_time_with_the_square_of_its_corners() {
+        let asked = |count: u32| {
+            let half = count / 2;
+            let there = (0..half).map(|i| [i as f64, if i % 2 == 0 { 0.0 } else { 20.0 }]);
+            let back = (0..half).rev().map(|i| [i as f64, if i % 2 == 0 { 1.0 } else { 21.0 }]);
+            let places: Vec<[f64; 2]> = there.chain(back).collect();
+            let calls = std::cell::Cell::new(0u32);
+            let facing = |triangle: [u32; 3]| {
+                calls.set(calls.get() + 1);
+                let [[ax, ay], [bx, by], [cx, cy]] = triangle.map(|i| places[i as usize]);
+                (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+            };
+            let mut triangles = Vec::new();
+            clip_ears(&(0..count).collect::<Vec<_>>(), facing, &mut triangles);
+            assert_eq!(triangles.len() as u32, count - 2);
+            calls.get()
+        };
+        let [few, many] = [asked(100), asked(400)];
+        assert!(many < 20 * few, "{few} for 100 corners, {many} for 400");
     }
 
     #[test]
