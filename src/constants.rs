@@ -229,3 +229,6 @@ pub const SAME_PLACE: f32 = 1.0e-5;
 
 /// Cosine of the angle up to which contacts push the same way (a quarter of a degree).
 pub const SEAM_COSINE: f32 = 1.0 - 1.0e-5;
+
+/// The golden section: steps of that part of a turn, or of a list, fill it evenly however many they are.
+pub const GOLDEN_TURN: f64 = 0.381_966_011_250_105_1;

@@ -6,6 +6,7 @@ use std::f32::consts::{PI, TAU};
 use glam::Vec3;
 
 use crate::{
+    constants::GOLDEN_TURN,
     geometry::{Primitive, Sphere},
     medial_axis::face_normals,
 };
@@ -18,9 +19,6 @@ const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
 /// By how much a sphere must reach beyond a tangent plane, relative to the size of all, to count.
 const BEYOND: f32 = 1.0e-6;
-
-/// Turn from one point of a spiral over a sphere to the next.
-const GOLDEN_TURN: f64 = 0.381_966_011_250_105_1;
 
 /// A simple piece of surface.
 #[derive(Clone, Debug)]

@@ -35,7 +35,7 @@ use super::{
     timer::Timer,
 };
 use crate::{
-    constants::TOUCH_DISTANCE,
+    constants::{GOLDEN_TURN, TOUCH_DISTANCE},
     geometry::Aabb,
     pipeline::{Candidates, Statics, StepInput, Widening},
 };
@@ -213,7 +213,7 @@ impl GpuCulling {
         }
         self.shapes.upload(gpu, buffers)?;
 
-        let space = most_of(bodies.iter().map(|body| body.position));
+        let space = most_of(bodies.len(), |index| bodies[index].position);
         // Cells of bodies in one place are as small as they may be and countable.
         let size = (space.max - space.min).max(Vec3::splat(1e-30));
         let GpuCapacity { pairs, chords, candidates, survivors } = self.capacity;
@@ -361,10 +361,13 @@ impl GpuCulling {
 }
 
 /// A box that holds most of the points: a few that are far off would have all others share a cell.
-fn most_of(points: impl ExactSizeIterator<Item = Vec3>) -> Aabb {
-    let step = points.len().div_ceil(SAMPLED).max(1);
-    let sample: Vec<Vec3> = points.step_by(step).collect();
-    let Some(last) = sample.len().checked_sub(1) else { return Aabb::EMPTY };
+fn most_of(count: usize, point: impl Fn(usize) -> Vec3) -> Aabb {
+    // Not in even steps, which may go along with those of a grid that the bodies were spawned on.
+    let scattered = |i: usize| (i as f64 * GOLDEN_TURN).fract() * count as f64;
+    let sampled = count.min(SAMPLED);
+    let sample: Vec<Vec3> =
+        (0..sampled).map(|i| point(if sampled == count { i } else { scattered(i) as usize })).collect();
+    let Some(last) = sampled.checked_sub(1) else { return Aabb::EMPTY };
     let [low, high] = [last / 32, last - last / 32].map(|rank| {
         Vec3::from(std::array::from_fn(|axis| {
             let mut along: Vec<f32> = sample.iter().map(|point| point[axis]).collect();
@@ -387,12 +390,12 @@ mod tests {
     fn a_few_far_off_do_not_tell_where_most_are() {
         let place = |i: u32| Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32);
         for (count, far) in [(1000, 0), (1000, 5), (10_000, 5), (3, 0), (1, 0)] {
-            let points = (0..count).map(|i| if i % 997 < far { Vec3::splat(-1e6) } else { place(i % 1000) });
-            let Aabb { min, max } = most_of(points.collect::<Vec<_>>().into_iter());
+            let point = |i: usize| if i % 997 < far { Vec3::splat(-1e6) } else { place(i as u32 % 1000) };
+            let Aabb { min, max } = most_of(count, point);
             assert!(min.min_element() >= 0.0 && max.max_element() < 10.0 && (max - min).min_element() >= 0.0);
             assert!(count < 1000 || (max - min).min_element() > 6.0, "{count}, {far}: {min} to {max}");
         }
-        let Aabb { min, max } = most_of(std::iter::empty::<Vec3>().collect::<Vec<_>>().into_iter());
+        let Aabb { min, max } = most_of(0, |_| Vec3::ZERO);
         assert!(min.cmpgt(max).all());
     }
 
