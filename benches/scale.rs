@@ -223,7 +223,7 @@ struct Rain {
 }
 
 /// Of a shape of about 180 primitives.
-const SPHERES: usize = 140;
+const SPHERES: usize = 170;
 /// Bodies of a layer lie so far apart, in metres.
 const SPACING: f32 = 1.0;
 /// Of bodies above each other.
