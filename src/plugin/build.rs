@@ -35,7 +35,7 @@ use crate::{
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
-/// # use bevy_medial::{builder::FitOptions, prelude::*};
+/// # use bevy_medial::prelude::*;
 /// # use bevy_rapier3d::prelude::RigidBody;
 /// fn spawn(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>) {
 ///     let ring = Mesh3d(meshes.add(Torus::new(0.5, 1.0)));
