@@ -422,7 +422,7 @@ fn one_sided<const N: usize, B: Convex>(
     (main, true)
 }
 
-/// The contact of a sphere, a corner or an edge, if it is near and faces the same way as the nearest points. True if that is settled whatever these are.
+/// The contact of a sphere or a corner, if it is near and faces the same way as the nearest points. True if that is settled whatever these are.
 fn at_feature(contact: &Separation, main: Vec3, prediction: f32, push: &mut impl FnMut(&Separation)) -> bool {
     let is_near = contact.distance <= prediction;
     let is_contact = is_near && contact.normal.dot(main) >= VERTEX_NORMAL_COSINE;
