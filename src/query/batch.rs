@@ -10,6 +10,9 @@ use super::{
 };
 use crate::constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING};
 
+/// The square of a direction below which rounding hides its length.
+const LEAST_SQUARE: f32 = 1.0e-30;
+
 /// Pairs side by side: as many as the widest vectors hold. Narrower ones go in two or four, whose chains of operations overlap.
 const LANES: usize = 16;
 
@@ -280,7 +283,7 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
     fn advance<S: Simd>(&mut self, simd: S, max_fraction: f32) -> Ends {
         let fraction = f32x16::load_array(simd, self.fraction);
         let (first, second) = self.at(simd, fraction);
-        let (upper, normal) = nearest(&first, &second);
+        let (upper, direction) = nearest(&first, &second);
         let zero = upper.like(0.0);
         // The first of all stays at the origin.
         let moving1: [_; N] = each(
@@ -291,19 +294,18 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
             #[inline(always)]
             |i| (second[i], self.second[i].velocity(simd)),
         );
-        let (lower, until) = cleared(&moving1, &moving2, normal, zero);
         let tolerance = f32x16::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
         let touching = f32x16::load_array(simd, self.extent) * tolerance;
-        let near = lower.at_most(touching);
+        let (clear, until) = cleared(&moving1, &moving2, direction, zero, touching);
         let touch = upper.at_most(touching);
         let next = fraction + until;
         let apart = zero.like(max_fraction).less(next);
         let rounds = f32x16::load_array(simd, self.rounds) + zero.like(1.0);
         let many = zero.like(MAX_LANE_ADVANCES).at_most(rounds);
         self.rounds = rounds.into();
-        self.fraction = f32x16::select(touch | near, fraction, next).into();
-        let [touch, near, apart, many] = [touch, near, apart, many].map(mask32x16::to_bitmask);
-        Ends { touch, unclear: near | (many & !apart), apart }
+        self.fraction = f32x16::select(touch, fraction, next).into();
+        let [touch, clear, apart, many] = [touch, clear, apart, many].map(mask32x16::to_bitmask);
+        Ends { touch, unclear: !clear | (many & !apart), apart }
     }
 }
 
@@ -334,45 +336,51 @@ fn depart<R: Number, const N: usize, const M: usize>(
     let rounding = (extent1 + extent2 + from.length() + way.length()) * zero.like(CONTACT_ROUNDING);
     let mut fraction = zero;
     for direction in [from, nearest] {
-        let normal = direction * (zero.like(1.0) / direction.length());
-        let (gap, until) = cleared(&first, &second, normal, rounding);
-        fraction = fraction.greater(R::select(zero.less(gap), until, zero));
+        let (_, until) = cleared(&first, &second, direction, rounding, zero);
+        fraction = fraction.greater(until);
     }
     (fraction, zero.like(max_fraction).less(fraction))
 }
 
-/// The gap of both sides along a direction, less `rounding`, and how much time goes by until it is closed; nothing of either if the direction is
-/// not a unit vector. Relative to the first sphere of the first side.
+/// Whether both sides keep more than `margin` apart along a direction, and how much time goes by until the gap is closed; false and none if rounding
+/// hides where the direction leads. Spheres count as larger by `rounding`. Relative to the first sphere of the first side.
 #[inline(always)]
 fn cleared<R: Number, const N: usize, const M: usize>(
     first: &[Mover<R>; N],
     second: &[Mover<R>; M],
-    normal: Vector<R>,
+    direction: Vector<R>,
     rounding: R,
-) -> (R, R) {
+    margin: R,
+) -> (R::Mask, R) {
     let zero = rounding.like(0.0);
+    // Gaps and motions are those along the unit vector times this: their ratios, the times, are the same.
+    let length_squared = direction.length_squared();
+    let length = length_squared.sqrt();
     let high: [_; N] = each(
         #[inline(always)]
         |i| {
             let (ball, motion) = first[i];
-            let reach = ball.radius + rounding;
-            if i == 0 { (reach, zero) } else { (ball.center.dot(normal) + reach, motion.dot(normal)) }
+            let reach = (ball.radius + rounding) * length;
+            if i == 0 { (reach, zero) } else { (ball.center.dot(direction) + reach, motion.dot(direction)) }
         },
     );
+    // The least gap, and that closed first: a division is as dear as a dozen products.
     let mut least = rounding.like(f32::INFINITY);
-    let mut until = least;
+    let (mut next_gap, mut next_closing) = (least, rounding.like(1.0));
     for (ball, motion) in second {
-        let low = ball.center.dot(normal) - ball.radius;
-        let low_motion = motion.dot(normal);
+        let low = ball.center.dot(direction) - ball.radius * length;
+        let low_motion = motion.dot(direction);
         for (high, high_motion) in high {
             let (gap, closing) = (low - high, high_motion - low_motion);
             least = least.lesser(gap);
-            let time = zero.greater(gap) / closing;
-            until = R::select(zero.less(closing), until.lesser(time), until);
+            let sooner = zero.less(closing) & (gap * next_closing).less(next_gap * closing);
+            next_gap = R::select(sooner, gap, next_gap);
+            next_closing = R::select(sooner, closing, next_closing);
         }
     }
-    let sound = rounding.like(0.5).less(normal.length_squared());
-    (R::select(sound, least, zero), R::select(sound, until, zero))
+    let sound = rounding.like(LEAST_SQUARE).less(length_squared);
+    let clear = sound & (margin * length).less(least);
+    (clear, R::select(clear, next_gap / next_closing, zero))
 }
 
 /// The spheres of sixteen primitives, and their motions.
@@ -460,7 +468,7 @@ fn middle<T, R: Number, const N: usize>(spheres: &[T; N], vector: impl Fn(&T) ->
     sum * sum.x.like(1.0 / N as f32)
 }
 
-/// The least distance of two primitives, or more, and the unit direction from the first to the second where they are that near.
+/// The least distance of two primitives, or more, and a direction from the first to the second where they are that near.
 #[inline(always)]
 fn nearest<R: Number, const N: usize, const M: usize>(first: &[Ball<R>; N], second: &[Ball<R>; M]) -> (R, Vector<R>) {
     let apart = second[0].center - first[0].center;
@@ -508,7 +516,7 @@ fn nearest<R: Number, const N: usize, const M: usize>(first: &[Ball<R>; N], seco
             best.take_if(inside, gap - ball.radius, normal);
         }
     }
-    (best.upper, best.normal * (best.upper.like(1.0) / best.normal.length()))
+    (best.upper, best.normal)
 }
 
 /// The nearest so far.
