@@ -484,22 +484,36 @@ fn nearest<R: Number, const N: usize, const M: usize>(first: &[Ball<R>; N], seco
         #[inline(always)]
         |i| Edge::new(second[i], second[(i + 1) % M]),
     );
-    for ball in first {
-        for edge in &edges2[..edges(M)] {
-            let (gap, normal) = edge.gap(ball.center);
-            best.take(gap - ball.radius, -normal);
+    // Where there is a cone, the two ends that face each other are less work than every end. Two slabs have nine pairs of edges.
+    let facing = N.min(M) == 2;
+    if !facing {
+        for ball in first {
+            for edge in &edges2[..edges(M)] {
+                let (gap, normal) = edge.gap(ball.center);
+                best.take(gap - ball.radius, -normal);
+            }
+        }
+        for ball in second {
+            for edge in &edges1[..edges(N)] {
+                let (gap, normal) = edge.gap(ball.center);
+                best.take(gap - ball.radius, normal);
+            }
         }
     }
-    for ball in second {
-        for edge in &edges1[..edges(N)] {
-            let (gap, normal) = edge.gap(ball.center);
-            best.take(gap - ball.radius, normal);
-        }
-    }
-    for edge1 in &edges1[..edges(N)] {
-        for edge2 in &edges2[..edges(M)] {
-            let (gap, normal, inside) = edge1.crossing(edge2).gap(edge1, edge2);
+    for (i, edge1) in edges1[..edges(N)].iter().enumerate() {
+        for (j, edge2) in edges2[..edges(M)].iter().enumerate() {
+            let crossing = edge1.crossing(edge2);
+            let (gap, normal, inside) = crossing.gap(edge1, edge2);
             best.take_if(inside, gap, -normal);
+            if facing {
+                let [late1, late2] = crossing.facing(edge1, edge2);
+                let ball1 = Ball::select(late1, first[(i + 1) % N], first[i]);
+                let ball2 = Ball::select(late2, second[(j + 1) % M], second[j]);
+                let (gap, normal) = edge2.gap(ball1.center);
+                best.take(gap - ball1.radius, -normal);
+                let (gap, normal) = edge1.gap(ball2.center);
+                best.take(gap - ball2.radius, normal);
+            }
         }
     }
     if M == 3 {

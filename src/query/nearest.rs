@@ -42,13 +42,16 @@ impl<R: Number> Edge<R> {
         let growth = end.radius - start.radius;
         let length_squared = axis.length_squared();
         let mantle_squared = length_squared - growth * growth;
+        // One division for both quotients.
+        let product = (length_squared * mantle_squared).sqrt();
+        let inverse = growth.like(1.0) / (length_squared * product);
         Self {
             start,
             axis,
             growth,
             length_squared,
-            inverse: growth.like(1.0) / length_squared,
-            slope: growth / (length_squared * mantle_squared).sqrt(),
+            inverse: product * inverse,
+            slope: growth * (length_squared * inverse),
             proper: growth.like(0.0).less(mantle_squared),
         }
     }
@@ -100,19 +103,19 @@ impl<R: Number> Edge<R> {
         let across = u.cross(v);
         let det = across.length_squared();
         let inverse = det.like(1.0) / det;
-        let x = (alpha * vv + beta * uv) * inverse;
-        let y = -(beta * uu + alpha * uv) * inverse;
-        let flat = det.like(1.0) - (x * alpha - y * beta);
+        let (x, y) = (alpha * vv + beta * uv, beta * uu + alpha * uv);
+        let flat = det - (x * alpha + y * beta);
         let height = offset.dot(across);
-        let steep = det.like(1.0) / (det * flat).sqrt();
+        let steep = det.like(1.0) / flat.sqrt();
         let distance = height.abs() * steep;
         let p = distance * alpha - offset.dot(u);
         let q = -(distance * beta) - offset.dot(v);
         let s = (p * vv - q * uv) * inverse;
         let t = (p * uv - q * uu) * inverse;
-        let rise = flat * steep;
+        let rise = flat * steep * inverse;
         let rise = R::select(height.less(height.like(0.0)), -rise, rise);
-        Crossing { s, t, normal: u * x + v * y + across * rise, det, proper: flat.like(0.0).less(flat) }
+        let normal = u * (x * inverse) - v * (y * inverse) + across * rise;
+        Crossing { s, t, normal, det, proper: flat.like(0.0).less(flat) }
     }
 }
 
@@ -137,6 +140,20 @@ impl<R: Number> Crossing<R> {
         let (zero, one) = (self.s.like(0.0), self.s.like(1.0));
         let inside = zero.at_most(self.s) & self.s.at_most(one) & zero.at_most(self.t) & self.t.at_most(one);
         ((ball2.center - ball1.center).length() - ball1.radius - ball2.radius, self.normal, inside & self.proper)
+    }
+
+    /// Of each edge whether the end that faces the other edge is the second. As the gap is convex, the nearest spheres are among these ends and what is
+    /// nearest to them, unless they are inside of both. Of edges that are all but parallel it is the end towards which the gap of the middles falls.
+    #[inline(always)]
+    pub fn facing(&self, edge1: &Edge<R>, edge2: &Edge<R>) -> [R::Mask; 2] {
+        let (zero, half) = (self.s.like(0.0), self.s.like(0.5));
+        let parallel = edge1.length_squared * edge2.length_squared * zero.like(ILL_CONDITIONED);
+        let trusted = self.proper & parallel.less(self.det);
+        let apart = edge2.at(half).center - edge1.at(half).center;
+        let length = apart.length();
+        let s = R::select(trusted, self.s - half, apart.dot(edge1.axis) + edge1.growth * length);
+        let t = R::select(trusted, self.t - half, edge2.growth * length - apart.dot(edge2.axis));
+        [zero.less(s), zero.less(t)]
     }
 }
 

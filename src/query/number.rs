@@ -220,6 +220,16 @@ pub(super) struct Ball<R> {
     pub radius: R,
 }
 
+impl<R: Number> Ball<R> {
+    #[inline(always)]
+    pub fn select(mask: R::Mask, this: Self, other: Self) -> Self {
+        Self {
+            center: Vector::select(mask, this.center, other.center),
+            radius: R::select(mask, this.radius, other.radius),
+        }
+    }
+}
+
 impl From<Vec3> for Vector<f32> {
     #[inline(always)]
     fn from(v: Vec3) -> Self {
