@@ -26,7 +26,7 @@ pub struct BuildOptions {
     /// Largest number of faces; `None`: as for edges.
     pub faces: Option<usize>,
     /// How often a shape is sought, each time from other samples, of which the best is taken, and how often each level of a chain is sought beside
-    /// that which comes of the one before; `None`: the finest one to three times, as time allows, others the more often the coarser they are, up to
+    /// that which comes of the one before; `None`: the finest once or twice, as time allows, others the more often the coarser they are, up to
     /// four times.
     pub searches: Option<usize>,
     /// Seed of the surface samples.
@@ -109,16 +109,12 @@ pub enum BuildError {
     Asset(#[from] MedialAxisError),
 }
 
-/// Triangles per sphere for which there is one search more: the more of them, the longer a build may take.
-const TRIANGLES_PER_SEARCH: usize = 165;
-
-/// Most searches.
-const MOST_SEARCHES: usize = 3;
+/// Triangles per sphere from which on a build may take as long as two searches do.
+const TRIANGLES_FOR_TWO: usize = 165;
 
 /// How often a shape is sought if nothing is said, each time from other samples: which of many good shapes is found is chance.
 fn searches(triangles: usize, spheres: usize) -> usize {
-    let least = if is_quick(triangles, spheres) { 2 } else { 1 };
-    (1 + triangles / TRIANGLES_PER_SEARCH / spheres).clamp(least, MOST_SEARCHES)
+    if is_quick(triangles, spheres) || triangles / TRIANGLES_FOR_TWO >= spheres { 2 } else { 1 }
 }
 
 /// Spheres of all searches for a level together, and most searches, beside that which comes of the level before, if nothing is said: the fewer

@@ -5,9 +5,9 @@ use std::collections::{BTreeSet, HashSet};
 use glam::DVec3;
 
 use super::{
-    hull::{BLOCK, Ball, Hull, sample_sphere},
+    hull::{BLOCK, Ball, Hull, nearest_to_block, sample_sphere},
     parallel,
-    points::{PointBlock, Points},
+    points::Points,
 };
 use crate::{geometry::Primitive, medial_axis::numbers_of_kept};
 
@@ -180,9 +180,13 @@ impl Envelope {
         limit: f32,
         found: impl Fn(usize, u32, f32) -> R + Sync,
     ) -> Vec<R> {
+        let gaps_of = |middles| among.iter().map(|&p| self.hulls[p as usize].distances(middles)).collect();
+        let gaps_of_groups: Vec<Vec<[f32; BLOCK]>> = points.group_middles.iter().map(gaps_of).collect();
         parallel::flat_map(points.groups.len(), 1, |at, results| {
             let group = &points.groups[at];
-            let near = self.near(&group.bound, among, f64::from(limit));
+            let gaps = gaps_of_groups[at / BLOCK].iter().map(|gaps| gaps[at % BLOCK]);
+            let reach = (gaps.clone().fold(f32::INFINITY, f32::min) + group.radius).min(limit) + group.radius;
+            let near: Vec<u32> = among.iter().zip(gaps).filter(|(_, gap)| *gap <= reach).map(|(&p, _)| p).collect();
             let gaps: Vec<[f32; BLOCK]> =
                 near.iter().map(|&p| self.hulls[p as usize].distances(&group.middles)).collect();
             let mut least = [f32::INFINITY; BLOCK];
@@ -193,41 +197,12 @@ impl Envelope {
                 let reach = (least[lane] + radius).min(limit) + radius;
                 nearer.clear();
                 nearer.extend(near.iter().zip(&gaps).map(|(&p, gaps)| (p, gaps[lane])).filter(|n| n.1 <= reach));
-                let (primitives, distances) = self.nearest_to_block(&points.blocks[block], &nearer, limit);
+                let (primitives, distances) =
+                    nearest_to_block(&self.hulls, &nearer, &points.blocks[block].points, radius, limit);
                 let nearest = primitives.into_iter().zip(distances);
                 results.extend(points.range(block).zip(nearest).map(|(i, (p, d))| found(i, p, d)));
             }
         })
-    }
-
-    /// Those of some primitives that may be the nearest within a limit to a point in a ball.
-    fn near(&self, ball: &Ball, among: &[u32], limit: f64) -> Vec<u32> {
-        let gaps: Vec<f64> = among.iter().map(|&i| self.hulls[i as usize].distance(ball.center)).collect();
-        let reach = (gaps.iter().copied().fold(f64::INFINITY, f64::min) + ball.radius).min(limit) + ball.radius;
-        among.iter().zip(gaps).filter(|(_, gap)| *gap <= reach).map(|(&i, _)| i).collect()
-    }
-
-    /// The nearest of some primitives to each point of a block, and how far it is. Each comes with its distance to the block's middle.
-    fn nearest_to_block(&self, block: &PointBlock, among: &[(u32, f32)], limit: f32) -> ([u32; BLOCK], [f32; BLOCK]) {
-        let mut nearest = [0; BLOCK];
-        let mut least = [limit; BLOCK];
-        let mut farthest = limit;
-        // The first is likely to be the nearest to most; few others come nearer to any.
-        let first = among.iter().min_by(|a, b| a.1.total_cmp(&b.1));
-        let others = among.iter().filter(|other| Some(*other) != first);
-        for &(primitive, gap) in first.into_iter().chain(others) {
-            if gap > farthest + block.radius {
-                continue;
-            }
-            let distances = self.hulls[primitive as usize].distances(&block.points);
-            for i in 0..BLOCK {
-                let nearer = distances[i] < least[i];
-                least[i] = if nearer { distances[i] } else { least[i] };
-                nearest[i] = if nearer { primitive } else { nearest[i] };
-            }
-            farthest = least.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-        }
-        (nearest, least)
     }
 
     /// What a primitive is to a point.

@@ -33,7 +33,7 @@ pub struct FitOptions {
     pub max_error: Option<f32>,
     /// All levels of detail, down to one sphere a component; else the finest alone.
     pub levels: bool,
-    /// How often each level is sought from other samples, of which the best is taken. `None`: the finest one to three times, as time allows; others
+    /// How often each level is sought from other samples, of which the best is taken. `None`: the finest once or twice, as time allows; others
     /// the more often the coarser they are, up to four times.
     pub searches: Option<usize>,
     /// The same seed gives the same result.

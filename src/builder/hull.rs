@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u32x8};
 use glam::{DVec2, DVec3};
 
 use super::vectors::{Vectors, WIDTH, splat};
@@ -79,16 +79,20 @@ impl Hull {
     pub fn distances(&self, block: &Block) -> [f32; BLOCK] {
         let mut distances = [0.0; BLOCK];
         dispatch!(Level::new(), simd => {
-            let found = match self {
-                Hull::Sphere(ball) => Cone::new(*ball, *ball).distances(simd, block),
-                Hull::Cone(cone) => cone.distances(simd, block),
-                Hull::Slab(slab) => slab.distances(simd, block),
-            };
-            for (at, lanes) in found.iter().enumerate() {
+            for (at, lanes) in self.distances_in_lanes(simd, block).iter().enumerate() {
                 lanes.store_slice(&mut distances[at * WIDTH..(at + 1) * WIDTH]);
             }
         });
         distances
+    }
+
+    #[inline(always)]
+    fn distances_in_lanes<S: Simd>(&self, simd: S, block: &Block) -> Distances<S> {
+        match self {
+            Hull::Sphere(ball) => Cone::new(*ball, *ball).distances(simd, block),
+            Hull::Cone(cone) => cone.distances(simd, block),
+            Hull::Slab(slab) => slab.distances(simd, block),
+        }
     }
 
     /// Signed distance, and the weights of the nearest sphere.
@@ -137,6 +141,44 @@ impl Hull {
             }
         }
     }
+}
+
+/// Of a block of points the nearest of some hulls that is nearer than `limit`, or the first of all, and the distance to it, or `limit`. Each comes
+/// with its distance to the middle of the block, within whose radius the points are.
+pub(super) fn nearest_to_block(
+    hulls: &[Hull],
+    among: &[(u32, f32)],
+    block: &Block,
+    radius: f32,
+    limit: f32,
+) -> ([u32; BLOCK], [f32; BLOCK]) {
+    let (mut nearest, mut least) = ([0; BLOCK], [limit; BLOCK]);
+    // The first is likely to be the nearest to most; few others come nearer to any.
+    let first = among.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let others = among.iter().filter(|other| Some(*other) != first);
+    dispatch!(Level::new(), simd => {
+        let mut numbers = [u32x8::splat(simd, 0); BLOCK / WIDTH];
+        let mut distances = [f32x8::splat(simd, limit); BLOCK / WIDTH];
+        let mut farthest = limit;
+        for &(number, gap) in first.into_iter().chain(others) {
+            if gap > farthest + radius {
+                continue;
+            }
+            let found = hulls[number as usize].distances_in_lanes(simd, block);
+            for ((number_of, distance), found) in numbers.iter_mut().zip(&mut distances).zip(found) {
+                let nearer = found.simd_lt(*distance);
+                *distance = nearer.select(found, *distance);
+                *number_of = nearer.select(u32x8::splat(simd, number), *number_of);
+            }
+            let farther = distances[1..].iter().fold(distances[0], |a, b| a.max(*b));
+            farthest = farther.as_slice().iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        }
+        for (part, (number, distance)) in numbers.iter().zip(&distances).enumerate() {
+            number.store_slice(&mut nearest[part * WIDTH..(part + 1) * WIDTH]);
+            distance.store_slice(&mut least[part * WIDTH..(part + 1) * WIDTH]);
+        }
+    });
+    (nearest, least)
 }
 
 /// Fractional part of multiples of the golden ratio: evenly spread, whatever their number.

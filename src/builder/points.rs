@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::{
-    hull::{BLOCK, Ball, Block, Hull},
+    hull::{BLOCK, Block, Hull},
     vectors::{ROUNDING, Vectors, WIDTH},
 };
 
@@ -15,6 +15,8 @@ pub(super) struct Points {
     pub positions: Vec<DVec3>,
     pub blocks: Vec<PointBlock>,
     pub groups: Vec<Group>,
+    /// Middles of the groups.
+    pub group_middles: Vec<Block>,
 }
 
 /// Some points that follow one another.
@@ -28,26 +30,24 @@ pub(super) struct PointBlock {
 /// As many blocks as a block has points.
 #[derive(Clone)]
 pub(super) struct Group {
-    /// A ball around all points.
-    pub bound: Ball,
     /// Middles of the blocks.
     pub middles: Block,
+    /// As for a block.
+    pub radius: f32,
 }
 
 impl Points {
     pub fn new(positions: Vec<DVec3>) -> Self {
-        let bounds: Vec<Ball> = positions.chunks(BLOCK).map(bound).collect();
-        let blocks = positions
-            .chunks(BLOCK)
-            .zip(&bounds)
-            .map(|(points, bound)| PointBlock { points: block(points), radius: bound.radius as f32 + ROUNDING });
-        let blocks = blocks.collect();
-        let groups = positions.chunks(BLOCK * BLOCK).zip(bounds.chunks(BLOCK)).map(|(points, bounds)| Group {
-            bound: bound(points),
-            middles: block(&bounds.iter().map(|b| b.center).collect::<Vec<_>>()),
-        });
-        let groups = groups.collect();
-        Self { positions, blocks, groups }
+        let (middles, radii) = bounds(&positions, BLOCK);
+        let (group_middles, group_radii) = bounds(&positions, BLOCK * BLOCK);
+        let blocks = positions.chunks(BLOCK).zip(radii);
+        let groups = middles.chunks(BLOCK).zip(group_radii);
+        Self {
+            blocks: blocks.map(|(points, radius)| PointBlock { points: block(points), radius }).collect(),
+            groups: groups.map(|(middles, radius)| Group { middles: block(middles), radius }).collect(),
+            group_middles: group_middles.chunks(BLOCK).map(block).collect(),
+            positions,
+        }
     }
 
     /// The places of the points of a block.
@@ -86,9 +86,14 @@ fn block(points: &[DVec3]) -> Block {
     std::array::from_fn(|part| Vectors::new(std::array::from_fn(|lane| at(part * WIDTH + lane))))
 }
 
-/// A ball around points.
-fn bound(points: &[DVec3]) -> Ball {
-    let (min, max) = points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &p| (lo.min(p), hi.max(p)));
-    let center = (min + max) * 0.5;
-    Ball { center, radius: points.iter().map(|p| p.distance(center)).fold(0.0, f64::max) }
+/// Middles of so many points each, and radii: their greatest distance from it, and more than distances in f32 are off.
+fn bounds(points: &[DVec3], count: usize) -> (Vec<DVec3>, Vec<f32>) {
+    let bound = |points: &[DVec3]| {
+        let around = |(lo, hi): (DVec3, DVec3), &p: &DVec3| (lo.min(p), hi.max(p));
+        let (min, max) = points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), around);
+        let middle = (min + max) * 0.5;
+        let radius = points.iter().map(|p| p.distance(middle)).fold(0.0, f64::max);
+        (middle, radius as f32 + ROUNDING)
+    };
+    points.chunks(count).map(bound).unzip()
 }
