@@ -230,7 +230,9 @@ impl Target<'_> {
         parallel::flat_map(visible.len(), 32, |at, anchors| {
             let (i, weight) = visible[at];
             let (s, point) = (&places[i], points.positions[i]);
-            let Some((target, triangle)) = self.solid.closest_off_rims(point, near.get(i).copied()) else { return };
+            // Places follow one another.
+            let near = near.get(i).copied().or(anchors.last().map(|anchor: &Anchor| anchor.triangle));
+            let Some((target, triangle)) = self.solid.closest_off_rims(point, near) else { return };
             let away = point - target;
             let out = if away.length() > 1e-9 { away.normalize() } else { s.normal };
             // Where the envelope lies within the solid, the samples above see it, and without its jumps at creases.
