@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeSet, ops::Range};
 
+use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::{
@@ -144,12 +145,14 @@ pub(super) fn spend(
     let likely = LOOKED_AT.saturating_mul(room).min(waiting.len());
     let harms = parallel::map(likely, 2, |i| harm(complex, &waiting[i].1, target));
     waiting.iter_mut().zip(harms).for_each(|(waiting, harm)| waiting.2 = Some(harm));
-    loop {
-        waiting.retain(|(gain, c, _)| *gain > 0.0 && !has(complex, c) && fits(complex, c, limits));
-        // Gains only fall: the first whose gain, measured anew, leads still is the best.
+    waiting.retain(|(_, c, _)| fits(complex, c, limits));
+    // Gains only fall: the first whose gain, measured anew, leads still is the best.
+    let best = |waiting: &[(f64, Primitive, Option<f64>)]| {
         let best = (0..waiting.len())
             .max_by(|&a, &b| waiting[a].0.total_cmp(&waiting[b].0).then(waiting[b].1.cmp(&waiting[a].1)));
-        let Some(best) = best else { break };
+        best.filter(|&best| waiting[best].0 > 0.0)
+    };
+    while let Some(best) = best(&waiting) {
         let (before, first, harm) = waiting[best];
         let harm = harm.unwrap_or_else(|| self::harm(complex, &first, target));
         let fresh =
@@ -158,8 +161,8 @@ pub(super) fn spend(
         if fresh < before {
             continue;
         }
-        waiting.swap_remove(best);
         add(complex, &first);
+        waiting.retain(|(_, c, _)| !has(complex, c) && fits(complex, c, limits));
         let hull = Hull::new(&complex.balls, &first);
         let nearer: Vec<(usize, f64)> = nearer(&hull, samples, &distances).collect();
         nearer.into_iter().for_each(|(i, distance)| distances[i] = distance);
@@ -170,11 +173,11 @@ pub(super) fn spend(
 /// How many candidates are looked at for each that is added, about.
 const LOOKED_AT: usize = 5;
 
-fn missing_edges(complex: &Complex, candidate: &Primitive) -> Vec<[u32; 2]> {
+fn missing_edges(complex: &Complex, candidate: &Primitive) -> ArrayVec<[u32; 2], 3> {
     let edges = match *candidate {
-        Primitive::Sphere(_) => vec![],
-        Primitive::Cone(e) => vec![e],
-        Primitive::Slab(f) => edges_of(f).to_vec(),
+        Primitive::Sphere(_) => ArrayVec::new(),
+        Primitive::Cone(e) => ArrayVec::from_iter([e]),
+        Primitive::Slab(f) => ArrayVec::from(edges_of(f)),
     };
     edges.into_iter().filter(|e| complex.edges.binary_search(e).is_err()).collect()
 }
