@@ -2,20 +2,17 @@
 
 use std::f64::consts::{PI, TAU};
 
-use fearless_simd::{Level, Simd, dispatch, f32x8, prelude::*, u32x8};
+use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*, u32x16};
 use glam::{DVec2, DVec3};
 
-use super::vectors::{Vectors, WIDTH, splat};
-use crate::geometry::Primitive;
+use super::vectors::{Vectors, splat};
+use crate::{geometry::Primitive, query::number::Vector};
 
 /// Points of a block.
 pub(super) const BLOCK: usize = 16;
 
 /// The points of a block.
-pub(super) type Block = [Vectors; BLOCK / WIDTH];
-
-/// A number for each point of a block.
-type Distances<S> = [f32x8<S>; BLOCK / WIDTH];
+pub(super) type Block = Vectors<BLOCK>;
 
 /// A medial sphere in f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,20 +75,16 @@ impl Hull {
     /// Signed distances of a block of points, up to the rounding of an f32.
     pub fn distances(&self, block: &Block) -> [f32; BLOCK] {
         let mut distances = [0.0; BLOCK];
-        dispatch!(Level::new(), simd => {
-            for (at, lanes) in self.distances_in_lanes(simd, block).iter().enumerate() {
-                lanes.store_slice(&mut distances[at * WIDTH..(at + 1) * WIDTH]);
-            }
-        });
+        dispatch!(Level::new(), simd => self.distances_of(simd, block.load(simd)).store_slice(&mut distances));
         distances
     }
 
     #[inline(always)]
-    fn distances_in_lanes<S: Simd>(&self, simd: S, block: &Block) -> Distances<S> {
+    fn distances_of<S: Simd>(&self, simd: S, points: Vector<f32x16<S>>) -> f32x16<S> {
         match self {
-            Hull::Sphere(ball) => Cone::new(*ball, *ball).distances(simd, block),
-            Hull::Cone(cone) => cone.distances(simd, block),
-            Hull::Slab(slab) => slab.distances(simd, block),
+            Hull::Sphere(ball) => Cone::new(*ball, *ball).distances(simd, points),
+            Hull::Cone(cone) => cone.distances(simd, points),
+            Hull::Slab(slab) => slab.distances(simd, points),
         }
     }
 
@@ -157,26 +150,21 @@ pub(super) fn nearest_to_block(
     let first = among.iter().min_by(|a, b| a.1.total_cmp(&b.1));
     let others = among.iter().filter(|other| Some(*other) != first);
     dispatch!(Level::new(), simd => {
-        let mut numbers = [u32x8::splat(simd, 0); BLOCK / WIDTH];
-        let mut distances = [f32x8::splat(simd, limit); BLOCK / WIDTH];
+        let points = block.load(simd);
+        let (mut numbers, mut distances) = (u32x16::splat(simd, 0), f32x16::splat(simd, limit));
         let mut farthest = limit;
         for &(number, gap) in first.into_iter().chain(others) {
             if gap > farthest + radius {
                 continue;
             }
-            let found = hulls[number as usize].distances_in_lanes(simd, block);
-            for ((number_of, distance), found) in numbers.iter_mut().zip(&mut distances).zip(found) {
-                let nearer = found.simd_lt(*distance);
-                *distance = nearer.select(found, *distance);
-                *number_of = nearer.select(u32x8::splat(simd, number), *number_of);
-            }
-            let farther = distances[1..].iter().fold(distances[0], |a, b| a.max(*b));
-            farthest = farther.as_slice().iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            let found = hulls[number as usize].distances_of(simd, points);
+            let nearer = found.simd_lt(distances);
+            distances = nearer.select(found, distances);
+            numbers = nearer.select(u32x16::splat(simd, number), numbers);
+            farthest = distances.as_slice().iter().copied().fold(f32::NEG_INFINITY, f32::max);
         }
-        for (part, (number, distance)) in numbers.iter().zip(&distances).enumerate() {
-            number.store_slice(&mut nearest[part * WIDTH..(part + 1) * WIDTH]);
-            distance.store_slice(&mut least[part * WIDTH..(part + 1) * WIDTH]);
-        }
+        numbers.store_slice(&mut nearest);
+        distances.store_slice(&mut least);
     });
     (nearest, least)
 }
@@ -250,7 +238,7 @@ impl Cone {
     }
 
     #[inline(always)]
-    fn distances<S: Simd>(&self, simd: S, block: &Block) -> Distances<S> {
+    fn distances<S: Simd>(&self, simd: S, points: Vector<f32x16<S>>) -> f32x16<S> {
         // A degenerate cone is the sphere that holds the other.
         let (ball, along, widening, slant) = if self.slant.is_finite() {
             (self.from, self.along, self.widening, self.slant.clamp(-1e6, 1e6))
@@ -259,20 +247,15 @@ impl Cone {
             let (center, radius) = (self.from.center + self.along * t, self.from.radius + self.widening * t);
             (Ball { center, radius }, DVec3::ZERO, 0.0, 0.0)
         };
-        let all = |x: f64| f32x8::splat(simd, x as f32);
+        let all = |x: f64| f32x16::splat(simd, x as f32);
         let (radius, widening, length_squared) = (all(ball.radius), all(widening), all(along.length_squared()));
         let (slant, inverse) = (all(slant), all(self.inverse_length_squared));
-        let (from, along) = (splat(simd, ball.center), splat(simd, along));
-        let mut distances = [radius; BLOCK / WIDTH];
-        for (distance, points) in distances.iter_mut().zip(block) {
-            let offset = points.load(simd) - from;
-            let foot = offset.dot(along) * inverse;
-            let square = (offset - along * foot).length_squared();
-            let t = (foot + square.sqrt() * slant).max(0.0).min(1.0);
-            let past = t - foot;
-            *distance = (square + past * past * length_squared).sqrt() - (radius + t * widening);
-        }
-        distances
+        let (offset, along) = (points - splat(simd, ball.center), splat(simd, along));
+        let foot = offset.dot(along) * inverse;
+        let square = (offset - along * foot).length_squared();
+        let t = (foot + square.sqrt() * slant).max(0.0).min(1.0);
+        let past = t - foot;
+        (square + past * past * length_squared).sqrt() - (radius + t * widening)
     }
 
     #[inline]
@@ -335,30 +318,23 @@ impl Slab {
     }
 
     #[inline(always)]
-    fn distances<S: Simd>(&self, simd: S, block: &Block) -> Distances<S> {
+    fn distances<S: Simd>(&self, simd: S, points: Vector<f32x16<S>>) -> f32x16<S> {
         let [ab, bc, ac] = &self.cones;
-        let (mut least, bc, ac) = (ab.distances(simd, block), bc.distances(simd, block), ac.distances(simd, block));
-        for (least, (bc, ac)) in least.iter_mut().zip(bc.into_iter().zip(ac)) {
-            *least = least.min(bc).min(ac);
-        }
+        let least = ab.distances(simd, points).min(bc.distances(simd, points)).min(ac.distances(simd, points));
         let Some(slant) = self.slant else { return least };
-        let (from, normal) = (splat(simd, self.from.center), splat(simd, self.normal));
+        let (offset, normal) = (points - splat(simd, self.from.center), splat(simd, self.normal));
         let rows = (splat(simd, self.to_weights[0]), splat(simd, self.to_weights[1]));
         // Per distance from the plane: the shift of the weights, and the distance from the shifted sphere's centre.
         let [s, t] = self.to_weights.map(|row| row.dot(slant));
         let stretch = (1.0 + slant.length_squared()).sqrt();
-        let all = |x: f64| f32x8::splat(simd, x as f32);
+        let all = |x: f64| f32x16::splat(simd, x as f32);
         let (shift, stretch) = ((all(s), all(t)), all(stretch));
         let (radius, widening) = (all(self.from.radius), (all(self.widening[0]), all(self.widening[1])));
-        for (least, points) in least.iter_mut().zip(block) {
-            let offset = points.load(simd) - from;
-            let height = offset.dot(normal).abs();
-            let (s, t) = (offset.dot(rows.0) + height * shift.0, offset.dot(rows.1) + height * shift.1);
-            let distance = height * stretch - (radius + s * widening.0 + t * widening.1);
-            let within = s.min(t).min(1.0 - s - t).simd_ge(0.0);
-            *least = within.select(least.min(distance), *least);
-        }
-        least
+        let height = offset.dot(normal).abs();
+        let (s, t) = (offset.dot(rows.0) + height * shift.0, offset.dot(rows.1) + height * shift.1);
+        let distance = height * stretch - (radius + s * widening.0 + t * widening.1);
+        let within = s.min(t).min(1.0 - s - t).simd_ge(0.0);
+        within.select(least.min(distance), least)
     }
 
     fn closest(&self, point: DVec3) -> (f64, [f64; 3]) {

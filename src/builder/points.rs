@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::{
     hull::{BLOCK, Block, Hull},
-    vectors::{ROUNDING, Vectors, WIDTH},
+    vectors::ROUNDING,
 };
 
 /// Points in an order in which neighbours are near, cut into blocks, and these into groups.
@@ -83,7 +83,7 @@ impl Points {
 /// The last block is filled up with its last point.
 fn block(points: &[DVec3]) -> Block {
     let at = |i: usize| points[i.min(points.len() - 1)];
-    std::array::from_fn(|part| Vectors::new(std::array::from_fn(|lane| at(part * WIDTH + lane))))
+    Block::new(std::array::from_fn(at))
 }
 
 /// Middles of so many points each, and radii: their greatest distance from it, and more than distances in f32 are off.

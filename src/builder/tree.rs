@@ -7,7 +7,10 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8, prelude::*};
 use glam::DVec3;
 
-use super::vectors::{ROUNDING, Vectors, WIDTH, lanes, splat};
+use super::vectors::{ROUNDING, Vectors, lanes, splat};
+
+/// Children of a node, and triangles of a leaf.
+const WIDTH: usize = 8;
 use crate::query::number::Vector;
 
 /// Eight children, each with triangles that follow one another.
@@ -15,11 +18,11 @@ struct Node {
     /// Nodes, or from [`LEAF`] on leaves; the same as the last where there are fewer.
     children: [u32; WIDTH],
     /// Boxes; where there is no child, one that is infinitely far.
-    min: Vectors,
-    max: Vectors,
+    min: Vectors<WIDTH>,
+    max: Vectors<WIDTH>,
     /// Seen from afar the triangles of a child are a dipole: the sum of their area vectors, at their mean place.
-    dipole: Vectors,
-    middle: Vectors,
+    dipole: Vectors<WIDTH>,
+    middle: Vectors<WIDTH>,
     /// Beyond this distance from the middle the dipole stands for the triangles.
     far_squared: [f32; WIDTH],
 }
@@ -29,11 +32,11 @@ const LEAF: u32 = 1 << 31;
 
 /// Eight triangles, the last one again where there are fewer.
 struct Leaf {
-    corners: [Vectors; 3],
+    corners: [Vectors<WIDTH>; 3],
     /// Unit vectors in the plane, out of the edges 01, 12 and 20.
-    outward: [Vectors; 3],
+    outward: [Vectors<WIDTH>; 3],
     inverse_lengths_squared: [[f32; WIDTH]; 3],
-    normal: Vectors,
+    normal: Vectors<WIDTH>,
 }
 
 /// Triangles, sorted so that neighbours in the list are neighbours in space.

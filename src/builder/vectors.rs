@@ -1,41 +1,52 @@
-//! Eight vectors in memory, coordinate by coordinate.
+//! Vectors in memory, coordinate by coordinate.
 
-use fearless_simd::{Simd, f32x8, prelude::*};
+use fearless_simd::{Simd, f32x8, f32x16, prelude::*};
 use glam::DVec3;
 
 use crate::query::number::Vector;
 
-/// How many.
-pub(super) const WIDTH: usize = 8;
-
 /// More than distances of about 1 are off in f32.
 pub(super) const ROUNDING: f32 = 1e-5;
 
-/// Eight vectors.
+/// So many vectors.
 #[derive(Clone, Copy)]
-pub(super) struct Vectors([[f32; WIDTH]; 3]);
+pub(super) struct Vectors<const N: usize>([[f32; N]; 3]);
 
-impl Vectors {
-    pub fn new(vectors: [DVec3; WIDTH]) -> Self {
+impl<const N: usize> Vectors<N> {
+    pub fn new(vectors: [DVec3; N]) -> Self {
         Self(std::array::from_fn(|axis| vectors.map(|v| v[axis] as f32)))
     }
-
-    /// All eight, side by side.
-    #[inline(always)]
-    pub fn load<S: Simd>(&self, simd: S) -> Vector<f32x8<S>> {
-        let [x, y, z] = self.0;
-        Vector { x: f32x8::load_array(simd, x), y: f32x8::load_array(simd, y), z: f32x8::load_array(simd, z) }
-    }
 }
 
-/// A vector eight times.
+macro_rules! load {
+    ($($n:literal, $lanes:ident;)*) => {$(
+        impl Vectors<$n> {
+            /// All of them, side by side.
+            #[inline(always)]
+            pub fn load<S: Simd>(&self, simd: S) -> Vector<$lanes<S>> {
+                let [x, y, z] = self.0;
+                Vector {
+                    x: $lanes::load_array(simd, x),
+                    y: $lanes::load_array(simd, y),
+                    z: $lanes::load_array(simd, z),
+                }
+            }
+        }
+    )*};
+}
+load! {
+    8, f32x8;
+    16, f32x16;
+}
+
+/// A vector in each lane.
 #[inline(always)]
-pub(super) fn splat<S: Simd>(simd: S, vector: DVec3) -> Vector<f32x8<S>> {
+pub(super) fn splat<S: Simd, R: SimdBase<S, Element = f32>>(simd: S, vector: DVec3) -> Vector<R> {
     let [x, y, z] = vector.as_vec3().to_array();
-    Vector { x: f32x8::splat(simd, x), y: f32x8::splat(simd, y), z: f32x8::splat(simd, z) }
+    Vector { x: R::splat(simd, x), y: R::splat(simd, y), z: R::splat(simd, z) }
 }
 
-/// The lanes whose bits are set.
+/// The lanes whose bits are set, of eight.
 #[inline(always)]
 pub(super) fn lanes(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(
@@ -43,7 +54,7 @@ pub(super) fn lanes(mut bits: u64) -> impl Iterator<Item = usize> {
         move || {
             let lane = bits.trailing_zeros() as usize;
             bits &= bits.wrapping_sub(1);
-            (lane < WIDTH).then_some(lane)
+            (lane < 8).then_some(lane)
         },
     )
 }
