@@ -42,16 +42,13 @@ impl<R: Number> Edge<R> {
         let growth = end.radius - start.radius;
         let length_squared = axis.length_squared();
         let mantle_squared = length_squared - growth * growth;
-        // One division for both quotients.
-        let product = (length_squared * mantle_squared).sqrt();
-        let inverse = growth.like(1.0) / (length_squared * product);
         Self {
             start,
             axis,
             growth,
             length_squared,
-            inverse: product * inverse,
-            slope: growth * (length_squared * inverse),
+            inverse: growth.like(1.0) / length_squared,
+            slope: growth / (length_squared * mantle_squared).sqrt(),
             proper: growth.like(0.0).less(mantle_squared),
         }
     }
@@ -103,19 +100,19 @@ impl<R: Number> Edge<R> {
         let across = u.cross(v);
         let det = across.length_squared();
         let inverse = det.like(1.0) / det;
-        let (x, y) = (alpha * vv + beta * uv, beta * uu + alpha * uv);
-        let flat = det - (x * alpha + y * beta);
+        let x = (alpha * vv + beta * uv) * inverse;
+        let y = -(beta * uu + alpha * uv) * inverse;
+        let flat = det.like(1.0) - (x * alpha - y * beta);
         let height = offset.dot(across);
-        let steep = det.like(1.0) / flat.sqrt();
+        let steep = det.like(1.0) / (det * flat).sqrt();
         let distance = height.abs() * steep;
         let p = distance * alpha - offset.dot(u);
         let q = -(distance * beta) - offset.dot(v);
         let s = (p * vv - q * uv) * inverse;
         let t = (p * uv - q * uu) * inverse;
-        let rise = flat * steep * inverse;
+        let rise = flat * steep;
         let rise = R::select(height.less(height.like(0.0)), -rise, rise);
-        let normal = u * (x * inverse) - v * (y * inverse) + across * rise;
-        Crossing { s, t, normal, det, proper: flat.like(0.0).less(flat) }
+        Crossing { s, t, normal: u * x + v * y + across * rise, det, proper: flat.like(0.0).less(flat) }
     }
 }
 
