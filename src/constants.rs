@@ -42,6 +42,9 @@ pub const SHORTEST_TRIAL: f32 = 4.0;
 /// The same where many pairs are searched side by side, and a round costs less.
 pub const MAX_LANE_ADVANCES: f32 = 20.0;
 
+/// The square of a direction's length, in square metres, below which it leads nowhere: products of so small numbers are lost.
+pub const LEAST_SQUARE: f32 = 1.0e-30;
+
 /// Rounds after which the search gives up and says so.
 pub const MAX_ROUNDS: u32 = 1024;
 

@@ -8,10 +8,7 @@ use super::{
     separation::edges,
     time_of_impact::{Moving, TimeOfImpactStatus, time_of_impact_from},
 };
-use crate::constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING};
-
-/// The square of a direction below which rounding hides its length.
-const LEAST_SQUARE: f32 = 1.0e-30;
+use crate::constants::{CONTACT_ROUNDING, LEAST_SQUARE, MAX_LANE_ADVANCES, TOUCH_ROUNDING};
 
 /// Pairs side by side: as many as the widest vectors hold. Narrower ones go in two or four, whose chains of operations overlap.
 const LANES: usize = 16;
