@@ -136,7 +136,7 @@ impl Hull {
     }
 }
 
-/// Of a block of points the nearest of some hulls that is nearer than `limit`, or the first of all, and the distance to it, or `limit`. Each comes
+/// Of a block of points the number of the nearest of some hulls and the distance to it, or 0 and `limit` where none is nearer than that. A hull comes
 /// with its distance to the middle of the block, within whose radius the points are.
 pub(super) fn nearest_to_block(
     hulls: &[Hull],

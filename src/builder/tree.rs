@@ -7,7 +7,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8, prelude::*};
 use glam::DVec3;
 
-use super::vectors::{ROUNDING, Vectors, lanes, splat};
+use super::vectors::{ROUNDING, Vectors, splat};
 
 /// Children of a node, and triangles of a leaf.
 const WIDTH: usize = 8;
@@ -201,6 +201,19 @@ impl TriangleTree {
     pub fn is_inside(&self, point: DVec3) -> bool {
         self.winding(point).abs() > 0.5
     }
+}
+
+/// The lanes whose bits are set.
+#[inline(always)]
+fn lanes(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(
+        #[inline(always)]
+        move || {
+            let lane = bits.trailing_zeros() as usize;
+            bits &= bits.wrapping_sub(1);
+            (lane < WIDTH).then_some(lane)
+        },
+    )
 }
 
 /// Two halves along the widest axis, the left one with full leaves only.

@@ -45,16 +45,3 @@ pub(super) fn splat<S: Simd, R: SimdBase<S, Element = f32>>(simd: S, vector: DVe
     let [x, y, z] = vector.as_vec3().to_array();
     Vector { x: R::splat(simd, x), y: R::splat(simd, y), z: R::splat(simd, z) }
 }
-
-/// The lanes whose bits are set, of eight.
-#[inline(always)]
-pub(super) fn lanes(mut bits: u64) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(
-        #[inline(always)]
-        move || {
-            let lane = bits.trailing_zeros() as usize;
-            bits &= bits.wrapping_sub(1);
-            (lane < 8).then_some(lane)
-        },
-    )
-}
