@@ -145,7 +145,7 @@ pub(super) fn spend(
     let likely = LOOKED_AT.saturating_mul(room).min(waiting.len());
     let harms = parallel::map(likely, 2, |i| harm(complex, &waiting[i].1, target));
     waiting.iter_mut().zip(harms).for_each(|(waiting, harm)| waiting.2 = Some(harm));
-    waiting.retain(|(_, c, _)| fits(complex, c, limits));
+    waiting.retain(|(gain, c, _)| *gain > 0.0 && fits(complex, c, limits));
     // Gains only fall: the first whose gain, measured anew, leads still is the best.
     let best = |waiting: &[(f64, Primitive, Option<f64>)]| {
         let best = (0..waiting.len())

@@ -99,7 +99,8 @@ mod tests {
         };
         let before = judge.verdict(&bulging);
         let mended = |mends: usize| {
-            let plan = Plan { spheres: 4, edges: 3, faces: 0, rounds: 0, mends, steps: 4, spacing: 0.02 };
+            let plan =
+                Plan { spheres: 4, edges: 3, faces: 0, rounds: 0, mends, steps: 4, hurried: false, spacing: 0.02 };
             let (mut complex, mut parts, mut verdict) = (bulging.clone(), vec![0; 4], before.clone());
             let never = |_: f32| ControlFlow::Continue(());
             let end = mend(&mut complex, &mut parts, &mut verdict, &judge, &samples, &plan, &never);

@@ -9,6 +9,9 @@ thread_local! {
     static WITHIN: Cell<bool> = const { Cell::new(false) };
 }
 
+/// Tasks per thread: items differ in what they take.
+const TASKS: usize = 12;
+
 /// Runs a function with its loops where it is, so that the other cores are free for what is in more of a hurry.
 pub(crate) fn on_this_thread<R>(function: impl FnOnce() -> R) -> R {
     /// Of a panic as well.
@@ -43,7 +46,7 @@ pub(super) fn flat_map<R: Send + 'static>(
         results
     };
     let pool = ComputeTaskPool::get_or_init(TaskPool::default);
-    let chunk = count.div_ceil(pool.thread_num().max(1) * 4).max(least_per_task);
+    let chunk = count.div_ceil(pool.thread_num().max(1) * TASKS).max(least_per_task);
     if count <= chunk || WITHIN.get() {
         return of_range(0..count);
     }

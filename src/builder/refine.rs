@@ -60,6 +60,8 @@ pub(super) struct Plan {
     pub mends: usize,
     /// Steps of a descent within a round.
     pub steps: usize,
+    /// Whether the last descent is a short one, and the only one.
+    pub hurried: bool,
     /// Distance of points of the envelope.
     pub spacing: f64,
 }
@@ -89,6 +91,12 @@ pub(super) fn is_quick(triangles: usize, spheres: usize) -> bool {
     const TRIANGLES: usize = 2000;
     const SPHERES: usize = 60;
     triangles < TRIANGLES && spheres <= SPHERES
+}
+
+/// True for so few triangles a sphere that the time which suits the mesh does not allow for all.
+pub(super) fn is_hurried(triangles: usize, spheres: usize) -> bool {
+    const TRIANGLES_PER_SPHERE: usize = 100;
+    triangles < TRIANGLES_PER_SPHERE * spheres && !is_quick(triangles, spheres)
 }
 
 /// How much a sample outside of the envelope counts beside one within while spheres are sought: it stands for the way back as well, which is

@@ -25,6 +25,9 @@ use crate::{
 /// Samples of the area per sphere while spheres are sought, and vertices beside them.
 const COARSE: [usize; 2] = [60, 12];
 
+/// The same in a hurry.
+const COARSER: [usize; 2] = [36, 7];
+
 /// The same for the last descent.
 const FINE: [usize; 2] = [150, 75];
 
@@ -36,6 +39,9 @@ pub(super) const SPACING: [f64; 2] = [0.02, 0.012];
 
 /// Steps of the last descents, one by an even penalty, and one by a steeper one that sees creases.
 const LAST_STEPS: [usize; 2] = [16, 10];
+
+/// Steps of the only one in a hurry.
+const HURRIED_STEPS: usize = 8;
 
 /// From how much lesser errors on that penalty is steep.
 const STEEPER: f64 = 2.2;
@@ -96,11 +102,14 @@ impl Search {
         let report = |part: f32| if progress(part).is_break() { Err(BuildError::Cancelled) } else { Ok(()) };
         report(0.0)?;
         let spheres = options.spheres.clamp(1, MAX_SPHERES);
+        // Who says how often to seek has the time.
+        let hurried = options.searches.is_none() && refine::is_hurried(triangles, spheres);
         let count = |per_sphere: [usize; 2], factor: usize| {
             let area = (spheres * per_sphere[0]).clamp(SAMPLES[0] * factor, SAMPLES[1] * factor);
             (area, area * per_sphere[1] / per_sphere[0])
         };
-        let ((area, vertices), (fine_area, fine_vertices)) = (count(COARSE, 1), count(FINE, 2));
+        let ((area, vertices), (fine_area, fine_vertices)) =
+            (count(if hurried { COARSER } else { COARSE }, 1), count(FINE, 2));
         let coarse = Samples::new(solid, area, vertices, seed).turned_outward(solid);
         let fine = Samples::new(solid, fine_area, fine_vertices, seed);
         // Every second sample of a part that bounds it has a ball, so that no part goes without.
@@ -135,6 +144,7 @@ impl Search {
             rounds: Plan::rounds(triangles, spheres),
             mends: mend::rounds(triangles, spheres),
             steps: 4,
+            hurried,
             spacing: SPACING[0],
         };
         // Until the first descent an error of some thousandths is usual.
@@ -167,10 +177,8 @@ impl Search {
     pub fn coarser(&self, spheres: usize) -> Self {
         let share = |limit: usize| limit.saturating_mul(spheres) / self.plan.spheres;
         let (edges, faces) = (share(self.plan.edges), share(self.plan.faces));
-        Self {
-            plan: Plan { spheres, edges, faces, rounds: Plan::MOST_ROUNDS, mends: mend::MOST_ROUNDS, ..self.plan },
-            ..self.clone()
-        }
+        let (rounds, mends) = (Plan::MOST_ROUNDS, mend::MOST_ROUNDS);
+        Self { plan: Plan { spheres, edges, faces, rounds, mends, hurried: false, ..self.plan }, ..self.clone() }
     }
 
     /// Fits the spheres.
@@ -182,6 +190,11 @@ impl Search {
         }
         let target = refine::target_for(complex, solid, fine, SPACING[1]);
         let even = Target { uncovered: 1.0, creases: 0.0, ..target };
+        if plan.hurried {
+            // It is not judged, as there is nothing to compare it with.
+            descent::descend(complex, &even, HURRIED_STEPS, 0.1 * descent::ROUGH);
+            return if progress(1.0).is_break() { Err(BuildError::Cancelled) } else { Ok(()) };
+        }
         let steep = Target { penalty: even.penalty.steeper(STEEPER), creases: CREASES, rest: None, ..even };
         // Either may turn out better.
         let mut other = complex.clone();
@@ -214,5 +227,44 @@ impl Search {
             cleanup,
         };
         Ok(Built { axis, report })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+
+    use super::*;
+    use crate::{
+        builder::TriangleMesh,
+        medial_axis::{MedialAxis, triangulate},
+    };
+
+    #[test]
+    fn only_builds_of_few_triangles_a_sphere_are_hurried() {
+        let torus = MedialAxis::torus(1.0, 0.3, 12).unwrap();
+        let surface = triangulate(torus.spheres(), torus.primitives(), 16);
+        let positions = surface.positions.into_iter().map(glam::Vec3::from).collect();
+        let mesh = TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap();
+        let solid = Solid::new(&mesh).unwrap();
+        let search = |triangles: usize, searches: Option<usize>| {
+            let options = BuildOptions { spheres: 40, searches, ..BuildOptions::default() };
+            Search::new(&solid, &options, triangles, 1, &|_| ControlFlow::Continue(())).unwrap()
+        };
+        let hurried = search(3999, None);
+        let calm = [search(4000, None), search(3999, Some(1)), search(1999, None)];
+        assert!(hurried.plan.hurried);
+        for calm in calm {
+            assert!(!calm.plan.hurried);
+            assert!(calm.coarse.len() >= hurried.coarse.len());
+        }
+        assert!(!hurried.coarser(20).plan.hurried, "the levels are few spheres");
+        let judge = Judge::new(&solid, 1);
+        let mut search = hurried;
+        search.refine(&judge, &|_| ControlFlow::Continue(())).unwrap();
+        let axis = search.built(&solid).unwrap().axis;
+        assert!(axis.spheres().len() <= 40);
+        let error = super::super::measure(&mesh, &axis);
+        assert!(error.max() < 1.0, "{error:?}");
     }
 }
