@@ -234,17 +234,19 @@ impl Search {
 mod tests {
     use std::ops::ControlFlow;
 
+    use glam::Vec3;
+
     use super::*;
     use crate::{
-        builder::TriangleMesh,
+        builder::{TriangleMesh, measure},
         medial_axis::{MedialAxis, triangulate},
     };
 
     #[test]
     fn only_builds_of_few_triangles_a_sphere_are_hurried() {
-        let torus = MedialAxis::torus(1.0, 0.3, 12).unwrap();
-        let surface = triangulate(torus.spheres(), torus.primitives(), 16);
-        let positions = surface.positions.into_iter().map(glam::Vec3::from).collect();
+        let capsule = MedialAxis::capsule(Vec3::ZERO, Vec3::X, 0.2).unwrap();
+        let surface = triangulate(capsule.spheres(), capsule.primitives(), 32);
+        let positions = surface.positions.into_iter().map(Vec3::from).collect();
         let mesh = TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap();
         let solid = Solid::new(&mesh).unwrap();
         let search = |triangles: usize, searches: Option<usize>| {
@@ -259,12 +261,11 @@ mod tests {
             assert!(calm.coarse.len() >= hurried.coarse.len());
         }
         assert!(!hurried.coarser(20).plan.hurried, "the levels are few spheres");
-        let judge = Judge::new(&solid, 1);
         let mut search = hurried;
-        search.refine(&judge, &|_| ControlFlow::Continue(())).unwrap();
+        search.refine(&Judge::new(&solid, 1), &|_| ControlFlow::Continue(())).unwrap();
         let axis = search.built(&solid).unwrap().axis;
         assert!(axis.spheres().len() <= 40);
-        let error = super::super::measure(&mesh, &axis);
+        let error = measure(&mesh, &axis);
         assert!(error.max() < 1.0, "{error:?}");
     }
 }
