@@ -26,8 +26,8 @@ pub struct BuildOptions {
     /// Largest number of faces; `None`: as for edges.
     pub faces: Option<usize>,
     /// How often a shape is sought, each time from other samples, of which the best is taken, and how often each level of a chain is sought beside
-    /// that which comes of the one before; `None`: the finest once or twice, as time allows, others the more often the coarser they are, up to
-    /// four times.
+    /// that which comes of the one before; `None`: the finest once or twice, as time allows, and less thoroughly where there are fewer than 100
+    /// triangles for each sphere, others the more often the coarser they are, up to four times.
     pub searches: Option<usize>,
     /// Seed of the surface samples.
     pub seed: u64,

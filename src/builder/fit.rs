@@ -33,8 +33,8 @@ pub struct FitOptions {
     pub max_error: Option<f32>,
     /// All levels of detail, down to one sphere a component; else the finest alone.
     pub levels: bool,
-    /// How often each level is sought from other samples, of which the best is taken. `None`: the finest once or twice, as time allows; others
-    /// the more often the coarser they are, up to four times.
+    /// How often each level is sought from other samples, of which the best is taken. `None`: the finest once or twice, as time allows, and less
+    /// thoroughly where there are fewer than 100 triangles for each sphere; others the more often the coarser they are, up to four times.
     pub searches: Option<usize>,
     /// The same seed gives the same result.
     pub seed: u64,

@@ -24,7 +24,7 @@ pub struct Args {
     /// Also write all levels of detail with their errors, beside the finest one: OUT.medial.
     #[arg(long)]
     levels: bool,
-    /// How often each level is sought, of which the best is taken: the more, the better and the longer. Default: the finest once or twice, those of few spheres up to four times.
+    /// How often each level is sought, of which the best is taken: the more, the better and the longer. Default: the finest once or twice (in a shorter search where there are fewer than 100 triangles for each sphere), those of few spheres up to four times.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     searches: Option<u32>,
     /// The same seed gives the same result.
