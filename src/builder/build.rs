@@ -131,6 +131,14 @@ fn level_searches(options: &BuildOptions, spheres: usize) -> usize {
     options.searches.unwrap_or((SOUGHT[0] / spheres).min(SOUGHT[1]))
 }
 
+/// The options for another level of a chain. They name the number of searches, so that none is hurried: what is hurried is not judged, and could not
+/// be compared.
+fn level_options(options: &BuildOptions, spheres: usize) -> BuildOptions {
+    let share = |limit: usize| limit.saturating_mul(spheres) / options.spheres.max(1);
+    let (edges, faces) = (options.edges.map(share), options.faces.map(share));
+    BuildOptions { spheres, edges, faces, searches: Some(level_searches(options, spheres)), ..*options }
+}
+
 /// A medial mesh of a solid.
 ///
 /// `progress` is told the part of the work that is done, from 0 to 1, by whichever thread does it, and may break it off.
@@ -199,9 +207,7 @@ pub(super) fn coarser<T>(
     let whole: usize = counts.iter().map(|&spheres| work(options, spheres)).sum();
     let (mut levels, mut done) = (Vec::new(), 0);
     for spheres in counts {
-        let share = |limit: usize| limit.saturating_mul(spheres) / options.spheres.max(1);
-        let (edges, faces) = (options.edges.map(share), options.faces.map(share));
-        let options = BuildOptions { spheres, edges, faces, ..*options };
+        let options = level_options(options, spheres);
         let starts: Vec<Start> =
             once(Start::Finer(Box::new(search))).chain(seeds(&options, level_searches(&options, spheres))).collect();
         let [from, to] = [done, done + work(&options, spheres)].map(|done| done as f32 / whole as f32);
@@ -262,4 +268,26 @@ fn best(
         _ => a,
     };
     searched.into_iter().reduce(better).unwrap_or(Err(BuildError::Empty))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::refine::is_hurried, *};
+
+    #[test]
+    fn what_is_compared_is_not_hurried() {
+        let mut hurried = 0;
+        for triangles in (0..200_000).step_by(500) {
+            for spheres in 1..600 {
+                if is_hurried(triangles, spheres) {
+                    assert_eq!(searches(triangles, spheres), 1, "{triangles} triangles, {spheres} spheres");
+                    hurried += 1;
+                }
+            }
+        }
+        assert!(hurried > 0);
+        for (spheres, sought) in [(30, 1), (12, 4), (50, 0)] {
+            assert_eq!(level_options(&BuildOptions::default(), spheres).searches, Some(sought));
+        }
+    }
 }

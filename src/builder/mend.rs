@@ -75,16 +75,14 @@ mod tests {
 
     use super::*;
     use crate::{
-        builder::{TriangleMesh, hull::Ball, solid::Solid},
-        medial_axis::{MedialAxis, triangulate},
+        builder::{hull::Ball, mesh::tests::triangulated, solid::Solid},
+        medial_axis::MedialAxis,
     };
 
     #[test]
     fn a_planted_bulge_is_mended() {
         let capsule = MedialAxis::capsule(Vec3::ZERO, Vec3::X, 0.2).unwrap();
-        let surface = triangulate(capsule.spheres(), capsule.primitives(), 32);
-        let positions = surface.positions.into_iter().map(Vec3::from).collect();
-        let mesh = TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap();
+        let mesh = triangulated(&capsule, 32);
         let solid = Solid::new(&mesh).unwrap();
         let judge = Judge::new(&solid, 1);
         let samples = Samples::new(&solid, 3000, 0, 1);

@@ -235,6 +235,14 @@ pub(super) fn strip(indices: &[u32]) -> Vec<[u32; 3]> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::medial_axis::{MedialAxis, triangulate};
+
+    /// The surfaces of a shape's primitives, with what of them lies inside others.
+    pub fn triangulated(axis: &MedialAxis, segments: u32) -> TriangleMesh {
+        let surface = triangulate(axis.spheres(), axis.primitives(), segments);
+        let positions = surface.positions.into_iter().map(Vec3::from).collect();
+        TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap()
+    }
 
     /// A unit tetrahedron with outward triangles.
     pub fn tetrahedron() -> TriangleMesh {

@@ -108,8 +108,8 @@ impl Search {
             let area = (spheres * per_sphere[0]).clamp(SAMPLES[0] * factor, SAMPLES[1] * factor);
             (area, area * per_sphere[1] / per_sphere[0])
         };
-        let ((area, vertices), (fine_area, fine_vertices)) =
-            (count(if hurried { COARSER } else { COARSE }, 1), count(FINE, 2));
+        let per_sphere = if hurried { COARSER } else { COARSE };
+        let ((area, vertices), (fine_area, fine_vertices)) = (count(per_sphere, 1), count(FINE, 2));
         let coarse = Samples::new(solid, area, vertices, seed).turned_outward(solid);
         let fine = Samples::new(solid, fine_area, fine_vertices, seed);
         // Every second sample of a part that bounds it has a ball, so that no part goes without.
@@ -238,16 +238,14 @@ mod tests {
 
     use super::*;
     use crate::{
-        builder::{TriangleMesh, measure},
-        medial_axis::{MedialAxis, triangulate},
+        builder::{measure, mesh::tests::triangulated},
+        medial_axis::MedialAxis,
     };
 
     #[test]
     fn only_builds_of_few_triangles_a_sphere_are_hurried() {
         let capsule = MedialAxis::capsule(Vec3::ZERO, Vec3::X, 0.2).unwrap();
-        let surface = triangulate(capsule.spheres(), capsule.primitives(), 32);
-        let positions = surface.positions.into_iter().map(Vec3::from).collect();
-        let mesh = TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap();
+        let mesh = triangulated(&capsule, 32);
         let solid = Solid::new(&mesh).unwrap();
         let search = |triangles: usize, searches: Option<usize>| {
             let options = BuildOptions { spheres: 40, searches, ..BuildOptions::default() };

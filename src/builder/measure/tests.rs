@@ -1,10 +1,10 @@
 use std::f32::consts::{PI, TAU};
 
 use super::*;
+use crate::builder::mesh::tests::triangulated;
 use crate::medial_axis::{
     ma,
     oracle::{Envelope as Oracle, Random},
-    triangulate,
 };
 
 /// The surface that a closed or open profile (distance from the z axis, height) sweeps about the z axis.
@@ -60,9 +60,7 @@ fn torus(major: f32, minor: f32) -> TriangleMesh {
 fn model(name: &str, segments: u32) -> (TriangleMesh, MedialAxis) {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/models/");
     let (axis, _) = ma::parse(&std::fs::read(format!("{path}{name}.ma")).unwrap()).unwrap().into_medial_axis().unwrap();
-    let surface = triangulate(axis.spheres(), axis.primitives(), segments);
-    let positions = surface.positions.into_iter().map(Vec3::from).collect();
-    (TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap(), axis)
+    (triangulated(&axis, segments), axis)
 }
 
 /// Distance to the nearest triangle, each looked at in f64.
