@@ -1,17 +1,13 @@
-//! Times of impact of many pairs at once, sixteen side by side.
+//! Times of impact of many pairs at once, eight or sixteen side by side.
 
-use fearless_simd::{Level, Simd, dispatch, f32x4, f32x16, f64x8, mask32x16, prelude::*};
+use fearless_simd::{Level, Simd, dispatch, f32x4, f32x8, f32x16, prelude::*};
 
 use super::{
-    nearest::{Edge, Face},
+    branchless::{Nearest, each, nearest},
     number::{Ball, Number, Vector},
-    separation::edges,
     time_of_impact::{Moving, TimeOfImpactStatus, time_of_impact_from},
 };
 use crate::constants::{CONTACT_ROUNDING, LEAST_SQUARE, MAX_LANE_ADVANCES, TOUCH_ROUNDING};
-
-/// Pairs side by side: as many as the widest vectors hold. Narrower ones go in two or four, whose chains of operations overlap.
-const LANES: usize = 16;
 
 /// Two moving primitives.
 pub type MovingPair<const N: usize, const M: usize> = (Moving<N>, Moving<M>);
@@ -36,39 +32,82 @@ pub fn times_of_impact<const N: usize, const M: usize>(pairs: &[MovingPair<N, M>
 /// With the vectors of one kind of machine.
 fn at_level<const N: usize, const M: usize>(level: Level, pairs: &[MovingPair<N, M>], max_fraction: f32) -> Vec<Touch> {
     let mut touches = vec![Touch { status: TimeOfImpactStatus::Separated, fraction: max_fraction }; pairs.len()];
-    dispatch!(level, simd => run(simd, pairs, max_fraction, &mut touches));
+    dispatch!(level, simd => run_native(simd, pairs, max_fraction, &mut touches));
     touches
 }
 
-/// Advances the pairs in lanes, and fills each lane that is done with the next pair. `touches`: separated, as far as nothing else is found.
+/// As many side by side as the machine's vectors hold, but eight at least: two of four have chains of operations that overlap, more would not fit
+/// into the registers.
 #[inline(always)]
-fn run<S: Simd, const N: usize, const M: usize>(
+fn run_native<S: Simd, const N: usize, const M: usize>(
     simd: S,
     pairs: &[MovingPair<N, M>],
     max_fraction: f32,
     touches: &mut [Touch],
 ) {
-    let mut lanes = Lanes::<N, M>::new();
-    let mut owners = [0; LANES];
+    if S::f32s::LEN == 16 {
+        run::<S, f32x16<S>, 16, N, M>(simd, pairs, max_fraction, touches);
+    } else {
+        run::<S, f32x8<S>, 8, N, M>(simd, pairs, max_fraction, touches);
+    }
+}
+
+/// As many numbers side by side as there are pairs.
+trait Lanes<S: Simd>:
+    Number<Mask: SimdMask<S>> + SimdBase<S, Element = f32> + SimdWiden<S, Widened: SimdBase<S, Element = f64>>
+{
+    /// Of vectors of four.
+    fn of_fours(four: impl Fn(usize) -> f32x4<S>) -> Self;
+}
+
+impl<S: Simd> Lanes<S> for f32x8<S> {
+    #[inline(always)]
+    fn of_fours(four: impl Fn(usize) -> f32x4<S>) -> Self {
+        four(0).combine(four(1))
+    }
+}
+
+impl<S: Simd> Lanes<S> for f32x16<S> {
+    #[inline(always)]
+    fn of_fours(four: impl Fn(usize) -> f32x4<S>) -> Self {
+        four(0).combine(four(1)).combine(four(2).combine(four(3)))
+    }
+}
+
+/// Advances the pairs in lanes, and fills each lane that is done with the next pair. `touches`: separated, as far as nothing else is found.
+#[inline(always)]
+fn run<S: Simd, R: Lanes<S>, const L: usize, const N: usize, const M: usize>(
+    simd: S,
+    pairs: &[MovingPair<N, M>],
+    max_fraction: f32,
+    touches: &mut [Touch],
+) {
+    let mut searches = Searches::<L, N, M>::new();
+    let mut owners = [0; L];
     let mut busy = 0u64;
     // The next pairs, and which of them are still to go to a lane.
-    let mut waiting = Lanes::<N, M>::new();
+    let mut waiting = Searches::<L, N, M>::new();
     let (mut first_waiting, mut left) = (0, 0u64);
     let mut rest = pairs;
     loop {
-        while busy != (1 << LANES) - 1 {
+        while busy != (1 << L) - 1 {
             if left == 0 {
                 if rest.is_empty() {
                     break;
                 }
-                let (now, later) = rest.split_at(rest.len().min(LANES));
+                let (now, later) = rest.split_at(rest.len().min(L));
                 first_waiting = pairs.len() - rest.len();
                 rest = later;
-                left = ((1 << now.len()) - 1) & !waiting.load(simd, now, max_fraction);
+                let apart = match now.as_array() {
+                    Some(full) => waiting.load::<S, R>(simd, full, max_fraction),
+                    // The lanes of what is missing are like the last.
+                    None => waiting.load::<S, R>(simd, &each(|lane| now[lane.min(now.len() - 1)]), max_fraction),
+                };
+                left = ((1 << now.len()) - 1) & !apart;
                 continue;
             }
             let (lane, from) = (busy.trailing_ones() as usize, left.trailing_zeros() as usize);
-            lanes.copy(lane, &waiting, from);
+            searches.copy(lane, &waiting, from);
             owners[lane] = first_waiting + from;
             busy |= 1 << lane;
             left &= left - 1;
@@ -76,18 +115,18 @@ fn run<S: Simd, const N: usize, const M: usize>(
         if busy == 0 {
             return;
         }
-        let ends = lanes.advance(simd, max_fraction);
+        let ends = searches.advance::<S, R>(simd, max_fraction);
         let mut done = busy & (ends.touch | ends.unclear | ends.apart);
         busy &= !done;
         while done != 0 {
             let lane = done.trailing_zeros() as usize;
             done &= done - 1;
-            let (index, fraction) = (owners[lane], lanes.fraction[lane]);
+            let (index, fraction) = (owners[lane], searches.fraction[lane]);
             if ends.touch & (1 << lane) != 0 {
                 let status = if fraction == 0.0 { TimeOfImpactStatus::Overlapping } else { TimeOfImpactStatus::Hit };
                 touches[index] = Touch { status, fraction };
             } else if ends.unclear & (1 << lane) != 0 {
-                touches[index] = alone(&pairs[index], fraction, lanes.rounds[lane] as u32, max_fraction);
+                touches[index] = alone(&pairs[index], fraction, searches.rounds[lane] as u32, max_fraction);
             }
         }
     }
@@ -117,19 +156,19 @@ struct Ends {
 /// A sphere at an instant, and its displacement over the step.
 type Mover<R> = (Ball<R>, Vector<R>);
 
-/// Sixteen spheres on their way.
+/// A sphere of each pair on its way.
 #[derive(Clone, Copy)]
-struct Spheres {
+struct Spheres<const L: usize> {
     /// Centres at the start of the step relative to the first sphere of the first side there, in f64: sums and products of the f32 input are all
     /// but exact.
-    start: [[f64; LANES]; 3],
+    start: [[f64; L]; 3],
     /// Displacements over the step relative to that sphere's.
-    motion: [[f64; LANES]; 3],
-    radius: [f32; LANES],
+    motion: [[f64; L]; 3],
+    radius: [f32; L],
 }
 
-impl Spheres {
-    const ZERO: Self = Self { start: [[0.0; LANES]; 3], motion: [[0.0; LANES]; 3], radius: [0.0; LANES] };
+impl<const L: usize> Spheres<L> {
+    const ZERO: Self = Self { start: [[0.0; L]; 3], motion: [[0.0; L]; 3], radius: [0.0; L] };
 
     #[inline(always)]
     fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
@@ -141,24 +180,25 @@ impl Spheres {
     }
 
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, [early, late]: [f64x8<S>; 2]) -> Ball<f32x16<S>> {
+    fn at<S: Simd, R: Lanes<S>>(&self, simd: S, [early, late]: [R::Widened; 2]) -> Ball<R> {
         let [x, y, z] = each(
             #[inline(always)]
             |axis| {
-                let (start, motion) = (halves(simd, &self.start[axis]), halves(simd, &self.motion[axis]));
-                simd.narrow_f64x8(start[0] + motion[0] * early, start[1] + motion[1] * late)
+                let (start, motion) =
+                    (halves::<S, R, L>(simd, &self.start[axis]), halves::<S, R, L>(simd, &self.motion[axis]));
+                (start[0] + motion[0] * early).narrow(start[1] + motion[1] * late)
             },
         );
-        Ball { center: Vector { x, y, z }, radius: f32x16::load_array(simd, self.radius) }
+        Ball { center: Vector { x, y, z }, radius: R::from_slice(simd, &self.radius) }
     }
 
     #[inline(always)]
-    fn velocity<S: Simd>(&self, simd: S) -> Vector<f32x16<S>> {
+    fn velocity<S: Simd, R: Lanes<S>>(&self, simd: S) -> Vector<R> {
         let [x, y, z] = each(
             #[inline(always)]
             |axis| {
-                let [early, late] = halves(simd, &self.motion[axis]);
-                simd.narrow_f64x8(early, late)
+                let [early, late] = halves::<S, R, L>(simd, &self.motion[axis]);
+                early.narrow(late)
             },
         );
         Vector { x, y, z }
@@ -166,79 +206,71 @@ impl Spheres {
 }
 
 #[inline(always)]
-fn halves<S: Simd>(simd: S, numbers: &[f64; LANES]) -> [f64x8<S>; 2] {
-    let (a, b) = numbers.split_at(LANES / 2);
-    [f64x8::from_slice(simd, a), f64x8::from_slice(simd, b)]
+fn halves<S: Simd, R: Lanes<S>, const L: usize>(simd: S, numbers: &[f64; L]) -> [R::Widened; 2] {
+    let (a, b) = numbers.split_at(L / 2);
+    [R::Widened::from_slice(simd, a), R::Widened::from_slice(simd, b)]
 }
 
-/// An array of what `make` gives for each index: `std::array::from_fn`, inlined for certain.
-#[inline(always)]
-fn each<T: Copy, const N: usize>(make: impl Fn(usize) -> T) -> [T; N] {
-    let mut made = [make(0); N];
-    for (i, slot) in made.iter_mut().enumerate().skip(1) {
-        *slot = make(i);
-    }
-    made
-}
-
-/// Sixteen pairs on their way.
-struct Lanes<const N: usize, const M: usize> {
+/// Pairs on their way.
+struct Searches<const L: usize, const N: usize, const M: usize> {
     /// Of the first of them only the radius counts: it is at the origin.
-    first: [Spheres; N],
-    second: [Spheres; M],
+    first: [Spheres<L>; N],
+    second: [Spheres<L>; M],
     /// The larger side's extent.
-    extent: [f32; LANES],
-    /// Until when nothing touches, and the rounds that it took.
-    fraction: [f32; LANES],
-    rounds: [f32; LANES],
+    extent: [f32; L],
+    /// Until when nothing touches.
+    fraction: [f32; L],
+    /// The instant at which the next round looks: that one or a later one.
+    look: [f32; L],
+    /// Rounds so far.
+    rounds: [f32; L],
 }
 
-impl<const N: usize, const M: usize> Lanes<N, M> {
+impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
     fn new() -> Self {
         Self {
             first: [Spheres::ZERO; N],
             second: [Spheres::ZERO; M],
-            extent: [0.0; LANES],
-            fraction: [0.0; LANES],
-            rounds: [0.0; LANES],
+            extent: [0.0; L],
+            fraction: [0.0; L],
+            look: [0.0; L],
+            rounds: [0.0; L],
         }
     }
 
-    /// Puts up to sixteen pairs where two directions show that nothing touches until then. A bit for each pair that stays apart.
+    /// Puts pairs where two directions show that nothing touches until then. A bit for each pair that stays apart.
     #[inline(always)]
-    fn load<S: Simd>(&mut self, simd: S, pairs: &[MovingPair<N, M>], max_fraction: f32) -> u64 {
-        // The lanes of what is missing are like the last.
-        let pair = |lane: usize| &pairs[lane.min(pairs.len() - 1)];
-        let first = columns(
+    fn load<S: Simd, R: Lanes<S>>(&mut self, simd: S, pairs: &[MovingPair<N, M>; L], max_fraction: f32) -> u64 {
+        let first = columns::<S, R, N>(
             simd,
             #[inline(always)]
-            |lane| &pair(lane).0,
+            |lane| &pairs[lane].0,
         );
-        let second = columns(
+        let second = columns::<S, R, M>(
             simd,
             #[inline(always)]
-            |lane| &pair(lane).1,
+            |lane| &pairs[lane].1,
         );
         let extents = [extent(&first), extent(&second)];
-        self.extent = extents[0].greater(extents[1]).into();
+        extents[0].greater(extents[1]).store_slice(&mut self.extent);
         let (fraction, apart) = depart(&first, &second, extents, max_fraction);
-        self.fraction = fraction.into();
-        self.rounds = [0.0; LANES];
+        fraction.store_slice(&mut self.fraction);
         let apart = apart.to_bitmask();
-        if apart != (1 << LANES) - 1 {
+        if apart != (1 << L) - 1 {
             let (origin, frame) = first[0];
-            self.first[0].radius = origin.radius.into();
+            origin.radius.store_slice(&mut self.first[0].radius);
             for (into, from) in [(&mut self.first[1..], &first[1..]), (&mut self.second[..], &second[..])] {
                 for (into, (ball, motion)) in into.iter_mut().zip(from) {
-                    into.start = differences(simd, ball.center, origin.center);
-                    into.motion = differences(simd, *motion, frame);
-                    into.radius = ball.radius.into();
+                    differences(&mut into.start, ball.center, origin.center);
+                    differences(&mut into.motion, *motion, frame);
+                    ball.radius.store_slice(&mut into.radius);
                 }
             }
         }
         apart
     }
 
+    /// A pair that was loaded.
     #[inline(always)]
     fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
         self.first[0].radius[lane] = from.first[0].radius[from_lane];
@@ -250,59 +282,75 @@ impl<const N: usize, const M: usize> Lanes<N, M> {
         }
         self.extent[lane] = from.extent[from_lane];
         self.fraction[lane] = from.fraction[from_lane];
-        self.rounds[lane] = from.rounds[from_lane];
+        self.look[lane] = from.fraction[from_lane];
+        self.rounds[lane] = 0.0;
     }
 
+    /// The spheres at an instant, and their motions.
     #[inline(always)]
-    fn at<S: Simd>(&self, simd: S, fraction: f32x16<S>) -> ([Ball<f32x16<S>>; N], [Ball<f32x16<S>>; M]) {
-        let (early, late) = simd.widen_f32x16(fraction);
+    fn at<S: Simd, R: Lanes<S>>(&self, simd: S, fraction: R) -> ([Mover<R>; N], [Mover<R>; M]) {
+        let (early, late) = fraction.widen();
+        let zero = fraction.like(0.0);
+        let origin = Vector { x: zero, y: zero, z: zero };
         (
             each(
                 #[inline(always)]
-                |i| if i == 0 { self.origin(simd) } else { self.first[i].at(simd, [early, late]) },
+                |i| {
+                    if i == 0 {
+                        (Ball { center: origin, radius: R::from_slice(simd, &self.first[0].radius) }, origin)
+                    } else {
+                        (self.first[i].at(simd, [early, late]), self.first[i].velocity(simd))
+                    }
+                },
             ),
             each(
                 #[inline(always)]
-                |i| self.second[i].at(simd, [early, late]),
+                |i| (self.second[i].at(simd, [early, late]), self.second[i].velocity(simd)),
             ),
         )
     }
 
-    /// The first sphere of the first side.
+    /// One round of conservative advancement, from both sides. Along the direction in which the primitives are nearest at some instant, nothing touches
+    /// until the gap is closed. The spheres that are nearest then, each moving on, touch when they meet, so the primitives do by then; if that is when
+    /// the gap is closed, it is the first touch. If not, the next round looks at when they meet, or pass: the direction there is nearly that of the
+    /// touch, and clears all the time before it at once.
     #[inline(always)]
-    fn origin<S: Simd>(&self, simd: S) -> Ball<f32x16<S>> {
-        let zero = f32x16::splat(simd, 0.0);
-        Ball { center: Vector { x: zero, y: zero, z: zero }, radius: f32x16::load_array(simd, self.first[0].radius) }
-    }
+    fn advance<S: Simd, R: Lanes<S>>(&mut self, simd: S, max_fraction: f32) -> Ends {
+        let [fraction, look, extent, rounds] = each(
+            #[inline(always)]
+            |i| R::from_slice(simd, [&self.fraction, &self.look, &self.extent, &self.rounds][i]),
+        );
+        let (first, second) = self.at(simd, look);
+        let Nearest { upper, normal, weights } = nearest(&balls(&first), &balls(&second));
+        let (zero, max) = (look.like(0.0), look.like(max_fraction));
+        let tolerance = R::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
+        let touching = extent * tolerance;
+        let (clear, until) = cleared(&first, &second, normal, zero, touching, look - fraction);
+        let next = R::select(clear, look + until, fraction);
+        let apart = max.less(next);
 
-    /// One round of conservative advancement.
-    #[inline(always)]
-    fn advance<S: Simd>(&mut self, simd: S, max_fraction: f32) -> Ends {
-        let fraction = f32x16::load_array(simd, self.fraction);
-        let (first, second) = self.at(simd, fraction);
-        let (upper, direction) = nearest(&first, &second);
-        let zero = upper.like(0.0);
-        // The first of all stays at the origin.
-        let moving1: [_; N] = each(
-            #[inline(always)]
-            |i| (first[i], if i == 0 { first[0].center } else { self.first[i].velocity(simd) }),
-        );
-        let moving2: [_; M] = each(
-            #[inline(always)]
-            |i| (second[i], self.second[i].velocity(simd)),
-        );
-        let tolerance = f32x16::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
-        let touching = f32x16::load_array(simd, self.extent) * tolerance;
-        let (clear, until) = cleared(&moving1, &moving2, direction, zero, touching);
-        let touch = upper.at_most(touching);
-        let next = fraction + until;
-        let apart = zero.like(max_fraction).less(next);
-        let rounds = f32x16::load_array(simd, self.rounds) + zero.like(1.0);
+        let (ball1, motion1) = at_weights(&first, weights.0);
+        let (ball2, motion2) = at_weights(&second, weights.1);
+        let (from, way) = (ball2.center - ball1.center, motion2 - motion1);
+        let radii = ball1.radius + ball2.radius;
+        let reach = radii + extent * zero.like(TOUCH_ROUNDING);
+        // Farther apart, rounding is more than what counts as touching.
+        let met = (from + way * until).length_squared().at_most(reach * reach) & upper.at_most(extent) & clear;
+        let (approach, speed_squared) = (-from.dot(way), way.length_squared());
+        let discriminant = approach * approach - speed_squared * (from.length_squared() - radii * radii);
+        let meeting = look + (approach - Number::sqrt(zero.greater(discriminant))) / speed_squared;
+        let later = clear & next.less(meeting);
+        let meeting = meeting.lesser(max);
+
+        let there = look.at_most(fraction);
+        let touch = there & upper.at_most(touching);
+        let rounds = rounds + zero.like(1.0);
         let many = zero.like(MAX_LANE_ADVANCES).at_most(rounds);
-        self.rounds = rounds.into();
-        self.fraction = f32x16::select(touch, fraction, next).into();
-        let [touch, clear, apart, many] = [touch, clear, apart, many].map(mask32x16::to_bitmask);
-        Ends { touch, unclear: !clear | (many & !apart), apart }
+        rounds.store_slice(&mut self.rounds);
+        R::select(touch, fraction, next).store_slice(&mut self.fraction);
+        R::select(later, meeting, next).store_slice(&mut self.look);
+        let [touch, met, there, clear, apart, many] = [touch, met, there, clear, apart, many].map(SimdMask::to_bitmask);
+        Ends { touch: touch | (met & !apart), unclear: (there & !clear) | (many & !apart), apart }
     }
 }
 
@@ -333,14 +381,15 @@ fn depart<R: Number, const N: usize, const M: usize>(
     let rounding = (extent1 + extent2 + from.length() + way.length()) * zero.like(CONTACT_ROUNDING);
     let mut fraction = zero;
     for direction in [from, nearest] {
-        let (_, until) = cleared(&first, &second, direction, rounding, zero);
+        let (_, until) = cleared(&first, &second, direction, rounding, zero, zero);
         fraction = fraction.greater(until);
     }
     (fraction, zero.like(max_fraction).less(fraction))
 }
 
 /// Whether both sides keep more than `margin` apart along a direction, and how much time goes by until the gap is closed; false and none if rounding
-/// hides where the direction leads. Spheres count as larger by `rounding`. Relative to the first sphere of the first side.
+/// hides where the direction leads. Spheres count as larger by `rounding`. Relative to the first sphere of the first side. Of a time before this instant
+/// by `back`, from which the time until the gap is closed may be less than none.
 #[inline(always)]
 fn cleared<R: Number, const N: usize, const M: usize>(
     first: &[Mover<R>; N],
@@ -348,6 +397,7 @@ fn cleared<R: Number, const N: usize, const M: usize>(
     direction: Vector<R>,
     rounding: R,
     margin: R,
+    back: R,
 ) -> (R::Mask, R) {
     let zero = rounding.like(0.0);
     // Gaps and motions are those along the unit vector times this: their ratios, the times, are the same.
@@ -369,7 +419,7 @@ fn cleared<R: Number, const N: usize, const M: usize>(
         let low_motion = motion.dot(direction);
         for (high, high_motion) in high {
             let (gap, closing) = (low - high, high_motion - low_motion);
-            least = least.lesser(gap);
+            least = least.lesser(gap + closing * back);
             let sooner = zero.less(closing) & (gap * next_closing).less(next_gap * closing);
             next_gap = R::select(sooner, gap, next_gap);
             next_closing = R::select(sooner, closing, next_closing);
@@ -380,9 +430,12 @@ fn cleared<R: Number, const N: usize, const M: usize>(
     (clear, R::select(clear, next_gap / next_closing, zero))
 }
 
-/// The spheres of sixteen primitives, and their motions.
+/// The spheres of the primitives, and their motions.
 #[inline(always)]
-fn columns<'p, S: Simd, const N: usize>(simd: S, moving: impl Fn(usize) -> &'p Moving<N>) -> [Mover<f32x16<S>>; N] {
+fn columns<'p, S: Simd, R: Lanes<S>, const N: usize>(
+    simd: S,
+    moving: impl Fn(usize) -> &'p Moving<N>,
+) -> [Mover<R>; N] {
     each(
         #[inline(always)]
         |i| {
@@ -402,18 +455,21 @@ fn columns<'p, S: Simd, const N: usize>(simd: S, moving: impl Fn(usize) -> &'p M
     )
 }
 
-/// The columns of a matrix of sixteen rows.
+/// The columns of a matrix with a row for each lane.
 #[inline(always)]
-fn transposed<S: Simd>(simd: S, row: impl Fn(usize) -> [f32; 4]) -> [f32x16<S>; 4] {
-    let quarters: [_; LANES / 4] = each(
+fn transposed<S: Simd, R: Lanes<S>>(simd: S, row: impl Fn(usize) -> [f32; 4]) -> [R; 4] {
+    // Of those that a vector has less of, nothing is made.
+    let fours: [_; 4] = each(
         #[inline(always)]
-        |quarter| transposed_from(simd, &row, 4 * quarter),
+        |four| if 4 * four < R::LEN { transposed_from(simd, &row, 4 * four) } else { [f32x4::splat(simd, 0.0); 4] },
     );
     each(
         #[inline(always)]
         |i| {
-            let [a, b, c, d] = quarters.map(|quarter| quarter[i]);
-            a.combine(b).combine(c.combine(d))
+            R::of_fours(
+                #[inline(always)]
+                |four| fours[four][i],
+            )
         },
     )
 }
@@ -431,16 +487,13 @@ fn transposed_from<S: Simd>(simd: S, row: &impl Fn(usize) -> [f32; 4], from: usi
 
 /// A vector of differences, all but exact and rounded.
 #[inline(always)]
-fn differences<S: Simd>(simd: S, a: Vector<f32x16<S>>, b: Vector<f32x16<S>>) -> [[f64; LANES]; 3] {
-    let mut exact = [[0.0; LANES]; 3];
-    for (axis, (a, b)) in [(a.x, b.x), (a.y, b.y), (a.z, b.z)].into_iter().enumerate() {
-        let (a, b) = (simd.widen_f32x16(a), simd.widen_f32x16(b));
-        let (early, late) = (a.0 - b.0, a.1 - b.1);
-        let halves = exact[axis].split_at_mut(LANES / 2);
-        early.store_slice(halves.0);
-        late.store_slice(halves.1);
+fn differences<S: Simd, R: Lanes<S>, const L: usize>(into: &mut [[f64; L]; 3], a: Vector<R>, b: Vector<R>) {
+    for (into, (a, b)) in into.iter_mut().zip([(a.x, b.x), (a.y, b.y), (a.z, b.z)]) {
+        let (a, b) = (a.widen(), b.widen());
+        let (early, late) = into.split_at_mut(L / 2);
+        (a.0 - b.0).store_slice(early);
+        (a.1 - b.1).store_slice(late);
     }
-    exact
 }
 
 /// As [`Convex::extent`](super::Convex::extent).
@@ -465,91 +518,27 @@ fn middle<T, R: Number, const N: usize>(spheres: &[T; N], vector: impl Fn(&T) ->
     sum * sum.x.like(1.0 / N as f32)
 }
 
-/// The least distance of two primitives, or more, and a direction from the first to the second where they are that near.
+/// The spheres as they are at the instant.
 #[inline(always)]
-fn nearest<R: Number, const N: usize, const M: usize>(first: &[Ball<R>; N], second: &[Ball<R>; M]) -> (R, Vector<R>) {
-    let apart = second[0].center - first[0].center;
-    let mut best = Best { upper: apart.x.like(f32::INFINITY), normal: apart };
-    if N == 1 && M == 1 {
-        best.take(apart.length() - first[0].radius - second[0].radius, apart);
-    }
-    let edges1: [Edge<R>; N] = each(
+fn balls<R: Number, const N: usize>(spheres: &[Mover<R>; N]) -> [Ball<R>; N] {
+    each(
         #[inline(always)]
-        |i| Edge::new(first[i], first[(i + 1) % N]),
-    );
-    let edges2: [Edge<R>; M] = each(
-        #[inline(always)]
-        |i| Edge::new(second[i], second[(i + 1) % M]),
-    );
-    // Where there is a cone, the two ends that face each other are less work than every end. Two slabs have nine pairs of edges.
-    let facing = N.min(M) == 2;
-    if !facing {
-        for ball in first {
-            for edge in &edges2[..edges(M)] {
-                let (gap, normal) = edge.gap(ball.center);
-                best.take(gap - ball.radius, -normal);
-            }
-        }
-        for ball in second {
-            for edge in &edges1[..edges(N)] {
-                let (gap, normal) = edge.gap(ball.center);
-                best.take(gap - ball.radius, normal);
-            }
-        }
-    }
-    for (i, edge1) in edges1[..edges(N)].iter().enumerate() {
-        for (j, edge2) in edges2[..edges(M)].iter().enumerate() {
-            let crossing = edge1.crossing(edge2);
-            let (gap, normal, inside) = crossing.gap(edge1, edge2);
-            best.take_if(inside, gap, -normal);
-            if facing {
-                let [late1, late2] = crossing.facing(edge1, edge2);
-                let ball1 = Ball::select(late1, first[(i + 1) % N], first[i]);
-                let ball2 = Ball::select(late2, second[(j + 1) % M], second[j]);
-                let (gap, normal) = edge2.gap(ball1.center);
-                best.take(gap - ball1.radius, -normal);
-                let (gap, normal) = edge1.gap(ball2.center);
-                best.take(gap - ball2.radius, normal);
-            }
-        }
-    }
-    if M == 3 {
-        let face = Face::new(second[0], second[1 % M], second[2 % M]);
-        for ball in first {
-            let (gap, normal, inside) = face.gap(ball.center);
-            best.take_if(inside, gap - ball.radius, -normal);
-        }
-    }
-    if N == 3 {
-        let face = Face::new(first[0], first[1 % N], first[2 % N]);
-        for ball in second {
-            let (gap, normal, inside) = face.gap(ball.center);
-            best.take_if(inside, gap - ball.radius, normal);
-        }
-    }
-    (best.upper, best.normal)
+        |i| spheres[i].0,
+    )
 }
 
-/// The nearest so far.
-struct Best<R> {
-    upper: R,
-    normal: Vector<R>,
-}
-
-impl<R: Number> Best<R> {
-    #[inline(always)]
-    fn take(&mut self, upper: R, normal: Vector<R>) {
-        let nearer = upper.less(self.upper);
-        self.upper = R::select(nearer, upper, self.upper);
-        self.normal = Vector::select(nearer, normal, self.normal);
+/// The sphere of a primitive at barycentric weights.
+#[inline(always)]
+fn at_weights<R: Number, const N: usize>(spheres: &[Mover<R>; N], weights: [R; N]) -> Mover<R> {
+    let (base, base_motion) = spheres[0];
+    let (mut at, mut motion) = spheres[0];
+    for i in 1..N {
+        let (ball, its_motion) = spheres[i];
+        at.center = at.center + (ball.center - base.center) * weights[i];
+        at.radius = at.radius + (ball.radius - base.radius) * weights[i];
+        motion = motion + (its_motion - base_motion) * weights[i];
     }
-
-    #[inline(always)]
-    fn take_if(&mut self, mask: R::Mask, upper: R, normal: Vector<R>) {
-        let nearer = mask & upper.less(self.upper);
-        self.upper = R::select(nearer, upper, self.upper);
-        self.normal = Vector::select(nearer, normal, self.normal);
-    }
+    (at, motion)
 }
 
 #[cfg(test)]
@@ -589,6 +578,9 @@ mod tests {
             let found: Vec<_> = at_level(level, &pairs, 1.0).iter().map(bits).collect();
             assert_eq!(found, expected, "{level:?}");
         }
+        let mut wide = vec![Touch { status: TimeOfImpactStatus::Separated, fraction: 1.0 }; pairs.len()];
+        dispatch!(Level::new(), simd => run::<_, f32x16<_>, 16, N, M>(simd, &pairs, 1.0, &mut wide));
+        assert_eq!(wide.iter().map(bits).collect::<Vec<_>>(), expected, "sixteen");
     }
 
     #[test]

@@ -13,6 +13,7 @@
 
 mod alternating;
 mod batch;
+mod branchless;
 mod nearest;
 pub(crate) mod number;
 mod ray;

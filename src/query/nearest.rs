@@ -73,9 +73,9 @@ impl<R: Number> Edge<R> {
         (R::select(self.proper, t.saturate(), larger), self.proper & zero.at_most(t) & t.at_most(one))
     }
 
-    /// Gap of a point to the nearest sphere, and a vector along the normal there, towards the point.
+    /// Gap of a point to the nearest sphere, a vector along the normal there, towards the point, and where along the cone that sphere is.
     #[inline(always)]
-    pub fn gap(&self, point: Vector<R>) -> (R, Vector<R>) {
+    pub fn gap(&self, point: Vector<R>) -> (R, Vector<R>, R) {
         let (t, inside) = self.nearest(point);
         let ball = self.at(t);
         let apart = point - ball.center;
@@ -83,7 +83,7 @@ impl<R: Number> Edge<R> {
         // However near the axis the point is, along it the normal leans as the mantle does.
         let lean = (apart.dot(self.axis) + self.growth * length) * self.inverse;
         let lean = R::select(inside, lean, lean.like(0.0));
-        (length - ball.radius, apart - self.axis * lean)
+        (length - ball.radius, apart - self.axis * lean, t)
     }
 
     /// Where two edges' spheres are nearest to each other if that is inside of both.
@@ -119,8 +119,8 @@ impl<R: Number> Edge<R> {
 /// See [`Edge::crossing`].
 pub(super) struct Crossing<R: Number> {
     /// Where along the two edges, from 0 to 1 if inside.
-    s: R,
-    t: R,
+    pub s: R,
+    pub t: R,
     /// Unit direction from the second to the first.
     normal: Vector<R>,
     /// The squares of both lengths and of the sine of the angle between them.
@@ -216,9 +216,10 @@ impl<R: Number> Face<R> {
         }
     }
 
-    /// Gap of a point to the nearest sphere, the unit normal there, towards the point, and whether there is such a sphere inside the face.
+    /// Gap of a point to the nearest sphere, the unit normal there, towards the point, whether there is such a sphere inside the face, and the weights
+    /// of the corners.
     #[inline(always)]
-    pub fn gap(&self, point: Vector<R>) -> (R, Vector<R>, R::Mask) {
+    pub fn gap(&self, point: Vector<R>) -> (R, Vector<R>, R::Mask, [R; 3]) {
         let weights = self.nearest(point);
         let ball = self.at(weights);
         let apart = point - ball.center;
@@ -227,7 +228,7 @@ impl<R: Number> Face<R> {
         let normal = self.across * rise - (self.sides[0] * self.gradient[0] + self.sides[1] * self.gradient[1]);
         let zero = rise.like(0.0);
         let [w1, w2, w3] = weights.map(|w| zero.at_most(w));
-        (apart.length() - ball.radius, normal, self.proper & w1 & w2 & w3)
+        (apart.length() - ball.radius, normal, self.proper & w1 & w2 & w3, weights)
     }
 }
 

@@ -1,0 +1,157 @@
+//! Where two primitives are nearest to each other, with the same operations for all: many pairs go side by side.
+
+use super::{
+    nearest::{Edge, Face},
+    number::{Ball, Number, Vector},
+    separation::edges,
+};
+
+/// The least distance of two primitives, or more, a direction from the first to the second where they are that near, and which spheres are.
+#[inline(always)]
+pub(super) fn nearest<R: Number, const N: usize, const M: usize>(
+    first: &[Ball<R>; N],
+    second: &[Ball<R>; M],
+) -> Nearest<R, N, M> {
+    let apart = second[0].center - first[0].center;
+    let (zero, one) = (apart.x.like(0.0), apart.x.like(1.0));
+    let (infinity, weights) = (zero.like(f32::INFINITY), (at_vertex(0, zero), at_vertex(0, zero)));
+    let mut best = Nearest { upper: infinity, normal: apart, weights };
+    if N == 1 && M == 1 {
+        best.take(apart.length() - first[0].radius - second[0].radius, apart, weights);
+    }
+    let edges1: [Edge<R>; N] = each(
+        #[inline(always)]
+        |i| Edge::new(first[i], first[(i + 1) % N]),
+    );
+    let edges2: [Edge<R>; M] = each(
+        #[inline(always)]
+        |i| Edge::new(second[i], second[(i + 1) % M]),
+    );
+    // Where there is a cone, the two ends that face each other are less work than every end. Two slabs have nine pairs of edges.
+    let facing = N.min(M) == 2;
+    if !facing {
+        for (i, ball) in first.iter().enumerate() {
+            for (j, edge) in edges2[..edges(M)].iter().enumerate() {
+                let (gap, normal, t) = edge.gap(ball.center);
+                best.take(gap - ball.radius, -normal, (at_vertex(i, zero), on_edge(j, t)));
+            }
+        }
+        for (j, ball) in second.iter().enumerate() {
+            for (i, edge) in edges1[..edges(N)].iter().enumerate() {
+                let (gap, normal, s) = edge.gap(ball.center);
+                best.take(gap - ball.radius, normal, (on_edge(i, s), at_vertex(j, zero)));
+            }
+        }
+    }
+    for (i, edge1) in edges1[..edges(N)].iter().enumerate() {
+        for (j, edge2) in edges2[..edges(M)].iter().enumerate() {
+            let crossing = edge1.crossing(edge2);
+            let (gap, normal, inside) = crossing.gap(edge1, edge2);
+            best.take_if(inside, gap, -normal, (on_edge(i, crossing.s), on_edge(j, crossing.t)));
+            if facing {
+                let [late1, late2] = crossing.facing(edge1, edge2);
+                let ball1 = Ball::select(late1, first[(i + 1) % N], first[i]);
+                let ball2 = Ball::select(late2, second[(j + 1) % M], second[j]);
+                let [s, t] = [late1, late2].map(|late| R::select(late, one, zero));
+                let (gap, normal, nearest) = edge2.gap(ball1.center);
+                best.take(gap - ball1.radius, -normal, (on_edge(i, s), on_edge(j, nearest)));
+                let (gap, normal, nearest) = edge1.gap(ball2.center);
+                best.take(gap - ball2.radius, normal, (on_edge(i, nearest), on_edge(j, t)));
+            }
+        }
+    }
+    if M == 3 {
+        let face = Face::new(second[0], second[1 % M], second[2 % M]);
+        for (i, ball) in first.iter().enumerate() {
+            let (gap, normal, inside, weights) = face.gap(ball.center);
+            best.take_if(inside, gap - ball.radius, -normal, (at_vertex(i, zero), on_face(weights)));
+        }
+    }
+    if N == 3 {
+        let face = Face::new(first[0], first[1 % N], first[2 % N]);
+        for (j, ball) in second.iter().enumerate() {
+            let (gap, normal, inside, weights) = face.gap(ball.center);
+            best.take_if(inside, gap - ball.radius, normal, (on_face(weights), at_vertex(j, zero)));
+        }
+    }
+    best
+}
+
+/// The weights of a vertex.
+#[inline(always)]
+fn at_vertex<R: Number, const N: usize>(i: usize, zero: R) -> [R; N] {
+    each(
+        #[inline(always)]
+        |k| if k == i { zero.like(1.0) } else { zero },
+    )
+}
+
+/// The weights of a sphere of the edge from a vertex to the next.
+#[inline(always)]
+fn on_edge<R: Number, const N: usize>(i: usize, t: R) -> [R; N] {
+    each(
+        #[inline(always)]
+        |k| {
+            if k == (i + 1) % N {
+                t
+            } else if k == i {
+                t.like(1.0) - t
+            } else {
+                t.like(0.0)
+            }
+        },
+    )
+}
+
+/// The weights of a sphere of a slab's face; only slabs have one.
+#[inline(always)]
+fn on_face<R: Number, const N: usize>(weights: [R; 3]) -> [R; N] {
+    each(
+        #[inline(always)]
+        |k| weights[k],
+    )
+}
+
+/// The nearest so far.
+pub(super) struct Nearest<R, const N: usize, const M: usize> {
+    /// Their distance.
+    pub upper: R,
+    /// From the first to the second, of any length.
+    pub normal: Vector<R>,
+    /// Barycentric weights of the two spheres in their primitives.
+    pub weights: ([R; N], [R; M]),
+}
+
+impl<R: Number, const N: usize, const M: usize> Nearest<R, N, M> {
+    #[inline(always)]
+    fn take(&mut self, upper: R, normal: Vector<R>, weights: ([R; N], [R; M])) {
+        self.select(upper.less(self.upper), upper, normal, weights);
+    }
+
+    #[inline(always)]
+    fn take_if(&mut self, mask: R::Mask, upper: R, normal: Vector<R>, weights: ([R; N], [R; M])) {
+        self.select(mask & upper.less(self.upper), upper, normal, weights);
+    }
+
+    #[inline(always)]
+    fn select(&mut self, nearer: R::Mask, upper: R, normal: Vector<R>, weights: ([R; N], [R; M])) {
+        self.upper = R::select(nearer, upper, self.upper);
+        self.normal = Vector::select(nearer, normal, self.normal);
+        for (weight, other) in self.weights.0.iter_mut().zip(weights.0) {
+            *weight = R::select(nearer, other, *weight);
+        }
+        for (weight, other) in self.weights.1.iter_mut().zip(weights.1) {
+            *weight = R::select(nearer, other, *weight);
+        }
+    }
+}
+
+/// An array of what `make` gives for each index: `std::array::from_fn`, inlined for certain.
+#[inline(always)]
+pub(super) fn each<T: Copy, const N: usize>(make: impl Fn(usize) -> T) -> [T; N] {
+    let mut made = [make(0); N];
+    for (i, slot) in made.iter_mut().enumerate().skip(1) {
+        *slot = make(i);
+    }
+    made
+}
