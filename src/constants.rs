@@ -39,7 +39,7 @@ pub const FIRST_TRIAL: f32 = 16.0;
 /// A trial step is no shorter than so many of [`TIME_TOLERANCE`], unless a longer one was in vain.
 pub const SHORTEST_TRIAL: f32 = 4.0;
 
-/// The same where many pairs are searched side by side, and a round costs less.
+/// [`MAX_ADVANCES`] where many pairs are searched side by side, and a round costs less.
 pub const MAX_LANE_ADVANCES: f32 = 20.0;
 
 /// The square of a direction's length, in square metres, below which it leads nowhere: products of so small numbers are lost.

@@ -238,7 +238,7 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         }
     }
 
-    /// Puts pairs where two directions show that nothing touches until then. A bit for each pair that stays apart.
+    /// Loads pairs, and puts `fraction` where two directions show that nothing touches until then. A bit for each pair that stays apart.
     #[inline(always)]
     fn load<S: Simd, R: Lanes<S>>(&mut self, simd: S, pairs: &[MovingPair<N, M>; L], max_fraction: f32) -> u64 {
         let first = columns::<S, R, N>(
@@ -270,7 +270,7 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         apart
     }
 
-    /// A pair that was loaded.
+    /// Begins the search of a pair that was loaded.
     #[inline(always)]
     fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
         self.first[0].radius[lane] = from.first[0].radius[from_lane];
@@ -310,10 +310,10 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         )
     }
 
-    /// One round of conservative advancement, from both sides. Along the direction in which the primitives are nearest at some instant, nothing touches
-    /// until the gap is closed. The spheres that are nearest then, each moving on, touch when they meet, so the primitives do by then; if that is when
-    /// the gap is closed, it is the first touch. If not, the next round looks at when they meet, or pass: the direction there is nearly that of the
-    /// touch, and clears all the time before it at once.
+    /// One round of conservative advancement, from both sides. The direction in which the primitives are nearest at `look` clears the time from `fraction`
+    /// on until the first of the gaps along it closes, if none is closed at `fraction`. The spheres that are nearest at `look` move on, and the primitives
+    /// touch by the time these do: if that is when the gap closes, it is the first touch. If not, the next round looks at when they meet, or pass: the
+    /// direction there is nearly that of the touch.
     #[inline(always)]
     fn advance<S: Simd, R: Lanes<S>>(&mut self, simd: S, max_fraction: f32) -> Ends {
         let [fraction, look, extent, rounds] = each(
@@ -326,7 +326,8 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         let tolerance = R::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
         let touching = extent * tolerance;
         let (clear, until) = cleared(&first, &second, normal, zero, touching, look - fraction);
-        let next = R::select(clear, look + until, fraction);
+        // From far ahead, rounding may lead back.
+        let next = R::select(clear, fraction.greater(look + until), fraction);
         let apart = max.less(next);
 
         let (ball1, motion1) = at_weights(&first, weights.0);
@@ -338,7 +339,8 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         let met = (from + way * until).length_squared().at_most(reach * reach) & upper.at_most(extent) & clear;
         let (approach, speed_squared) = (-from.dot(way), way.length_squared());
         let discriminant = approach * approach - speed_squared * (from.length_squared() - radii * radii);
-        let meeting = look + (approach - Number::sqrt(zero.greater(discriminant))) / speed_squared;
+        let discriminant = R::select(zero.less(discriminant), discriminant, zero);
+        let meeting = look + (approach - Number::sqrt(discriminant)) / speed_squared;
         let later = clear & next.less(meeting);
         let meeting = meeting.lesser(max);
 
@@ -387,9 +389,9 @@ fn depart<R: Number, const N: usize, const M: usize>(
     (fraction, zero.like(max_fraction).less(fraction))
 }
 
-/// Whether both sides keep more than `margin` apart along a direction, and how much time goes by until the gap is closed; false and none if rounding
-/// hides where the direction leads. Spheres count as larger by `rounding`. Relative to the first sphere of the first side. Of a time before this instant
-/// by `back`, from which the time until the gap is closed may be less than none.
+/// Whether both sides are more than `margin` apart along a direction at the time `back` before this instant, and how long after this instant, if less than
+/// none before it, the gap is closed; false and none if rounding hides where the direction leads. Spheres count as larger by `rounding`. Relative to
+/// the first sphere of the first side.
 #[inline(always)]
 fn cleared<R: Number, const N: usize, const M: usize>(
     first: &[Mover<R>; N],

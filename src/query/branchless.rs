@@ -52,7 +52,7 @@ pub(super) fn nearest<R: Number, const N: usize, const M: usize>(
                 let [late1, late2] = crossing.facing(edge1, edge2);
                 let ball1 = Ball::select(late1, first[(i + 1) % N], first[i]);
                 let ball2 = Ball::select(late2, second[(j + 1) % M], second[j]);
-                let [s, t] = [late1, late2].map(|late| R::select(late, one, zero));
+                let (s, t) = (R::select(late1, one, zero), R::select(late2, one, zero));
                 let (gap, normal, nearest) = edge2.gap(ball1.center);
                 best.take(gap - ball1.radius, -normal, (on_edge(i, s), on_edge(j, nearest)));
                 let (gap, normal, nearest) = edge1.gap(ball2.center);
@@ -114,7 +114,7 @@ fn on_face<R: Number, const N: usize>(weights: [R; 3]) -> [R; N] {
 
 /// The nearest so far.
 pub(super) struct Nearest<R, const N: usize, const M: usize> {
-    /// Their distance.
+    /// The distance of the two spheres: the primitives' or more.
     pub upper: R,
     /// From the first to the second, of any length.
     pub normal: Vector<R>,
