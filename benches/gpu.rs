@@ -1,7 +1,7 @@
 //! The GPU back end by itself: time of each pass, told by the device, and of a whole call with upload, wait and readback.
 //!
 //! ```text
-//! cargo bench --bench gpu -- [--quick] [--out DIR]
+//! cargo run --release -p bevy_medial_compare --bin gpu -- [--quick] [--out DIR]
 //! ```
 //!
 //! - the scenes: the inputs of a run's active steps, culled again on the GPU and on the CPU (with all its threads); medians;
@@ -10,23 +10,12 @@
 //!
 //! Each is done for a second before it is measured, as a device that has been idle is slower. The built program needs nothing but a graphics driver; a software one will do.
 
-#[path = "common/activity.rs"]
-mod activity;
-#[path = "common/outcome.rs"]
-mod outcome;
-#[path = "common/tables.rs"]
-#[expect(dead_code, reason = "the processor is not asked for")]
-mod tables;
-#[path = "common/today.rs"]
-mod today;
-
 use std::{
     path::PathBuf,
     process::ExitCode,
     time::{Duration, Instant},
 };
 
-use activity::{Activity, active, median};
 use bevy::{
     prelude::*,
     tasks::{ComputeTaskPool, TaskPool},
@@ -40,6 +29,11 @@ use bevy_medial::{
     prelude::MedialAxis,
     query::{Moving, times_of_impact},
     scenes::{Model, Monitor, Scene, headless_app, load_models},
+};
+use bevy_medial_compare::{
+    activity::{Activity, active, median},
+    outcome,
+    tables::{self, today},
 };
 use clap::Parser;
 use serde::Serialize;
@@ -55,9 +49,6 @@ struct Args {
     /// Folder of other models than the crate's own.
     #[arg(long)]
     models: Option<PathBuf>,
-    /// What `cargo bench` adds.
-    #[arg(long, hide = true)]
-    bench: bool,
 }
 
 macro_rules! models {
@@ -110,7 +101,7 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let gpu = GpuDevice::request()?;
-    println!("GPU: {}, {}", gpu.name(), today::today());
+    println!("GPU: {}, {}", gpu.name(), today());
     let passes = PASSES.map(|pass| format!("{pass:>8}")).join(" ");
     println!("{:16} {:>11} {:>9} | {passes} | {:>9} {:>9} {:>9}", "ms", "pairs", "tested", "call", "CPU", "pairs/s");
     let models = models(args)?;
@@ -198,7 +189,7 @@ impl Row {
 
     /// Printed, with what is measured and on which device.
     fn told(mut self, gpu: &GpuDevice, what: &str) -> Self {
-        (self.date, self.gpu, self.what) = (today::today(), gpu.name().into(), what.into());
+        (self.date, self.gpu, self.what) = (today(), gpu.name().into(), what.into());
         if self.narrow_ms > 0.0 {
             self.pairs_per_second = (self.tested as f64 * 1e3 / self.narrow_ms).round();
         }

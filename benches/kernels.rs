@@ -2,13 +2,10 @@
 //!
 //! - separation and time of impact, one by one and many at once, for each kind of pair, over random pairs of which the share that hits is printed;
 //! - time of impact of the pairs of a file, for each of its kinds and categories, where the file is there:
-//!   `../shared/pairs/moving_pairs.txt`, or what `MOVING_PAIRS` names, in the form of `examples/pairs.rs`;
+//!   `../shared/pairs/moving_pairs.txt`, or the file that `MOVING_PAIRS` names, in the format of `examples/pairs.rs`;
 //! - rays against each kind of primitive, of which the share that hits is printed;
 //! - building a hierarchy over the primitives of each model, and two of it against each other;
 //! - products and sums of f32, as many as a core can do.
-
-#[path = "common/pairs.rs"]
-mod pairs;
 
 use std::{collections::BTreeMap, hint::black_box, path::Path, time::Duration};
 
@@ -18,34 +15,21 @@ use bevy_medial::{
         Cuboid, Moving, MovingConvex, MovingPair, TimeOfImpact, TimeOfImpactStatus, Touch, ray_cast, separation,
         time_of_impact, times_of_impact,
     },
+    random::Random,
     scenes::load_models,
 };
+use bevy_medial_compare::pairs::{self, Pair, Primitive, Second};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use fearless_simd::{Level, Simd, dispatch, f32x16, prelude::*};
 use glam::{DVec3, Vec3};
-use pairs::{Pair, Primitive, Second};
 
 const PAIRS: u64 = 1024;
 
-/// A small seeded generator, uniform from -1 to 1.
-struct Random(u64);
-
-impl Random {
-    fn signed(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((self.0 >> 40) as f32) / (1u64 << 23) as f32 - 1.0
-    }
-
-    fn vector(&mut self, scale: f32) -> Vec3 {
-        Vec3::new(self.signed(), self.signed(), self.signed()) * scale
-    }
-
-    /// A primitive of about unit size near `center` that moves by about `motion`.
-    fn moving<const N: usize>(&mut self, center: Vec3, motion: Vec3) -> Moving<N> {
-        Moving {
-            start: std::array::from_fn(|_| Sphere::new(center + self.vector(0.5), 0.15 + 0.1 * self.signed())),
-            motion: std::array::from_fn(|_| motion + self.vector(0.1)),
-        }
+/// A primitive of about unit size near `center` that moves by about `motion`.
+fn moving<const N: usize>(random: &mut Random, center: Vec3, motion: Vec3) -> Moving<N> {
+    Moving {
+        start: std::array::from_fn(|_| Sphere::new(center + 0.5 * random.in_cube(), 0.15 + 0.1 * random.signed())),
+        motion: std::array::from_fn(|_| motion + 0.1 * random.in_cube()),
     }
 }
 
@@ -53,9 +37,9 @@ impl Random {
 fn approaching<const N: usize, B>(mut second: impl FnMut(&mut Random) -> B) -> Vec<(Moving<N>, B)> {
     let mut random = Random(1);
     let mut pair = || {
-        let offset = random.vector(1.0).normalize_or(Vec3::X) * 3.0;
-        let motion = -offset * 1.2 + random.vector(1.5);
-        (random.moving(offset, motion), second(&mut random))
+        let offset = random.in_cube().normalize_or(Vec3::X) * 3.0;
+        let motion = -offset * 1.2 + random.in_cube() * 1.5;
+        (moving(&mut random, offset, motion), second(&mut random))
     };
     (0..PAIRS).map(|_| pair()).collect()
 }
@@ -84,7 +68,7 @@ fn bench_pair<const N: usize, B: MovingConvex>(
 
 /// Times of impact of many pairs at once.
 fn bench_pairs<const N: usize, const M: usize>(criterion: &mut Criterion, kind: &str) {
-    let pairs: Vec<MovingPair<N, M>> = approaching(|random| random.moving::<M>(Vec3::ZERO, Vec3::ZERO));
+    let pairs: Vec<MovingPair<N, M>> = approaching(|random| moving::<M>(random, Vec3::ZERO, Vec3::ZERO));
     let mut group = criterion.benchmark_group(kind);
     group.throughput(Throughput::Elements(PAIRS));
     group.bench_function(BenchmarkId::from_parameter("times of impact at once"), |bencher| {
@@ -94,10 +78,10 @@ fn bench_pairs<const N: usize, const M: usize>(criterion: &mut Criterion, kind: 
 }
 
 fn kernels(criterion: &mut Criterion) {
-    let sphere = |random: &mut Random| random.moving::<1>(Vec3::ZERO, Vec3::ZERO);
-    let cone = |random: &mut Random| random.moving::<2>(Vec3::ZERO, Vec3::ZERO);
-    let slab = |random: &mut Random| random.moving::<3>(Vec3::ZERO, Vec3::ZERO);
-    let cuboid = |random: &mut Random| Cuboid { half: random.vector(0.5).abs() + 0.1 };
+    let sphere = |random: &mut Random| moving::<1>(random, Vec3::ZERO, Vec3::ZERO);
+    let cone = |random: &mut Random| moving::<2>(random, Vec3::ZERO, Vec3::ZERO);
+    let slab = |random: &mut Random| moving::<3>(random, Vec3::ZERO, Vec3::ZERO);
+    let cuboid = |random: &mut Random| Cuboid { half: 0.5 * random.in_cube().abs() + 0.1 };
     bench_pair::<1, _>(criterion, "sphere-sphere", sphere);
     bench_pair::<1, _>(criterion, "sphere-cone", cone);
     bench_pair::<1, _>(criterion, "sphere-slab", slab);
@@ -147,7 +131,7 @@ fn solvers(pairs: &[Pair]) -> (Solve, Option<Solve>) {
 
 fn file(criterion: &mut Criterion) {
     let named = std::env::var("MOVING_PAIRS");
-    let path = named.as_deref().unwrap_or(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/pairs/moving_pairs.txt"));
+    let path = named.as_deref().unwrap_or(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/pairs/moving_pairs.txt"));
     let Ok(text) = std::fs::read_to_string(path) else {
         return println!("{path}: not there, so none of its pairs is timed; MOVING_PAIRS names another");
     };
@@ -178,9 +162,9 @@ fn bench_rays<const N: usize>(criterion: &mut Criterion, kind: &str) {
     let mut random = Random(2);
     let rays: Vec<([Sphere; N], Vec3, Vec3)> = (0..PAIRS)
         .map(|_| {
-            let spheres = random.moving::<N>(Vec3::ZERO, Vec3::ZERO).start;
-            let origin = random.vector(1.0).normalize_or(Vec3::X) * 3.0;
-            (spheres, origin, -origin + random.vector(0.5))
+            let spheres = moving::<N>(&mut random, Vec3::ZERO, Vec3::ZERO).start;
+            let origin = random.in_cube().normalize_or(Vec3::X) * 3.0;
+            (spheres, origin, -origin + random.in_cube() * 0.5)
         })
         .collect();
     let cast = |(spheres, origin, direction): &([Sphere; N], Vec3, Vec3)| ray_cast(spheres, *origin, *direction, 2.0);
@@ -202,7 +186,7 @@ fn rays(criterion: &mut Criterion) {
 
 /// Two of a model, turned against each other and pushed together by a third of their size.
 fn hierarchies(criterion: &mut Criterion) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/models");
     let models = match load_models(&folder) {
         Ok(models) => models,
         Err(error) => return println!("{error}"),

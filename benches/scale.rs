@@ -1,7 +1,7 @@
 //! How collision grows with the number of bodies, what a second thread gains, and what a body and a step take of memory.
 //!
 //! ```text
-//! cargo bench --bench scale -- [--quick] [--out DIR]
+//! cargo run --release -p bevy_medial_compare --bin scale -- [--quick] [--out DIR]
 //! ```
 //!
 //! - **rain**: 100, 1,000 and 10,000 deer of about 180 primitives, a metre in size, fall on a ground with boxes, as many of each to the square metre; medians
@@ -14,14 +14,6 @@
 //! - **memory**: bytes of a step's input for each body, what is kept from step to step beside what the last one tells, and allocations of a step then, as a
 //!   counting allocator tells them.
 
-#[path = "common/activity.rs"]
-#[expect(dead_code, reason = "the median alone is asked for")]
-mod activity;
-#[path = "common/outcome.rs"]
-mod outcome;
-#[path = "common/tables.rs"]
-mod tables;
-
 use std::{
     ops::ControlFlow,
     path::{Path, PathBuf},
@@ -29,7 +21,6 @@ use std::{
     time::{Duration, Instant},
 };
 
-use activity::median;
 use allocation_counter::measure;
 use bevy::{
     prelude::*,
@@ -43,6 +34,7 @@ use bevy_medial::{
     prelude::*,
     scenes::{Scene, headless_app, load_models},
 };
+use bevy_medial_compare::{activity::median, outcome, tables};
 use bevy_rapier3d::prelude::{RapierConfiguration, RigidBody};
 use clap::Parser;
 use indicatif::ProgressBar;
@@ -56,9 +48,6 @@ struct Args {
     /// Folder for `scale.csv`.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// What `cargo bench` adds.
-    #[arg(long, hide = true)]
-    bench: bool,
 }
 
 /// A figure.
@@ -181,7 +170,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
 
 /// The body, a metre in size.
 fn deer() -> Result<Shape, Box<dyn std::error::Error>> {
-    let mesh = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models/deer.obj"))?;
+    let mesh = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/models/deer.obj"))?;
     let options = BuildOptions { spheres: SPHERES, searches: Some(1), ..default() };
     let axis = build(&mesh, &options, &|_| ControlFlow::Continue(()))?.axis;
     let scale = 0.5 / axis.bounding_sphere().radius;
@@ -327,7 +316,7 @@ fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 4] {
 
 /// How much longer the steps of `dinosaur` take because bodies stop, in milliseconds: least of several.
 fn stops(steps: u32, pool: &TaskPool) -> Result<Vec<f64>, Box<dyn std::error::Error>> {
-    let models = load_models(&Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models"))?;
+    let models = load_models(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/models"))?;
     let scene = Scene::by_name("dinosaur").ok_or("there is no scene `dinosaur`")?;
     let mut app = headless_app(1.0 / 60.0);
     scene.spawn(app.world_mut(), &models, 1);

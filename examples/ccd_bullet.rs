@@ -4,19 +4,19 @@
 //! cargo run --release --example ccd_bullet
 //! ```
 
-#[path = "common/stage.rs"]
-mod stage;
+mod common;
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
 use bevy_rapier3d::prelude::{GravityScale, RigidBody, Velocity};
+use common::stage::Stage;
 
 /// Where the wall is, along x.
 const WALL: f32 = 2.0;
 
 fn main() -> AppExit {
     App::new()
-        .add_plugins((stage::Stage { steps: 30 }, MedialPhysicsPlugin::default()))
+        .add_plugins((Stage { steps: 30 }, MedialPhysicsPlugin::default()))
         .add_systems(Startup, setup)
         .add_systems(Last, tell_once_passed)
         .run()

@@ -4,16 +4,16 @@
 //! cargo run --release --example custom_ordering
 //! ```
 
-#[path = "common/stage.rs"]
-mod stage;
+mod common;
 
 use bevy::prelude::*;
 use bevy_medial::prelude::*;
 use bevy_rapier3d::prelude::{PhysicsSet, RigidBody, TimestepMode, Velocity};
+use common::stage::Stage;
 
 fn main() -> AppExit {
     App::new()
-        .add_plugins((stage::Stage { steps: 120 }, MedialPhysicsPlugin::default().in_fixed_schedule()))
+        .add_plugins((Stage { steps: 120 }, MedialPhysicsPlugin::default().in_fixed_schedule()))
         .insert_resource(Time::<Fixed>::from_hz(60.0))
         .insert_resource(TimestepMode::Fixed { dt: 1.0 / 60.0, substeps: 1 })
         .add_systems(Startup, setup)

@@ -4,16 +4,16 @@
 //! cargo run --release --example events
 //! ```
 
-#[path = "common/stage.rs"]
-mod stage;
+mod common;
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
 use bevy_rapier3d::prelude::{RigidBody, Velocity};
+use common::stage::Stage;
 
 fn main() -> AppExit {
     App::new()
-        .add_plugins((stage::Stage { steps: 240 }, MedialPhysicsPlugin::default()))
+        .add_plugins((Stage { steps: 240 }, MedialPhysicsPlugin::default()))
         .add_systems(Startup, setup)
         .add_systems(Last, (tell_started, tell_ended))
         .run()

@@ -7,8 +7,7 @@
 //! Reads `assets/models/NAME.obj` and `.ma`, writes `docs/images/medial_NAME.png`. Needs a graphics adapter, software
 //! will do, and no display.
 
-#[path = "common/studio.rs"]
-mod studio;
+mod common;
 
 use std::{env, error::Error, fs, path::Path};
 
@@ -23,7 +22,7 @@ use bevy_medial::{
     geometry::{self, Primitive},
     medial_axis::{MedialAxis, ma, triangulate},
 };
-use studio::Studio;
+use common::studio::Studio;
 
 /// Of a picture, in pixels.
 const SIZE: UVec2 = UVec2::new(1200, 400);

@@ -4,17 +4,17 @@
 //! cargo run --release --example minimal
 //! ```
 
-#[path = "common/stage.rs"]
-mod stage;
+mod common;
 
 use bevy::prelude::*;
 use bevy_medial::prelude::*;
 use bevy_rapier3d::prelude::{RigidBody, Velocity};
+use common::stage::Stage;
 
 fn main() -> AppExit {
     // `DefaultPlugins`, a camera and light.
     App::new()
-        .add_plugins((stage::Stage { steps: 300 }, MedialPhysicsPlugin::default()))
+        .add_plugins((Stage { steps: 300 }, MedialPhysicsPlugin::default()))
         .add_systems(Startup, setup)
         .run()
 }

@@ -8,19 +8,17 @@
 //! Kinds are `sphere`, `cone`, `slab` and, for B, `box`. A and B give `x y z r vx vy vz` per sphere (position and displacement
 //! over the step), a box `cx cy cz qx qy qz qw hx hy hz`. Answers: a fraction of the step, `none`, or `overlap`.
 
-#[path = "../benches/common/outcome.rs"]
-mod outcome;
-#[path = "../benches/common/pairs.rs"]
-mod pairs;
-
 use std::{collections::BTreeMap, hint::black_box, io::Write, path::PathBuf, process::ExitCode, time::Instant};
 
 use bevy_medial::{
     gpu::{GpuDevice, GpuError, GpuImpacts, MovingPair},
     query::{Cuboid, Moving, TimeOfImpact, TimeOfImpactStatus, Touch, alternating, time_of_impact, times_of_impact},
 };
+use bevy_medial_compare::{
+    outcome,
+    pairs::{self, Pair, Primitive, Second},
+};
 use clap::{Parser, ValueEnum};
-use pairs::{Pair, Primitive, Second};
 
 #[derive(Parser)]
 #[command(about = "Times of impact of moving primitive pairs")]

@@ -4,8 +4,7 @@
 //! cargo run --release --example queries
 //! ```
 
-#[path = "common/stage.rs"]
-mod stage;
+mod common;
 
 use bevy::prelude::*;
 use bevy_medial::{plugin::MedialPickingPlugin, prelude::*};
@@ -13,10 +12,11 @@ use bevy_rapier3d::{
     parry::{query::ShapeCastOptions, shape::Ball, shape::Cuboid},
     prelude::{QueryFilter, ReadRapierContext, RigidBody},
 };
+use common::stage::Stage;
 
 fn main() -> AppExit {
     App::new()
-        .add_plugins((stage::Stage { steps: 60 }, MedialPhysicsPlugin::default(), MedialPickingPlugin))
+        .add_plugins((Stage { steps: 60 }, MedialPhysicsPlugin::default(), MedialPickingPlugin))
         .add_systems(Startup, setup)
         .add_systems(Last, ask_once.run_if(|step: Res<MedialStep>| step.input.bodies.len() == 2))
         .run()

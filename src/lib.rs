@@ -104,6 +104,8 @@ pub mod medial_axis;
 pub mod pipeline;
 pub mod plugin;
 pub mod query;
+#[doc(hidden)]
+pub mod random;
 #[cfg(feature = "rapier")]
 pub mod rapier;
 #[cfg(feature = "rapier")]

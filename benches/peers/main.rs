@@ -2,31 +2,14 @@
 //! meshes. With them the culling beside its baselines.
 //!
 //! ```text
-//! cargo bench --bench peers -- [--quick] [--scene NAME] [--engine NAME] [--runs N] [--out DIR] [--list]
+//! cargo run --release -p bevy_medial_compare --bin peers -- [--quick] [--scene NAME] [--engine NAME] [--runs N] [--out DIR] [--list]
 //! ```
 //!
 //! Without `--out` tables are printed only. `--quick` runs a few steps of each, and leaves out what takes long to prepare: it shows that all of it works.
 //!
 //! Everything runs on one core, to which the process is bound: rapier by itself has one thread, and Bevy's pools have threads that share it.
 
-#[path = "../common/activity.rs"]
-mod activity;
-#[path = "../baselines/mod.rs"]
-mod baselines;
-#[path = "../common/compare.rs"]
-mod compare;
-mod engines;
-#[path = "../common/hulls.rs"]
-mod hulls;
-mod measure;
-#[path = "../common/outcome.rs"]
-mod outcome;
-mod overlap;
 mod report;
-mod shapes;
-#[path = "../common/tables.rs"]
-mod tables;
-mod world;
 
 use std::{
     path::{Path, PathBuf},
@@ -38,19 +21,17 @@ use bevy_medial::{
     prelude::MedialBudget,
     scenes::{Model, Scene, headless_app, load_models, set_budget},
 };
-use clap::Parser;
-use compare::{Comparison, Cull};
-use engines::{
-    Engine,
-    avian::Avian,
-    medial::Medial,
-    rapier::{Ccd, Rapier, is_fast},
+use bevy_medial_compare::{
+    culling::{Comparison, Cull},
+    demo::{Demo, SEED, SceneModel},
+    engines::{Avian, Ccd, Engine, Medial, Rapier, Variant},
+    measure::{self, Plan, Row, ShapeFigures},
+    outcome,
+    overlap::Surfaces,
+    stand_in::{Kind, ModelShape, Shapes, stand_ins, worst},
 };
-use measure::{Plan, Row, ShapeFigures};
-use overlap::Surfaces;
+use clap::Parser;
 use report::Culling;
-use shapes::{Kind, ModelShape, Shapes};
-use world::{SEED, SceneModel, World};
 
 #[derive(Parser)]
 #[command(about = "The demo scenes in several engines")]
@@ -74,9 +55,6 @@ struct Args {
     /// List scenes and engines.
     #[arg(long)]
     list: bool,
-    /// What cargo adds.
-    #[arg(long, hide = true)]
-    bench: bool,
 }
 
 /// The scenes, each with a budget in percent of which its bodies have about as many primitives as those of the paper, 0.3 to 2 million pairs in all.
@@ -131,7 +109,7 @@ fn run(args: &Args) -> Result<(), String> {
     if !core.is_some_and(core_affinity::set_for_current) {
         eprintln!("the process cannot be bound to one core: times of Bevy's threads are those of several");
     }
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/models");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/models");
     let models = load_models(&folder).map_err(|error| error.to_string())?;
     let (mut peers, mut culling) = (Vec::new(), Vec::new());
     let mut shapes = Shapes::default();
@@ -142,8 +120,8 @@ fn run(args: &Args) -> Result<(), String> {
             culling.extend(run_culling(args, scene, &models, percent)?);
         }
     }
-    let words: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
-    let command = format!("cargo bench --bench peers -- {}", words.join(" "));
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let command = format!("cargo run --release -p bevy_medial_compare --bin peers -- {}", words.join(" "));
     match &args.out {
         Some(folder) => report::write_all(folder, &command, &peers, &culling),
         None => Ok(()),
@@ -168,11 +146,11 @@ fn run_scene(
     shapes: &mut Shapes,
     rows: &mut Vec<Row>,
 ) -> Result<(), String> {
-    let world = World::new(scene, models, folder, DT)?;
-    let surfaces = Surfaces::new(&world)?;
+    let demo = &Demo::new(scene, models, folder, DT)?;
+    let surfaces = Surfaces::new(demo)?;
     for (name, setup) in &SETUPS {
         let slow = matches!(setup, Setup::Rapier(Kind::FineDecomposition, _));
-        let same = matches!(setup, Setup::Rapier(_, Ccd::Bullets)) && !world.bodies.iter().any(is_fast);
+        let same = matches!(setup, Setup::Rapier(_, Ccd::Bullets)) && !demo.bodies.iter().any(|body| body.body.is_bullet());
         if !is_wanted(args, name) || (args.quick && slow) || same {
             continue;
         }
@@ -182,29 +160,26 @@ fn run_scene(
                 let budget = match setup {
                     Setup::Medial => MedialBudget::default(),
                     _ => {
-                        let made = shapes.of_world(Kind::Decomposition, &world);
-                        MedialBudget::Percent(0.5 * hull_figures(&world, &made).error.max)
+                        let made = shapes.of_demo(Kind::Decomposition, demo);
+                        MedialBudget::Percent(0.5 * hull_figures(&made).error.max)
                     }
                 };
-                let figures = medial_figures(&world, budget);
-                let world = &world;
-                (figures, Box::new(move || Ok(Box::new(Medial::new(world, scene, models, budget)))))
+                let engine = move || Medial::new(demo.setup, Variant::Cpu).with_budget(budget);
+                (medial_figures(demo, budget), Box::new(move || demo.fill(engine(), &[])))
             }
             Setup::Rapier(kind, ccd) => {
-                let made = shapes.of_world(*kind, &world);
-                let figures = hull_figures(&world, &made);
-                let world = &world;
-                (figures, Box::new(move || Ok(Box::new(Rapier::new(world, &made, *ccd)?))))
+                let made = shapes.of_demo(*kind, demo);
+                let parts = stand_ins(&made);
+                (hull_figures(&made), Box::new(move || demo.fill(Rapier::new(demo.setup, *ccd), &parts)))
             }
             Setup::Avian => {
-                let made = shapes.of_world(Kind::Decomposition, &world);
-                let figures = hull_figures(&world, &made);
-                let world = &world;
-                (figures, Box::new(move || Ok(Box::new(Avian::new(world, &made)?))))
+                let made = shapes.of_demo(Kind::Decomposition, demo);
+                let parts = stand_ins(&made);
+                (hull_figures(&made), Box::new(move || demo.fill(Avian::new(demo.setup), &parts)))
             }
         };
         let plan = Plan { steps: steps(args, scene), runs: if args.quick { 1 } else { args.runs } };
-        let row = measure::run((scene.name, name), &world, &surfaces, figures, &*make, plan)?;
+        let row = measure::run((scene.name, name), demo, &surfaces, figures, &*make, plan)?;
         println!(
             "{:9} {name:34} {:3} active: collision {:8.3} ms, step {:8.3} ms; overlap {:6.2} %, {} of {} lost",
             row.scene,
@@ -220,24 +195,20 @@ fn run_scene(
     Ok(())
 }
 
-/// Of the medial meshes themselves, at the levels of detail that the budget gives bodies.
-fn medial_figures(world: &World, budget: MedialBudget) -> ShapeFigures {
-    let count = world.models.len().max(1);
+/// Figures of the medial meshes at the levels of detail that the budget gives bodies.
+fn medial_figures(demo: &Demo, budget: MedialBudget) -> ShapeFigures {
+    let count = demo.models.len().max(1);
     let level = |model: &SceneModel| model.axis.level(budget.level(&model.axis, 1.0)).clone();
-    let errors = world.models.iter().map(|model| builder::measure(&model.mesh, &level(model)).mesh_to_envelope);
-    let parts: usize = world.models.iter().map(|model| level(model).primitives().len()).sum();
-    ShapeFigures { parts: parts as f64 / count as f64, error: shapes::worst(errors) }
+    let errors = demo.models.iter().map(|model| builder::measure(&model.mesh, &level(model)).mesh_to_envelope);
+    let parts: usize = demo.models.iter().map(|model| level(model).primitives().len()).sum();
+    ShapeFigures { parts: parts as f64 / count as f64, error: worst(errors) }
 }
 
-fn hull_figures(world: &World, made: &[ModelShape]) -> ShapeFigures {
-    let count = made.len().max(1);
-    let parts = made.iter().zip(&world.models).map(|(shape, model)| match shape.hulls.len() {
-        0 => model.mesh.triangles.len(),
-        hulls => hulls,
-    });
+fn hull_figures(made: &[ModelShape]) -> ShapeFigures {
+    let parts: usize = made.iter().map(|shape| shape.parts).sum();
     ShapeFigures {
-        parts: parts.sum::<usize>() as f64 / count as f64,
-        error: shapes::worst(made.iter().map(|shape| shape.error)),
+        parts: parts as f64 / made.len().max(1) as f64,
+        error: worst(made.iter().map(|shape| shape.error)),
     }
 }
 

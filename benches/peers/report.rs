@@ -2,13 +2,12 @@
 
 use std::{fmt::Write, fs, path::Path};
 
-use serde::Serialize;
-
-use crate::{
-    compare::Report,
+use bevy_medial_compare::{
+    culling::Report,
     measure::Row,
     tables::{csv, machine, write},
 };
+use serde::Serialize;
 
 /// A scene with the hybrid culling, and beside it another.
 pub struct Culling {
@@ -78,7 +77,7 @@ least 30 % of the greatest number of contact pairs and 3 % of the greatest kinet
 - *error*: from the exact mesh to the shape that stands for it, in percent of the mesh's diagonal: the greatest of any model, and the mean.
 - *half the error*: medial meshes with a budget of half the greatest error that the decompositions have in the scene.
 
-`benches/peers` and `benches/baselines` say how each engine and each baseline is set up.
+`benches/src/engines` and `benches/src/baselines` document the setup of each engine and baseline.
 ";
 
 fn markdown(command: &str, peers: &[Row], culling: &[Culling]) -> String {

@@ -1,8 +1,5 @@
 //! What the small programs share, beside `DefaultPlugins`: a camera and light, and a way to run where there is no display.
 
-mod display;
-mod dress;
-
 use std::{path::Path, time::Duration};
 
 use bevy::{
@@ -16,8 +13,8 @@ use bevy::{
     winit::WinitPlugin,
 };
 use bevy_medial::prelude::*;
-use display::has_display;
-use dress::Dress;
+
+use super::{display::has_display, dress::Dress};
 
 /// Length of a step without a display.
 const STEP: Duration = Duration::from_micros(16_667);

@@ -7,19 +7,11 @@
 //!
 //! Without `--medial` the medial mesh is built while the window shows how far it is. Without a display, or with `--screenshot`, nothing opens.
 
-#[path = "../common/button.rs"]
-mod button;
-#[path = "../common/display.rs"]
-mod display;
+#[path = "../common/mod.rs"]
+mod common;
 mod job;
-#[path = "../../benches/common/outcome.rs"]
-mod outcome;
 mod panel;
 mod shown;
-#[path = "../common/slider.rs"]
-mod slider;
-#[path = "../common/studio.rs"]
-mod studio;
 
 use std::{
     path::{Path, PathBuf},
@@ -32,12 +24,12 @@ use bevy_medial::{
     medial_axis::ma,
     plugin::MedialGizmosPlugin,
 };
+use bevy_medial_compare::outcome;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
 use clap::Parser;
-use display::has_display;
+use common::{display::has_display, studio::Studio};
 use job::Job;
 use shown::Shown;
-use studio::Studio;
 
 #[derive(Parser)]
 #[command(about = "Looks at the medial mesh of a triangle mesh")]

@@ -9,10 +9,12 @@ use bevy_medial::{geometry::Primitive, plugin::MedialGizmos};
 use bevy_panorbit_camera::PanOrbitCamera;
 
 use crate::{
-    button::{button, shade},
+    common::{
+        button::{button, shade},
+        slider::{place_thumbs, slider},
+    },
     job::Job,
     shown::{self, Shown},
-    slider::{place_thumbs, slider},
 };
 
 /// The end of the slider of budgets, in percent.

@@ -8,27 +8,13 @@
 //!                                         [--screenshot FILE] [--frames DIR] [--overlay] [--layers NAME,NAME]
 //! ```
 
-#[path = "../../benches/common/activity.rs"]
-mod activity;
-#[path = "../../benches/baselines/mod.rs"]
-mod baselines;
-#[path = "../common/button.rs"]
-mod button;
-#[path = "../../benches/common/compare.rs"]
-mod compare;
+#[path = "../common/mod.rs"]
+mod common;
 mod control;
-#[path = "../common/display.rs"]
-mod display;
-#[path = "../common/dress.rs"]
-mod dress;
 mod grab;
 mod offscreen;
-#[path = "../../benches/common/outcome.rs"]
-mod outcome;
 mod overlay;
 mod panel;
-#[path = "../common/studio.rs"]
-mod studio;
 mod view;
 
 use std::{
@@ -42,9 +28,12 @@ use bevy_medial::{
     prelude::*,
     scenes::{Model, Monitor, Row, SCENES, Scene, StageSummary, Summary, headless_app, load_models, set_budget},
 };
+use bevy_medial_compare::{
+    culling::{Comparison, Cull},
+    outcome,
+};
 use clap::{Parser, ValueEnum};
-use compare::{Comparison, Cull};
-use display::has_display;
+use common::display::has_display;
 use indicatif::ProgressBar;
 use view::Show;
 

@@ -9,8 +9,8 @@ use bevy::prelude::*;
 use bevy_rapier3d::prelude::RapierConfiguration;
 
 use crate::{
+    common::studio::Studio,
     overlay,
-    studio::Studio,
     view::{Show, add_scene},
 };
 

@@ -4,7 +4,7 @@ use bevy::{prelude::*, ui::Pressed};
 use bevy_medial::prelude::*;
 
 use crate::{
-    button::{button, shade},
+    common::button::{button, shade},
     control::{Clock, SWITCHES, Switch, label},
     view::Show,
 };

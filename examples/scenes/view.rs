@@ -11,7 +11,7 @@ use bevy_medial::{
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
 use bevy_rapier3d::prelude::TimestepMode;
 
-use crate::{control, dress::Dress, grab, overlay, panel};
+use crate::{common::dress::Dress, control, grab, overlay, panel};
 
 /// What is shown, for starting again.
 #[derive(Resource, Clone)]

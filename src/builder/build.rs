@@ -12,9 +12,11 @@ use super::{
     refine::is_quick,
     search::Search,
     solid::Solid,
-    surface_samples::Random,
 };
-use crate::medial_axis::{CleanupReport, MAX_SPHERES, MedialAxis, MedialAxisError};
+use crate::{
+    medial_axis::{CleanupReport, MAX_SPHERES, MedialAxis, MedialAxisError},
+    random::Random,
+};
 
 /// What to build.
 #[derive(Clone, Debug, PartialEq)]

@@ -196,7 +196,7 @@ impl MedialLevels {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::medial_axis::oracle::Random;
+    use crate::random::Random;
 
     fn chain() -> MedialLevels {
         let levels = [16, 8, 4].map(|segments| {
@@ -261,15 +261,15 @@ mod tests {
     #[test]
     fn damage_never_passes_for_a_shape() {
         let good = chain().to_bytes();
-        let mut random = Random::new(3);
+        let mut random = Random(3);
         let mut passed = 0;
         for round in 0..2000 {
             let mut bytes = good.clone();
-            let at = random.below(bytes.len() as u64) as usize;
+            let at = random.below(bytes.len());
             match round % 3 {
                 0 => bytes.truncate(at),
                 1 => bytes[at] ^= 1 << random.below(8),
-                _ => drop(bytes.drain(at..bytes.len().min(at + 1 + random.below(9) as usize))),
+                _ => drop(bytes.drain(at..bytes.len().min(at + 1 + random.below(9)))),
             }
             assert!(MedialLevels::from_bytes(&bytes).is_err(), "round {round}");
             // The same behind a checksum that fits must not panic either, nor ask for memory that the bytes do not back.

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::{hull::Ball, parallel, points::Points, solid::Solid};
+use crate::random::Random;
 
 /// Surface samples, evenly spread over the area, and vertices.
 #[derive(Clone)]
@@ -54,7 +55,7 @@ impl Samples {
             due -= area_vectors[index].length();
             while due < 0.0 {
                 due += share;
-                push(random.point(&[*a, *b, *c]), 1.0 / count as f64);
+                push(point_of_triangle(&mut random, &[*a, *b, *c]), 1.0 / count as f64);
             }
             for &vertex in &solid.vertices[index] {
                 if passed % stride == 0 {
@@ -78,7 +79,7 @@ impl Samples {
             *due -= area_vectors[index].length();
             while *due < 0.0 {
                 *due += share;
-                positions.push(random.point(&triangles[index]));
+                positions.push(point_of_triangle(&mut random, &triangles[index]));
                 normals.push(area_vectors[index].normalize_or_zero());
                 weights.push(share / area);
                 parts.push(part);
@@ -112,27 +113,10 @@ fn outward(solid: &Solid, point: DVec3, normal: DVec3) -> DVec3 {
     DVec3::ZERO
 }
 
-/// Splitmix64.
-pub(super) struct Random(pub u64);
-
-impl Random {
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    pub fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Of a triangle, each as likely.
-    fn point(&mut self, [a, b, c]: &[DVec3; 3]) -> DVec3 {
-        let (s, t) = (self.unit().sqrt(), self.unit());
-        a * (1.0 - s) + b * (s * (1.0 - t)) + c * (s * t)
-    }
+/// A point of a triangle, uniform by area.
+fn point_of_triangle(random: &mut Random, [a, b, c]: &[DVec3; 3]) -> DVec3 {
+    let (s, t) = (random.unit_f64().sqrt(), random.unit_f64());
+    a * (1.0 - s) + b * (s * (1.0 - t)) + c * (s * t)
 }
 
 /// Rounds of shrinking; each at least halves what is left, or stops.

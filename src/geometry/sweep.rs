@@ -161,22 +161,22 @@ impl Sweep {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::medial_axis::oracle::Random;
+    use crate::random::Random;
 
     #[test]
     fn what_comes_near_is_in_view() {
-        let mut random = Random::new(9);
+        let mut random = Random(9);
         let (mut near, mut bent, mut out_of_view) = (0, 0, 0);
         for case in 0..300 {
             let turn = [0.05, 0.5, 2.0][case % 3];
             let mut sweep = |distance: f32| {
                 let start =
-                    Pose3::from_parts(random.vector() * distance, Quat::from_scaled_axis(random.vector() * 3.0));
-                Sweep::at_rates(start, random.vector() * 0.3, random.vector(), random.vector() * turn)
+                    Pose3::from_parts(random.in_cube() * distance, Quat::from_scaled_axis(random.in_cube() * 3.0));
+                Sweep::at_rates(start, random.in_cube() * 0.3, random.in_cube(), random.in_cube() * turn)
             };
             let (own, other) = (sweep(0.0), sweep(1.5));
-            let half = random.vector().abs() * 0.4;
-            let middle = random.vector() * 0.3;
+            let half = random.in_cube().abs() * 0.4;
+            let middle = random.in_cube() * 0.3;
             let aabb = Aabb { min: middle - half, max: middle + half };
             let view = own.view(1.0, &other, &aabb);
             let at = |time: f32| own.pose_at(time).inv_mul(&other.pose_at(time));

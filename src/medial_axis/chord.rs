@@ -115,16 +115,17 @@ mod tests {
     use super::*;
     use crate::{
         geometry::{Primitive, Sphere},
-        medial_axis::oracle::{self, Envelope, Random},
+        medial_axis::oracle::{self, Envelope},
+        random::Random,
     };
 
     #[test]
     fn chords_end_on_the_surface() {
-        let mut random = Random::new(9);
+        let mut random = Random(9);
         let (mut hits, mut misses) = (0, 0);
         for case in 0..4_000 {
             let slab = oracle::hard_slab(&mut random, case % oracle::HARD_KINDS);
-            let count = 1 + random.below(3) as usize;
+            let count = 1 + random.below(3);
             let balls = slab[..count].iter().map(|s| Ball { center: s.center.as_dvec3(), radius: f64::from(s.radius) });
             let hull = Hull::new(balls.collect());
             let primitive = [Primitive::Sphere([0]), Primitive::Cone([0, 1]), Primitive::Slab([0, 1, 2])][count - 1];

@@ -156,9 +156,12 @@ impl Moments {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::medial_axis::{
-        MedialAxis, ma,
-        oracle::{self, Envelope, Random},
+    use crate::{
+        medial_axis::{
+            MedialAxis, ma,
+            oracle::{self, Envelope},
+        },
+        random::Random,
     };
 
     /// Checks the stated error; `moments` are the expected principal moments along x, y, z.
@@ -257,10 +260,10 @@ mod tests {
 
     #[test]
     fn a_slanted_needle_keeps_its_volume() {
-        let mut random = Random::new(8);
+        let mut random = Random(8);
         let (volume, ..) = tapered(0.005, 0.005, 2.0);
         for _ in 0..20 {
-            let end = random.vector().normalize_or(Vec3::X);
+            let end = random.in_cube().normalize_or(Vec3::X);
             let needle = MedialAxis::capsule(-end, end, 0.005).unwrap();
             let error = f64::from(needle.mass().volume) / volume - 1.0;
             assert!(error.abs() < 1e-3, "{error:e} along {end}");
@@ -293,12 +296,11 @@ mod tests {
 
     #[test]
     fn models_agree_with_a_count_of_random_points() {
-        let Some(folder) = oracle::shared_models() else {
-            return println!("skipped: no shared models");
-        };
-        let mut random = Random::new(10);
-        for name in ["qmat/bear_q61.ma", "qmat/cow_q82.ma", "dinosaur.ma", "bug.ma"] {
-            let (axis, _) = ma::parse(&std::fs::read(folder.join(name)).unwrap()).unwrap().into_medial_axis().unwrap();
+        let mut random = Random(10);
+        let research = ["qmat/bear_q61.ma", "qmat/cow_q82.ma", "dinosaur.ma", "bug.ma"];
+        for path in oracle::model_files(&["cow.ma", "spider.ma"], &research) {
+            let name = path.display();
+            let (axis, _) = ma::parse(&std::fs::read(&path).unwrap()).unwrap().into_medial_axis().unwrap();
             let start = std::time::Instant::now();
             let mass = MassProperties::of_union(axis.spheres(), axis.primitives());
             println!("{name}: {} primitives, {:.1?}", axis.primitives().len(), start.elapsed());
@@ -307,7 +309,7 @@ mod tests {
             let (aabb, count) = (axis.aabb(), 200_000);
             let (mut inside, mut sum) = (0, Vec3::ZERO);
             for _ in 0..count {
-                let point = aabb.center() + aabb.half_extents() * random.vector();
+                let point = aabb.center() + aabb.half_extents() * random.in_cube();
                 if envelope.distance(point.as_dvec3()) < 0.0 {
                     inside += 1;
                     sum += point - aabb.center();

@@ -319,7 +319,7 @@ fn bounding_sphere(spheres: &[Sphere]) -> Sphere {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::medial_axis::oracle::Random;
+    use crate::random::Random;
 
     fn ball(x: f32, y: f32, z: f32, radius: f32) -> Sphere {
         Sphere::new(Vec3::new(x, y, z), radius)
@@ -380,7 +380,7 @@ mod tests {
 
     #[test]
     fn bounding_sphere_holds_all() {
-        let mut random = Random::new(1);
+        let mut random = Random(1);
         for _ in 0..200 {
             let offset = 1000.0 * random.signed();
             let spheres: Vec<_> = (0..1 + random.below(40))

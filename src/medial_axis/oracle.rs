@@ -4,49 +4,18 @@ use std::path::PathBuf;
 
 use glam::{DVec3, Vec3};
 
-use crate::geometry::{Primitive, Sphere};
+use crate::{
+    geometry::{Primitive, Sphere},
+    random::Random,
+};
 
-/// The folder of real models, if this checkout has one.
-pub fn shared_models() -> Option<PathBuf> {
-    let folder = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR")?).join("../shared/models");
-    folder.is_dir().then_some(folder)
-}
-
-/// A seeded generator (SplitMix64).
-pub struct Random(u64);
-
-impl Random {
-    pub fn new(seed: u64) -> Self {
-        Self(seed)
-    }
-
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    /// From 0 to below `n`.
-    pub fn below(&mut self, n: u64) -> u64 {
-        self.next() % n
-    }
-
-    /// From 0 to 1.
-    pub fn unit(&mut self) -> f32 {
-        (self.next() >> 40) as f32 / (1 << 24) as f32
-    }
-
-    /// From -1 to 1.
-    pub fn signed(&mut self) -> f32 {
-        2.0 * self.unit() - 1.0
-    }
-
-    /// Uniform in the cube from -1 to 1.
-    pub fn vector(&mut self) -> Vec3 {
-        Vec3::new(self.signed(), self.signed(), self.signed())
-    }
+/// Files of models: those of the project, and those of a folder of research models if it exists beside the repository.
+pub fn model_files(own: &[&str], research: &[&str]) -> Vec<PathBuf> {
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    let (assets, shared) = (root.join("assets/models"), root.join("../shared/models"));
+    let research = if shared.is_dir() { research } else { &[] };
+    let own = own.iter().map(|name| assets.join(name));
+    own.chain(research.iter().map(|name| shared.join(name))).collect()
 }
 
 /// The kinds of [`hard_slab`].
@@ -54,10 +23,10 @@ pub const HARD_KINDS: usize = 8;
 
 /// Three spheres that are, or almost are, no proper slab, at random sizes and places.
 pub fn hard_slab(random: &mut Random, kind: usize) -> [Sphere; 3] {
-    let [a, b, c] = [(); 3].map(|()| random.vector());
+    let [a, b, c] = [(); 3].map(|()| random.in_cube());
     let [ra, rb] = [(); 2].map(|()| 0.3 * random.unit());
     let t = random.unit();
-    let nearly = [0.0, 1e-6, -1e-6, 1e-3, -1e-3][random.below(5) as usize];
+    let nearly = [0.0, 1e-6, -1e-6, 1e-3, -1e-3][random.below(5)];
     let (c, rc) = match kind {
         // Any three.
         0 => (c, random.unit()),
@@ -77,8 +46,8 @@ pub fn hard_slab(random: &mut Random, kind: usize) -> [Sphere; 3] {
         _ => (c, ra + a.distance(c) * (1.0 + nearly)),
     };
     let mut slab = [Sphere::new(a, ra), Sphere::new(b, rb), Sphere::new(c, rc.max(0.0))];
-    slab.rotate_left(random.below(3) as usize);
-    let (scale, offset) = (10f32.powf(4.0 * random.signed()), random.vector());
+    slab.rotate_left(random.below(3));
+    let (scale, offset) = (10f32.powf(4.0 * random.signed()), random.in_cube());
     slab.map(|s| Sphere::new((s.center + offset) * scale, s.radius * scale))
 }
 
@@ -137,14 +106,14 @@ impl Envelope {
 
     /// A point within a few percent of the size of the surface of a random primitive.
     pub fn point_near_surface(&self, random: &mut Random) -> DVec3 {
-        let (hull, _, reach) = &self.0[random.below(self.0.len() as u64) as usize];
+        let (hull, _, reach) = &self.0[random.below(self.0.len())];
         let mut weights: Vec<f64> = hull.iter().map(|_| f64::from(random.unit()).powi(2) + 1e-9).collect();
         let sum: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= sum);
         let center: DVec3 = hull.iter().zip(&weights).map(|(s, w)| s.0 * *w).sum();
         let radius: f64 = hull.iter().zip(&weights).map(|(s, w)| s.1 * w).sum();
         let offset = f64::from(random.signed()).powi(3) * 0.1 * reach;
-        center + random.vector().as_dvec3().normalize_or(DVec3::X) * (radius + offset)
+        center + random.in_cube().as_dvec3().normalize_or(DVec3::X) * (radius + offset)
     }
 }
 
@@ -217,7 +186,7 @@ fn least_of_convex(f: impl Fn(f64) -> f64) -> f64 {
 
 #[test]
 fn closed_distance_equals_searched_distance() {
-    let mut random = Random::new(6);
+    let mut random = Random(6);
     for case in 0..400 {
         let slab = hard_slab(&mut random, case % HARD_KINDS);
         let envelope = Envelope::new(&slab, &[Primitive::Slab([0, 1, 2])]);

@@ -213,7 +213,7 @@ fn obb(edges: [Vec3; 3], corner: Vec3) -> Result<Obb, PackedError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::medial_axis::oracle::Random;
+    use crate::random::Random;
 
     fn shape() -> MedialAxis {
         let at = |x: f32, y: f32, radius: f32| Sphere::new(Vec3::new(x, y, 0.5), radius);
@@ -258,13 +258,13 @@ mod tests {
 
     #[test]
     fn static_round_trip() {
-        let mut random = Random::new(13);
+        let mut random = Random(13);
         for case in 0..500 {
-            let rotation = Quat::from_scaled_axis(random.vector() * 3.0);
+            let rotation = Quat::from_scaled_axis(random.in_cube() * 3.0);
             // All eight ways to be flat.
             let flat = Vec3::new((case & 1) as f32, (case >> 1 & 1) as f32, (case >> 2 & 1) as f32);
-            let half_extents = (random.vector() + 1.1) * flat;
-            let obb = Obb { pose: Pose3::from_parts(random.vector() * 10.0, rotation), half_extents };
+            let half_extents = (random.in_cube() + 1.1) * flat;
+            let obb = Obb { pose: Pose3::from_parts(random.in_cube() * 10.0, rotation), half_extents };
             let axis = (case % 3 > 0).then(shape);
             let mut packed = PackedMedialMesh::pack_static(axis.as_ref(), &obb);
             let unpacked = packed.unpack().unwrap();

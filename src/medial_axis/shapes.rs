@@ -119,7 +119,10 @@ fn parameter(name: &'static str, value: f32, allowed: bool, range: &'static str)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::medial_axis::oracle::{self, Envelope, Random};
+    use crate::{
+        medial_axis::oracle::{self, Envelope},
+        random::Random,
+    };
 
     fn counts(axis: &MedialAxis) -> (usize, usize) {
         assert!(!axis.primitives().iter().any(|p| oracle::is_degenerate(axis.spheres(), p)), "{axis:?}");
@@ -143,7 +146,7 @@ mod tests {
         let torus = MedialAxis::torus(major, minor, segments).unwrap();
         let envelope = Envelope::new(torus.spheres(), torus.primitives());
         let bound = f64::from(major) * (1.0 - (std::f64::consts::PI / f64::from(segments)).cos());
-        let mut random = Random::new(11);
+        let mut random = Random(11);
         let mut worst = 0f64;
         for _ in 0..20_000 {
             let [angle, around] = [(); 2].map(|()| f64::from(TAU * random.unit()));
@@ -156,7 +159,7 @@ mod tests {
 
     #[test]
     fn boxes_are_exact() {
-        let mut random = Random::new(12);
+        let mut random = Random(12);
         // Half extents, radius, spheres and primitives.
         let cases = [
             (Vec3::new(3.0, 2.0, 1.0), 0.0, (12, 22)),
@@ -173,7 +176,7 @@ mod tests {
             assert_eq!(counts(&axis), expected, "{half} {radius}");
             let envelope = Envelope::new(axis.spheres(), axis.primitives());
             for _ in 0..5_000 {
-                let point = half * 1.5 * random.vector();
+                let point = half * 1.5 * random.in_cube();
                 // Signed distance to the core box, less the radius.
                 let out = point.abs() - (half - radius);
                 let truth = out.max(Vec3::ZERO).length() + out.max_element().min(0.0) - radius;

@@ -124,8 +124,9 @@ mod tests {
     use super::*;
     use crate::{
         geometry::{Obb, Pose3},
-        medial_axis::{MedialAxis, oracle::Random},
+        medial_axis::MedialAxis,
         pipeline::{Body, Side, StaticBody, Statics, StepInput, broad_phase::BodyPair},
+        random::Random,
     };
 
     /// The least distance of two primitives over the motion, or a little more.
@@ -135,15 +136,15 @@ mod tests {
 
     #[test]
     fn what_comes_near_on_a_turning_way_is_a_candidate() {
-        let mut random = Random::new(8);
+        let mut random = Random(8);
         let shape = Shape { axis: MedialAxis::torus(0.3, 0.05, 24).unwrap(), scale: 1.5 };
         let (mut near, mut left_out) = (0, 0);
         for case in 0..90 {
             let turn = [0.1, 0.6, 1.5][case % 3];
             let mut sweep = |distance: f32| {
                 let start =
-                    Pose3::from_parts(random.vector() * distance, Quat::from_scaled_axis(random.vector() * 3.0));
-                Sweep::at_rates(start, Vec3::ZERO, random.vector() * 0.4, random.vector() * turn)
+                    Pose3::from_parts(random.in_cube() * distance, Quat::from_scaled_axis(random.in_cube() * 3.0));
+                Sweep::at_rates(start, Vec3::ZERO, random.in_cube() * 0.4, random.in_cube() * turn)
             };
             let bodies = vec![Body::new(shape.clone(), sweep(0.2)), Body::new(shape.clone(), sweep(0.8))];
             let wall = Obb { pose: sweep(0.6).start, half_extents: Vec3::new(0.4, 0.02, 0.1) };

@@ -226,23 +226,24 @@ mod tests {
     use super::*;
     use crate::{
         geometry::Primitive,
-        medial_axis::{MedialAxis, oracle::Random},
+        medial_axis::MedialAxis,
+        random::Random,
     };
 
     #[test]
     fn the_boxes_of_both_bodies_of_a_pair_are_there() {
-        let mut random = Random::new(5);
+        let mut random = Random(5);
         let shape = Shape { axis: MedialAxis::torus(0.2, 0.05, 6).unwrap(), scale: 1.0 };
         let row = ROWS as u32;
         let sides = [Side::Body(1), Side::Body(1 + row), Side::Body(1 + 2 * row), Side::Static(1), Side::Body(2)];
         let sweeps = sides.map(|_| {
-            let start = Pose3::from_translation(random.vector());
-            Sweep::between(start, Pose3::from_translation(random.vector()), Vec3::ZERO, Vec3::ZERO)
+            let start = Pose3::from_translation(random.in_cube());
+            Sweep::between(start, Pose3::from_translation(random.in_cube()), Vec3::ZERO, Vec3::ZERO)
         });
         let mut cache = BoxCache::default();
         let mut shared = 0;
         for _ in 0..200 {
-            let pair = [(); 2].map(|()| random.below(sides.len() as u64) as usize);
+            let pair = [(); 2].map(|()| random.below(sides.len()));
             let places = pair.map(|i| cache.place(sides[i], &shape, &sweeps[i]));
             shared += usize::from(pair[0] != pair[1] && places[0].0[0] == places[1].0[0]);
             for (i, place) in pair.into_iter().zip(places) {
@@ -271,17 +272,17 @@ mod tests {
 
     #[test]
     fn boxes_that_meet_are_not_missed() {
-        let mut random = Random::new(3);
+        let mut random = Random(3);
         let (mut met, mut apart, mut apart_though_swept) = (0, 0, 0);
         for _ in 0..3000 {
             let mut moving = || {
-                let half = random.vector().abs() * 0.5 + 0.05;
-                let start = random.vector() * 2.0;
-                let end = start + random.vector() * 3.0;
+                let half = random.in_cube().abs() * 0.5 + 0.05;
+                let start = random.in_cube() * 2.0;
+                let end = start + random.in_cube() * 3.0;
                 MovingBox::new([start, end].map(|center| Aabb { min: center - half, max: center + half }))
             };
             let (first, second) = (moving(), moving());
-            let offset = Vec3A::from(random.vector());
+            let offset = Vec3A::from(random.in_cube());
             let reach = 0.1;
             let touches = |time: f32| {
                 let [first, second] = [first, second].map(|moving| moving.between([time; 2]));

@@ -132,8 +132,9 @@ mod tests {
     use super::*;
     use crate::{
         geometry::{Obb, Pose3, Sweep},
-        medial_axis::{MedialAxis, oracle::Random},
+        medial_axis::MedialAxis,
         pipeline::{Body, Side, StaticBody, Statics, StepInput, broad_phase::BodyPair},
+        random::Random,
     };
 
     /// The distance of the first side's primitive from the other at the start of the step, and the least over all of it.
@@ -144,16 +145,16 @@ mod tests {
 
     #[test]
     fn what_is_apart_never_touches() {
-        let mut random = Random::new(4);
+        let mut random = Random(4);
         let torus = Shape { axis: MedialAxis::torus(0.2, 0.05, 12).unwrap(), scale: 1.5 };
         let (mut apart, mut touching, mut parting_from_touch, mut many_chords) = (0, 0, 0, 0);
         for case in 0..60 {
             let mut sweep = |speed: f32, turn: f32| {
-                let rotation = Quat::from_scaled_axis(random.vector() * 3.0);
-                let start = Pose3::from_parts(random.vector() * 0.4, rotation);
-                let turn = random.vector() * turn;
+                let rotation = Quat::from_scaled_axis(random.in_cube() * 3.0);
+                let start = Pose3::from_parts(random.in_cube() * 0.4, rotation);
+                let turn = random.in_cube() * turn;
                 let end = Pose3::from_parts(
-                    start.translation + random.vector() * speed,
+                    start.translation + random.in_cube() * speed,
                     (Quat::from_scaled_axis(turn) * rotation).normalize(),
                 );
                 Sweep::between(start, end, Vec3::ZERO, turn)
@@ -173,7 +174,7 @@ mod tests {
                     let mut parting = Parting::new(&motion, &chords, Vec3::Y, &mut room).unwrap();
                     let count = if second == Side::Static(0) { 1 } else { torus.len() as u32 };
                     for pair in (0..torus.len() as u32).flat_map(|i| (0..count).map(move |j| [i, j])) {
-                        parting.learn(random.vector().normalize());
+                        parting.learn(random.in_cube().normalize());
                         let [begin, least] = distances(&motion, pair);
                         if parting.is_apart(pair) {
                             apart += 1;

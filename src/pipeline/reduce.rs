@@ -129,7 +129,7 @@ fn span(group: &[Contact], unit: f32, kept: &mut Kept) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::medial_axis::oracle::Random;
+    use crate::random::Random;
 
     /// A contact of a body with a floor.
     fn contact(primitive1: usize, point1: Vec3, distance: f32) -> Contact {
@@ -157,7 +157,7 @@ mod tests {
     /// Which contacts are kept of a ring that lies on a floor, one of them deeper than the others.
     fn kept_of_ring(random: &mut Random, deeper: usize) -> Vec<u32> {
         let sinks = |i| if i == deeper { 2.0e-3 } else { 0.0 };
-        let mut kept = kept_of((0..24).map(|i| contact(i, on_ring(i), 1.0e-6 * random.vector().x - sinks(i))));
+        let mut kept = kept_of((0..24).map(|i| contact(i, on_ring(i), 1.0e-6 * random.in_cube().x - sinks(i))));
         assert!(deeper >= 24 || kept[0] == deeper as u32, "{kept:?} without the deepest, {deeper}");
         kept.sort_unstable();
         kept
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn a_ring_at_rest_keeps_its_contacts() {
-        let mut random = Random::new(1);
+        let mut random = Random(1);
         let expected = kept_of_ring(&mut random, 24);
         assert_eq!(expected.len(), 4);
         // On every side, so that it does not tip.

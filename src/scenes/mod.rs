@@ -16,6 +16,7 @@ use bevy_rapier3d::{
 use crate::{
     medial_axis::MedialAxis,
     plugin::{MedialBudget, MedialMesh, MedialPhysicsPlugin, MedialSystems, StaticObb},
+    random::Random,
 };
 
 pub use models::{Model, ModelError, load_models};
@@ -156,30 +157,13 @@ fn lift_limits(
     }
 }
 
-/// SplitMix64: small, seeded, the same everywhere.
-struct Random(u64);
-
-impl Random {
-    /// From -1 to 1.
-    fn signed(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-    }
-
-    fn vector(&mut self) -> Vec3 {
-        Vec3::new(self.signed(), self.signed(), self.signed())
-    }
-
-    fn rotation(&mut self) -> Quat {
-        loop {
-            let (v, w) = (self.vector(), self.signed());
-            let length_squared = v.length_squared() + w * w;
-            if (0.01..1.0).contains(&length_squared) {
-                return Quat::from_xyzw(v.x, v.y, v.z, w).normalize();
-            }
+/// A rotation, all rotations equally likely.
+fn rotation(random: &mut Random) -> Quat {
+    loop {
+        let (v, w) = (random.in_cube(), random.signed());
+        let length_squared = v.length_squared() + w * w;
+        if (0.01..1.0).contains(&length_squared) {
+            return Quat::from_xyzw(v.x, v.y, v.z, w).normalize();
         }
     }
 }
@@ -231,7 +215,7 @@ impl Builder<'_> {
     fn body_of(&mut self, name: String, axis: MedialAxis, size: f32, center: Vec3, velocity: Velocity) -> Entity {
         let bound = axis.bounding_sphere();
         let scale = 0.5 * size / bound.radius;
-        let rotation = self.random.rotation();
+        let rotation = rotation(&mut self.random);
         let mesh = self.add(axis);
         let center = center - rotation * bound.center * scale;
         let transform = Transform::from_translation(center).with_rotation(rotation).with_scale(Vec3::splat(scale));
@@ -242,8 +226,8 @@ impl Builder<'_> {
 
     /// A bullet at a place about which it may be up to 10 cm off: a rod for every third number, else a model.
     fn bullet(&mut self, number: usize, center: Vec3, speed: f32) {
-        let center = center + self.random.vector() * 0.1;
-        let angular = if speed == 0.0 { Vec3::ZERO } else { self.random.vector() * 50.0 };
+        let center = center + self.random.in_cube() * 0.1;
+        let angular = if speed == 0.0 { Vec3::ZERO } else { self.random.in_cube() * 50.0 };
         let velocity = Velocity { linear: Vec3::X * speed, angular };
         let entity = match MedialAxis::capsule(Vec3::X * -0.5, Vec3::X * 0.5, 0.02) {
             Ok(rod) if number.is_multiple_of(3) => self.body_of("rod".into(), rod, 1.0, center, velocity),
@@ -266,7 +250,7 @@ fn rods(builder: &mut Builder) {
     builder.rod(Vec3::new(0.0, 1.6, 0.6), Vec3::new(1.0, 0.05, 0.1));
     for i in 0..9 {
         let place = Vec3::new((i % 3) as f32 * 1.4 - 1.4, 2.8 + (i / 3) as f32 * 1.5, (i / 3) as f32 * 0.3 - 0.3);
-        let center = place + builder.random.vector() * 0.1;
+        let center = place + builder.random.in_cube() * 0.1;
         builder.body(i, 1.15, center, Velocity::zero());
     }
 }
@@ -287,14 +271,14 @@ fn dinosaur(builder: &mut Builder) {
         for y in 0..3 {
             for z in 0..3 {
                 let place = Vec3::new(x as f32, y as f32, z as f32) * 1.25 + Vec3::new(2.4, 0.9, -1.25);
-                let center = place + builder.random.vector() * 0.05;
+                let center = place + builder.random.in_cube() * 0.05;
                 builder.body(others[number % others.len()], 1.0, center, Velocity::zero());
                 number += 1;
             }
         }
     }
-    let aim = Vec3::new(0.3, 2.15, 0.0) + builder.random.vector() * Vec3::new(0.0, 0.6, 0.6);
-    let spin = builder.random.vector() * 5.0;
+    let aim = Vec3::new(0.3, 2.15, 0.0) + builder.random.in_cube() * Vec3::new(0.0, 0.6, 0.6);
+    let spin = builder.random.in_cube() * 5.0;
     let velocity = Velocity { linear: Vec3::X * 100.0, angular: spin };
     let entity = builder.body(dinosaur, 1.5, aim, velocity);
     builder.world.entity_mut(entity).insert(Projectile);
@@ -325,7 +309,7 @@ fn tori(builder: &mut Builder) {
     for i in 0..51 {
         let (layer, rest) = (i / 9, i % 9);
         let place = Vec3::new((rest % 3) as f32 - 1.0, 0.6 + layer as f32 * 0.8, (rest / 3) as f32 - 1.0);
-        let center = place * Vec3::new(0.95, 1.0, 0.95) + builder.random.vector() * 0.1;
+        let center = place * Vec3::new(0.95, 1.0, 0.95) + builder.random.in_cube() * 0.1;
         builder.body(torus, 0.6, center, Velocity::zero());
     }
 }
@@ -344,7 +328,7 @@ fn stairs(builder: &mut Builder) {
     let kinds = kinds.map(|kind| kind.unwrap_or(0));
     for i in 0..12 {
         let place = Vec3::new(-2.4 + 0.3 * (i % 2) as f32, 3.8 + 1.3 * (i / 3) as f32, (i % 3) as f32 * 1.3 - 1.3);
-        let center = place + builder.random.vector() * 0.1;
+        let center = place + builder.random.in_cube() * 0.1;
         let velocity = Velocity { linear: Vec3::new(1.5, 0.0, 0.0), angular: Vec3::ZERO };
         builder.body(if kinds[0] == kinds[1] { i } else { kinds[i % 2] }, 1.1, center, velocity);
     }

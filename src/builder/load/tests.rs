@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::*;
 use crate::{
     builder::{MeshReport, mesh::tests::tetrahedron},
-    medial_axis::oracle::Random,
+    random::Random,
 };
 
 /// A closed ring of 4 by 6 quads, cut in triangles.
@@ -181,12 +181,12 @@ fn damaged_files_are_meshes_or_clear_errors() {
         "1e6",
     ];
     let mesh = ring();
-    let mut random = Random::new(17);
+    let mut random = Random(17);
     for (name, format, good) in files(&mesh) {
         let (mut meshes, mut errors) = (0, 0);
         for round in 0..1200 {
             let mut bytes = good.clone();
-            let place = |random: &mut Random, bytes: &[u8]| random.below(bytes.len() as u64 + 1) as usize;
+            let place = |random: &mut Random, bytes: &[u8]| random.below(bytes.len() + 1);
             for _ in 0..1 + random.below(3) {
                 let [a, b] = [place(&mut random, &bytes), place(&mut random, &bytes)];
                 let (from, to) = (a.min(b), a.max(b));
@@ -198,13 +198,13 @@ fn damaged_files_are_meshes_or_clear_errors() {
                         drop(bytes.splice(to..to, part));
                     }
                     3 => bytes.iter_mut().skip(from).take(1).for_each(|byte| *byte ^= 1 << random.below(8)),
-                    4 => bytes.iter_mut().skip(from).take(4).for_each(|byte| *byte = random.next() as u8),
+                    4 => bytes.iter_mut().skip(from).take(4).for_each(|byte| *byte = random.bits() as u8),
                     // A word becomes another.
                     _ => {
                         let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || b".-+".contains(byte);
                         let start = from + bytes[from..].iter().position(is_word).unwrap_or(0);
                         let length = bytes[start..].iter().position(|byte| !is_word(byte)).unwrap_or(0);
-                        let token = TOKENS[random.below(TOKENS.len() as u64) as usize];
+                        let token = TOKENS[random.below(TOKENS.len())];
                         drop(bytes.splice(start..start + length, token.bytes()));
                     }
                 }
@@ -228,7 +228,7 @@ fn damaged_files_are_meshes_or_clear_errors() {
         assert!(meshes > 20 && errors > 300, "{name}: {meshes} meshes, {errors} errors");
         assert!(parse(format, b"").is_err() && parse(format, b"\n").is_err(), "{name}");
         for length in [3, 83, 84, 85, 5000] {
-            let noise: Vec<u8> = (0..length).map(|_| random.next() as u8).collect();
+            let noise: Vec<u8> = (0..length).map(|_| random.bits() as u8).collect();
             assert!(parse(format, &noise).is_err(), "{name}");
         }
     }

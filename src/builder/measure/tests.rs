@@ -1,10 +1,13 @@
 use std::f32::consts::{PI, TAU};
 
 use super::*;
-use crate::builder::mesh::tests::triangulated;
-use crate::medial_axis::{
-    ma,
-    oracle::{Envelope as Oracle, Random},
+use crate::{
+    builder::mesh::tests::triangulated,
+    medial_axis::{
+        ma,
+        oracle::{self, Envelope as Oracle},
+    },
+    random::Random,
 };
 
 /// The surface that a closed or open profile (distance from the z axis, height) sweeps about the z axis.
@@ -126,7 +129,7 @@ fn brute_force(mesh: &TriangleMesh, axis: &MedialAxis, random: &mut Random, coun
 
 fn random_direction(random: &mut Random) -> DVec3 {
     loop {
-        let vector = random.vector().as_dvec3();
+        let vector = random.in_cube().as_dvec3();
         if (0.01..1.0).contains(&vector.length_squared()) {
             return vector.normalize();
         }
@@ -135,7 +138,7 @@ fn random_direction(random: &mut Random) -> DVec3 {
 
 fn assert_like_brute_force(name: &str, mesh: &TriangleMesh, axis: &MedialAxis, count: usize) {
     let found = measure(mesh, axis);
-    let slow = brute_force(mesh, axis, &mut Random::new(21), count);
+    let slow = brute_force(mesh, axis, &mut Random(21), count);
     println!("{name}: {found}; {count} random points: {slow:.4?}");
     for (found, [max, mean]) in [found.mesh_to_envelope, found.envelope_to_mesh].iter().zip(slow) {
         let [found_max, found_mean] = [f64::from(found.max), f64::from(found.mean)];
@@ -211,14 +214,13 @@ fn agrees_with_brute_force_on_a_model() {
 
 #[cfg(feature = "mesh_files")]
 #[test]
-fn agrees_with_brute_force_on_a_scan() {
-    let Some(folder) = crate::medial_axis::oracle::shared_models() else {
-        return println!("skipped: no shared models");
-    };
-    let mesh = crate::builder::load::load(&folder.join("cow.obj")).unwrap();
-    let text = std::fs::read(folder.join("qmat/cow_q82.ma")).unwrap();
-    let (axis, _) = ma::parse(&text).unwrap().into_medial_axis().unwrap();
-    assert_like_brute_force("cow", &mesh, &axis, 1000);
+fn agrees_with_brute_force_on_mesh_files() {
+    let files = oracle::model_files(&["cow.obj", "cow.ma"], &["cow.obj", "qmat/cow_q82.ma"]);
+    for pair in files.chunks_exact(2) {
+        let mesh = crate::builder::load::load(&pair[0]).unwrap();
+        let (axis, _) = ma::parse(&std::fs::read(&pair[1]).unwrap()).unwrap().into_medial_axis().unwrap();
+        assert_like_brute_force(&pair[1].display().to_string(), &mesh, &axis, 1000);
+    }
 }
 
 #[test]
@@ -228,7 +230,7 @@ fn each_distance_is_exact() {
     let envelope = frame.envelope(&axis);
     let surface = TriangleTree::new(&frame.triangles(&mesh));
     let oracle = Oracle::new(axis.spheres(), axis.primitives());
-    let mut random = Random::new(5);
+    let mut random = Random(5);
     let mut inside = 0;
     for _ in 0..500 {
         let point = oracle.point_near_surface(&mut random).as_vec3();

@@ -1,8 +1,8 @@
 use super::*;
-use crate::medial_axis::oracle::Random;
+use crate::random::Random;
 
 fn vector(random: &mut Random) -> DVec3 {
-    random.vector().as_dvec3()
+    random.in_cube().as_dvec3()
 }
 
 /// Triangles of all sizes and shapes, slivers among them.
@@ -38,7 +38,7 @@ fn solid_angle(point: DVec3, triangle: &[DVec3; 3]) -> f64 {
 
 #[test]
 fn the_nearest_triangle_is_found() {
-    let mut random = Random::new(3);
+    let mut random = Random(3);
     let mut beyond = 0;
     // Numbers that fill leaves and nodes, and that do not.
     for count in [1, 2, 7, 8, 9, 16, 17, 63, 64, 65, 500] {
@@ -56,7 +56,7 @@ fn the_nearest_triangle_is_found() {
             assert!((distance(point, &tree.triangles()[triangle as usize]) - expected).abs() < 1e-6);
             assert!((f64::from(tree.distance(point)) - expected).abs() < 1e-6);
             assert_eq!(tree.closest(point, expected + 1e-5), Some(found), "a bound changes nothing");
-            let near = random.below(count as u64) as u32;
+            let near = random.below(count as usize) as u32;
             assert_eq!(tree.closest_with_triangle(point, Some(near)).unwrap().0, found, "nor does a start");
             beyond += usize::from(tree.closest(point, expected - 1e-5).is_none());
         }
@@ -75,7 +75,7 @@ fn degenerate_triangles_have_a_distance() {
 
 #[test]
 fn windings_are_sums_of_solid_angles() {
-    let mut random = Random::new(4);
+    let mut random = Random(4);
     for count in [1, 5, 64, 500] {
         let source = soup(count, &mut random);
         let tree = TriangleTree::new(&source);
@@ -105,7 +105,7 @@ fn the_inside_of_a_closed_surface_is_known() {
         }
     }
     let tree = TriangleTree::new(&triangles);
-    let mut random = Random::new(5);
+    let mut random = Random(5);
     let mut inside = 0;
     for _ in 0..2000 {
         let point = vector(&mut random) * 1.2;

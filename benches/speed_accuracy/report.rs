@@ -1,0 +1,324 @@
+//! What is written: tables, charts, and a page of them.
+
+use std::{fmt::Write, fs, path::Path};
+
+use bevy_medial_compare::tables::{csv, machine, today, write};
+
+use crate::{
+    batches::{BatchRow, crossover},
+    charts::{Chart, Curve},
+    models::{Medial, Model},
+    queries::Row,
+    scenes::{METHODS, SceneRow},
+    verdict::{Verdict, verdicts},
+};
+
+type Written = Result<(), Box<dyn std::error::Error>>;
+
+/// A row of queries in short.
+pub fn line(row: &Row) -> String {
+    format!(
+        "{:28} {:7.0} parts: {:9.2} us, error {:8.4} % (95 %: {:8.4}), grazes {:8.4} %, normal {:5.1} deg; missed {:5.2} + {:5.2} %, phantoms {:5.1} %",
+        row.method,
+        row.parts,
+        row.microseconds,
+        row.hit_error_median_percent,
+        row.hit_error_p95_percent,
+        row.graze_error_median_percent,
+        row.normal_error_median_degrees,
+        row.missed_hits_percent,
+        row.missed_grazes_percent,
+        row.phantom_hits_percent
+    )
+}
+
+/// A row of scenes in short.
+pub fn scene_line(row: &SceneRow) -> String {
+    format!(
+        "{:9} {:15} {:>5}: surface {:6.2} %, collision {:7.3} ms, step {:7.3} ms, overlap {:5.2} %",
+        row.scene,
+        row.method,
+        row.budget_percent.map_or_else(|| "-".into(), |percent| percent.to_string()),
+        row.surface_error_percent,
+        row.collision_ms,
+        row.step_ms,
+        row.overlap_max_percent
+    )
+}
+
+/// Writes all of it to a folder.
+///
+/// # Errors
+/// If a file cannot be written or a chart not drawn.
+pub fn write_all(
+    folder: &Path,
+    command: &str,
+    models: &[Model],
+    rows: &[Row],
+    scenes: &[SceneRow],
+    batches: &[BatchRow],
+) -> Written {
+    fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    write(&folder.join("queries.csv"), &csv(rows))?;
+    write(&folder.join("scenes.csv"), &csv(scenes))?;
+    let time: Axis = ("microseconds per query", |row| row.microseconds);
+    let mut charts = vec![
+        ("error_time", by(rows, "Typical error against time of a query", time, MEDIAN)?),
+        ("great_error_time", by(rows, "Great errors against time of a query", time, P95)?),
+        ("error_bytes", by(rows, "Great errors against size", ("bytes per shape", |row| row.bytes), P95)?),
+        ("levels", levels(models)?),
+    ];
+    for rows in scenes.chunk_by(|a, b| a.scene == b.scene) {
+        charts.push((rows[0].scene, of_scene(rows)?));
+    }
+    if !batches.is_empty() {
+        write(&folder.join("batches.csv"), &csv(batches))?;
+        charts.push(("batches", of_batches(batches)?));
+    }
+    let run = Run { date: today(), machine: machine(), command, gpu: told_of(batches) };
+    for (name, svg) in &charts {
+        write(&folder.join(name).with_extension("svg"), svg)?;
+    }
+    let text = markdown(&run, rows, scenes, charts.iter().map(|(name, _)| *name));
+    write(&folder.join("README.md"), &text)?;
+    write(&folder.join("speed_accuracy.html"), &page(&run, rows, scenes, charts.iter().map(|(_, svg)| svg.as_str())))?;
+    Ok(())
+}
+
+/// What an axis shows.
+type Axis = (&'static str, fn(&Row) -> f64);
+
+const MEDIAN: Axis = ("median error of hits, % of the size", |row| row.hit_error_median_percent);
+const P95: Axis = ("95th percentile of the errors of hits, % of the size", |row| row.hit_error_p95_percent);
+
+/// Queries, by two of their figures.
+fn by(rows: &[Row], title: &str, x: Axis, y: Axis) -> Result<String, Box<dyn std::error::Error>> {
+    let curve =
+        |rows: &[Row]| Curve { name: rows[0].method, points: rows.iter().map(|row| [x.1(row), y.1(row)]).collect() };
+    let curves = rows.chunk_by(|a, b| a.method == b.method).map(curve).collect();
+    Chart { title, x: x.0, y: y.0, curves, front: true }.svg()
+}
+
+/// Primitives that a budget takes, of each model's chain of sizes.
+fn levels(models: &[Model]) -> Result<String, Box<dyn std::error::Error>> {
+    fn curve(model: &Model) -> Curve<'_> {
+        let of = |medial: &Medial| [f64::from(medial.error.max), medial.axis.primitives().len() as f64];
+        Curve { name: &model.name, points: model.medial.iter().map(of).collect() }
+    }
+    let curves = models.iter().map(curve).collect();
+    let (title, x) = ("What a budget takes", "greatest error of the surface, % of the diagonal");
+    Chart { title, x, y: "primitives", curves, front: false }.svg()
+}
+
+/// Time of a step against the error of the surface.
+fn of_scene(rows: &[SceneRow]) -> Result<String, Box<dyn std::error::Error>> {
+    let curve = |name| Curve {
+        name,
+        points: rows
+            .iter()
+            .filter(|row| row.method == name)
+            .map(|row| [row.step_ms, f64::from(row.surface_error_percent)])
+            .collect(),
+    };
+    let title = format!("Scene `{}`", rows[0].scene);
+    let (x, y) = ("milliseconds per active step", "greatest error of the surface, %");
+    Chart { title: &title, x, y, curves: METHODS.map(curve).into(), front: true }.svg()
+}
+
+/// Times of impact of many primitive pairs at once.
+fn of_batches(rows: &[BatchRow]) -> Result<String, Box<dyn std::error::Error>> {
+    let curve = |name, ms: fn(&BatchRow) -> f64| Curve {
+        name,
+        points: rows.iter().map(|row| [row.pairs as f64, ms(row)]).collect(),
+    };
+    let curves = vec![curve("CPU, one thread", |row| row.cpu_ms), curve("GPU, round trip", |row| row.gpu_ms)];
+    let (title, x) = ("Times of impact in batches", "pairs of primitives");
+    Chart { title, x, y: "milliseconds per batch", curves, front: false }.svg()
+}
+
+/// In words, which of CPU and GPU is faster.
+fn told_of(batches: &[BatchRow]) -> String {
+    let Some(first) = batches.first() else { return "There was no GPU.".into() };
+    let faster =
+        crossover(batches).map_or("in no batch".into(), |pairs| format!("in batches of {pairs} pairs and more"));
+    format!("GPU: {}, faster than a thread of the CPU {faster}.", first.gpu)
+}
+
+/// How the figures came about.
+struct Run<'a> {
+    date: String,
+    machine: String,
+    command: &'a str,
+    gpu: String,
+}
+
+const HEAD: &str = "\
+Two bodies approach each other within a step; when do they touch? The truth is that of the exact triangle meshes, by conservative advancement in f64, confirmed by
+bisection. Steps are 10 to 100 % of a body's size long, with turns of up to a radian; three of five approaches are hits, one a graze (the way of the point that touches
+is within 12 degrees of the surface), one a near miss (by less than 2 % of the size).
+
+- *error*: how far the point that touches goes between the true time and the one that was told, in percent of the smaller body's diagonal;
+- *missed*: hits, and grazes, of which a method tells nothing; *phantoms*: near misses that it tells as hits;
+- *time*: of a query, least of three, in the mean of all approaches, on one thread; a triangle mesh takes so long that it is asked about every tenth approach, once;
+- *bytes*: corners, spheres and lists of indices, without hierarchies; *preparation*: time to make the shape of a mesh.
+
+Convex decomposition, convex hulls and triangle meshes are asked by parry's nonlinear shape cast, the one that rapier's CCD uses. \"Spheres only\" are as many inscribed spheres, asked as medial
+meshes are. \"Alternating TOI\" is the published scheme on the same medial meshes, on pairs that a BVH of spheres leaves. \"BVH of\" stands for other
+culling, with all else the same: it too is asked about a long way part by part.
+
+Medial meshes are off by about as much everywhere, and so are spheres. Pieces of a convex decomposition have corners of the mesh itself at all that sticks out, where most first touches are, and span what
+is hollow: half of their answers are nearly exact, and one in twenty is off by percents. So the median speaks for a fine decomposition, if there is a millisecond for a query, and the
+95th percentile for a medial mesh. What a method misses is a body that is thinner than the true one where they meet; what it makes up is one that is thicker.
+";
+
+fn queries_table(rows: &[Row]) -> Vec<Vec<String>> {
+    let head = [
+        "method",
+        "parts",
+        "surface, %",
+        "error, %",
+        "95 %",
+        "grazes, %",
+        "normal, degrees",
+        "missed, %",
+        "phantoms, %",
+        "time, us",
+        "bytes",
+        "preparation, s",
+    ];
+    let row = |row: &Row| {
+        vec![
+            row.method.into(),
+            format!("{:.0}", row.parts),
+            format!("{:.2}", row.surface_error_percent),
+            format!("{:.3}", row.hit_error_median_percent),
+            format!("{:.3}", row.hit_error_p95_percent),
+            format!("{:.3}", row.graze_error_median_percent),
+            format!("{:.1}", row.normal_error_median_degrees),
+            format!("{:.1}, {:.1}", row.missed_hits_percent, row.missed_grazes_percent),
+            format!("{:.1}", row.phantom_hits_percent),
+            format!("{:.2}", row.microseconds),
+            format!("{:.0}", row.bytes),
+            format!("{:.2}", row.preparation_s),
+        ]
+    };
+    std::iter::once(head.map(String::from).into()).chain(rows.iter().map(row)).collect()
+}
+
+fn verdicts_table(rows: &[Row]) -> Vec<Vec<String>> {
+    let head = [
+        "beside",
+        "parts",
+        "times as fast at its median error",
+        "at its 95 %",
+        "times less median error in its time",
+        "95 %",
+    ];
+    let times = |ratio: Option<f64>, none: &str| ratio.map_or_else(|| none.to_owned(), |ratio| format!("{ratio:.1}"));
+    let row = |Verdict { rival, parts, by: [median, p95] }: Verdict| {
+        vec![
+            rival.into(),
+            format!("{parts:.0}"),
+            times(median.faster, "never that good"),
+            times(p95.faster, "never that good"),
+            times(median.nearer, "never that fast"),
+            times(p95.nearer, "never that fast"),
+        ]
+    };
+    std::iter::once(head.map(String::from).into()).chain(verdicts(rows).into_iter().map(row)).collect()
+}
+
+fn scenes_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
+    let head =
+        ["scene", "shapes", "budget, %", "surface, %", "collision, ms", "step, ms", "deepest overlap, %", "lost"];
+    let row = |row: &SceneRow| {
+        vec![
+            row.scene.into(),
+            row.method.into(),
+            row.budget_percent.map_or_else(String::new, |budget| budget.to_string()),
+            format!("{:.2}", row.surface_error_percent),
+            format!("{:.3}", row.collision_ms),
+            format!("{:.3}", row.step_ms),
+            format!("{:.2}", row.overlap_max_percent),
+            row.lost.to_string(),
+        ]
+    };
+    std::iter::once(head.map(String::from).into()).chain(rows.iter().map(row)).collect()
+}
+
+/// The default budget beside the finest level.
+fn budget_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
+    let head = ["scene", "step at 1 %, ms", "at the finest level, ms", "part", "deepest overlap at 1 %, %"];
+    let with = |percent: f32| rows.iter().filter(move |row| row.budget_percent == Some(percent));
+    let row = |(row, finest): (&SceneRow, &SceneRow)| {
+        vec![
+            row.scene.into(),
+            format!("{:.3}", row.step_ms),
+            format!("{:.3}", finest.step_ms),
+            format!("{:.2}", row.step_ms / finest.step_ms),
+            format!("{:.2}", row.overlap_max_percent),
+        ]
+    };
+    std::iter::once(head.map(String::from).into()).chain(with(1.0).zip(with(0.0)).map(row)).collect()
+}
+
+/// All of them, with their titles.
+fn tables(rows: &[Row], scenes: &[SceneRow]) -> [(&'static str, Vec<Vec<String>>); 4] {
+    [
+        ("The medial mesh beside the others", verdicts_table(rows)),
+        ("Queries", queries_table(rows)),
+        ("Scenes", scenes_table(scenes)),
+        ("What a budget saves", budget_table(scenes)),
+    ]
+}
+
+fn markdown<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
+    let mut text = {
+        let Run { date, machine, command, gpu } = run;
+        format!(
+            "# Speed against accuracy\n\n{HEAD}\n{date}. Machine: {machine}. Command: `{command}`. {gpu}\n\n## Charts\n"
+        )
+    };
+    for name in charts {
+        let _ = writeln!(text, "\n![{name}]({name}.svg)");
+    }
+    for (title, table) in tables(rows, scenes) {
+        let _ = writeln!(text, "\n## {title}\n");
+        for (i, row) in table.iter().enumerate() {
+            let _ = writeln!(text, "| {} |", row.join(" | "));
+            if i == 0 {
+                let _ = writeln!(text, "|{}", "---|".repeat(row.len()));
+            }
+        }
+    }
+    text
+}
+
+/// The same as a page by itself.
+fn page<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
+    let mut text = String::from(
+        "<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width, initial-scale=1'>\
+         <title>Speed against accuracy</title>\
+         <style>body{font:16px/1.5 sans-serif;max-width:60em;margin:auto;padding:1em}svg{width:100%;height:auto}\
+         div{overflow-x:auto}table{border-collapse:collapse;font-size:14px}td,th{padding:.2em .6em;text-align:right;border-bottom:1px solid #ddd}\
+         td:first-child,th:first-child{text-align:left}</style><h1>Speed against accuracy</h1>",
+    );
+    let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;");
+    for part in HEAD.split("\n\n") {
+        let _ = write!(text, "<p>{}</p>", escaped(part).replace("\n- ", "<br>- "));
+    }
+    let [machine, command, gpu] = [&run.machine, run.command, &run.gpu].map(escaped);
+    let _ =
+        write!(text, "<p>{}. Machine: {machine}. Command: <code>{command}</code>. {gpu}</p><h2>Charts</h2>", run.date);
+    charts.for_each(|svg| text += svg);
+    for (title, table) in tables(rows, scenes) {
+        let _ = write!(text, "<h2>{title}</h2><div><table>");
+        for (i, row) in table.iter().enumerate() {
+            let cell = if i == 0 { "th" } else { "td" };
+            let cells: String = row.iter().map(|value| format!("<{cell}>{}</{cell}>", escaped(value))).collect();
+            let _ = write!(text, "<tr>{cells}</tr>");
+        }
+        text += "</table></div>";
+    }
+    text
+}

@@ -1,0 +1,32 @@
+//! Development only: bodies, engines and measures that the benchmarks, comparisons and tests of `bevy_medial` share.
+//!
+//! | module | contents |
+//! |---|---|
+//! | [`body`] | bodies as plain data |
+//! | [`engines`] | one adapter per engine: this crate, rapier, avian |
+//! | [`demo`] | the demo scenes as bodies |
+//! | [`stand_in`], [`hulls`] | convex decompositions of models, and their errors |
+//! | [`measure`], [`overlap`], [`activity`] | the run of a scene in an engine: times, overlaps, losses |
+//! | [`culling`], [`baselines`] | culling by trees of bounding volumes, compared with the hybrid culling |
+//! | [`stability`] | situations in which collision methods fail |
+//! | [`pairs`] | files of moving primitive pairs |
+//! | [`renderer`] | an app with a renderer and without a window |
+//! | [`tables`], [`outcome`] | CSV, machine, date; exit codes |
+//!
+//! The feature `peers` adds avian and whatever only the programs of this folder need. `bevy_medial` itself tests without it.
+
+pub mod activity;
+pub mod baselines;
+pub mod body;
+pub mod culling;
+pub mod demo;
+pub mod engines;
+pub mod hulls;
+pub mod measure;
+pub mod outcome;
+pub mod overlap;
+pub mod pairs;
+pub mod renderer;
+pub mod stability;
+pub mod stand_in;
+pub mod tables;

@@ -1,0 +1,128 @@
+//! One engine, one scene: run, then looked at.
+
+use std::time::Duration;
+
+use bevy_medial::builder::Deviation;
+use indicatif::ProgressBar;
+use serde::Serialize;
+
+use crate::{
+    activity::{Activity, active, median},
+    body::State,
+    demo::Demo,
+    engines::{Engine, StepTimes},
+    overlap::Surfaces,
+};
+
+/// What stands for the models of a scene, in figures.
+#[derive(Clone, Copy)]
+pub struct ShapeFigures {
+    /// Primitives, hulls or triangles, in the mean of the models.
+    pub parts: f64,
+    /// From the exact mesh to the shape, in percent of the mesh's diagonal: the worst model's greatest, and the mean of all.
+    pub error: Deviation,
+}
+
+/// A row of the table. Times in milliseconds, medians.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    pub scene: &'static str,
+    pub engine: &'static str,
+    pub steps: usize,
+    pub active_steps: usize,
+    pub collision_ms: f64,
+    pub collision_active_ms: f64,
+    pub step_ms: f64,
+    pub step_active_ms: f64,
+    pub contact_pairs_active: f64,
+    pub overlap_max_percent: f32,
+    pub overlap_median_percent: f64,
+    pub bodies: usize,
+    pub lost: usize,
+    pub parts: f64,
+    pub error_max_percent: f32,
+    pub error_mean_percent: f32,
+}
+
+/// In how many steps, evenly spread, overlaps are looked at.
+const SAMPLES: usize = 120;
+
+/// How an engine is run.
+#[derive(Clone, Copy)]
+pub struct Plan {
+    /// Steps of a run.
+    pub steps: usize,
+    /// Runs, all alike: of each step the fastest counts, so that what else the machine does shows less.
+    pub runs: usize,
+}
+
+/// Runs an engine. Overlaps and losses are looked at afterwards: nothing but the engine runs between its steps.
+///
+/// # Errors
+/// Those of making the engine.
+pub fn run(
+    (scene, name): (&'static str, &'static str),
+    demo: &Demo,
+    surfaces: &Surfaces,
+    shape: ShapeFigures,
+    make: &dyn Fn() -> Result<Box<dyn Engine>, String>,
+    Plan { steps, runs }: Plan,
+) -> Result<Row, String> {
+    let (mut times, mut states): (Vec<StepTimes>, Vec<Vec<State>>) = (Vec::new(), Vec::new());
+    for run in 0..runs.max(1) {
+        let mut engine = make()?;
+        for step in 0..steps {
+            let time = engine.step(demo.setup.dt);
+            if run == 0 {
+                times.push(time);
+                states.push((0..demo.bodies.len()).map(|body| engine.state(body)).collect());
+            } else {
+                times[step].collision = times[step].collision.min(time.collision);
+                times[step].whole = times[step].whole.min(time.whole);
+            }
+        }
+    }
+    let activities = times.iter().zip(&states);
+    let activities = activities
+        .map(|(time, states)| Activity { contact_pairs: time.contact_pairs, energy: demo.energy(states) })
+        .collect::<Vec<_>>();
+    let active = active(&activities);
+    let ms = |time: Duration| time.as_secs_f64() * 1e3;
+    let collision: Vec<f64> = times.iter().map(|time| ms(time.collision)).collect();
+    let whole: Vec<f64> = times.iter().map(|time| ms(time.whole)).collect();
+    let pairs: Vec<f64> = times.iter().map(|time| time.contact_pairs as f64).collect();
+    let [collision_ms, collision_active_ms] = medians(&collision, &active);
+    let [step_ms, step_active_ms] = medians(&whole, &active);
+    let [_, contact_pairs_active] = medians(&pairs, &active);
+
+    let every = steps.div_ceil(SAMPLES).max(1);
+    let samples = states.iter().step_by(every);
+    let progress = ProgressBar::new(samples.len() as u64).with_message("overlaps");
+    let overlaps: Vec<f32> = progress.wrap_iter(samples).map(|states| surfaces.deepest(states)).collect();
+    let sampled_active = active.iter().step_by(every);
+    let typical = overlaps.iter().zip(sampled_active).filter(|(_, active)| **active);
+    Ok(Row {
+        scene,
+        engine: name,
+        steps,
+        active_steps: active.iter().filter(|active| **active).count(),
+        collision_ms,
+        collision_active_ms,
+        step_ms,
+        step_active_ms,
+        contact_pairs_active,
+        overlap_max_percent: overlaps.iter().copied().fold(0.0, f32::max),
+        overlap_median_percent: median(typical.map(|(overlap, _)| f64::from(*overlap))),
+        bodies: demo.bodies.iter().filter(|body| body.is_dynamic()).count(),
+        lost: states.last().map_or(0, |states| demo.lost(states)),
+        parts: shape.parts,
+        error_max_percent: shape.error.max,
+        error_mean_percent: shape.error.mean,
+    })
+}
+
+/// The medians over all steps and over the active ones.
+fn medians(values: &[f64], active: &[bool]) -> [f64; 2] {
+    let chosen = values.iter().zip(active).filter(|(_, active)| **active);
+    [median(values.iter().copied()), median(chosen.map(|(value, _)| *value))]
+}

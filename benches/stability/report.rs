@@ -1,0 +1,111 @@
+//! The table, what went wrong, and the file of all runs.
+
+use std::{fmt::Write, path::Path, thread};
+
+use bevy_medial_compare::{
+    stability::{hazards::Hazard, methods::Method, run::Cell},
+    tables::today,
+};
+
+use crate::heat_map;
+
+/// What a run has found.
+pub struct Report<'a> {
+    pub hazards: &'a [Hazard],
+    pub methods: &'a [Method],
+    /// By hazard, and for each by method.
+    pub cells: &'a [Cell],
+    /// The command that ran it.
+    pub command: &'a str,
+}
+
+impl Report<'_> {
+    fn row(&self, hazard: usize) -> impl Iterator<Item = &Cell> {
+        self.cells.iter().filter(move |cell| cell.hazard == hazard)
+    }
+
+    /// Pass rates as Markdown.
+    pub fn table(&self) -> String {
+        let names: Vec<&str> = self.methods.iter().map(|method| method.name).collect();
+        let mut text = format!("| hazard | {} |\n|---{}|\n", names.join(" | "), "|---".repeat(names.len()));
+        for (number, hazard) in self.hazards.iter().enumerate() {
+            let rates = self.row(number).map(|cell| {
+                let (passed, count) = (cell.passed(), cell.results.len());
+                if passed == count { format!("{passed}/{count}") } else { format!("**{passed}/{count}**") }
+            });
+            _ = writeln!(text, "| {} | {} |", hazard.name, rates.collect::<Vec<_>>().join(" | "));
+        }
+        text
+    }
+
+    /// For each hazard its criterion, and for each method that fails what went wrong first.
+    pub fn faults(&self) -> String {
+        let mut text = String::new();
+        for (number, hazard) in self.hazards.iter().enumerate() {
+            _ = writeln!(text, "- **{}**: {}.", hazard.name, hazard.criterion);
+            for cell in self.row(number) {
+                let first =
+                    cell.results.iter().enumerate().find_map(|(seed, result)| Some((seed, result.as_ref().err()?)));
+                if let Some((seed, fault)) = first {
+                    _ = writeln!(text, "  - {}, seed {seed}: {fault}", self.methods[cell.method].name);
+                }
+            }
+        }
+        text
+    }
+
+    /// A line for each run.
+    fn csv(&self) -> String {
+        let mut text = String::from("hazard,method,seed,passed,fault\n");
+        for cell in self.cells {
+            for (seed, result) in cell.results.iter().enumerate() {
+                let fault = result.as_ref().err().map_or("", String::as_str).replace('"', "'");
+                let (hazard, method) = (self.hazards[cell.hazard].name, self.methods[cell.method].name);
+                _ = writeln!(text, "\"{hazard}\",\"{method}\",{seed},{},\"{fault}\"", result.is_ok());
+            }
+        }
+        text
+    }
+
+    fn markdown(&self) -> String {
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        let failing = self.cells.iter().filter(|cell| cell.passed() < cell.results.len());
+        let ours = failing.filter(|cell| self.methods[cell.method].is_ours).count();
+        let mut text = format!(
+            "# Stability: where methods fail\n\n`{}`, {}, {cores} cores.\n\n\
+             Each hazard has one criterion for all methods, and is run with one seed or more; on the GPU with the first alone, as it finds what the CPU does, to the bit. \
+             A cell tells how many seeds pass. \
+             This crate fails in {ours} of {} cells.\n\n![Pass rates](images/stability.svg)\n\n{}\n\
+             ## Methods\n\n",
+            self.command,
+            today(),
+            self.cells.iter().filter(|cell| self.methods[cell.method].is_ours).count(),
+            self.table(),
+        );
+        for method in self.methods {
+            _ = writeln!(text, "- **{}**: {}.", method.name, method.about);
+        }
+        _ = write!(
+            text,
+            "\nAll have the same bodies, masses and friction, and their default settings. \"Bullets\" are bodies of hazards that are about speed; no \
+             method is held to a greatest speed there, and rapier's gyroscopic term, which is explicit in time and makes energy out of a fast spin in free flight, is off for them. Shapes are the same sets of points: this crate has medial meshes, the others compounds of balls, \
+             capsules, rounded triangles and convex hulls, boxes without rounding are boxes.\n\n## Criteria, and what went wrong\n\n{}",
+            self.faults()
+        );
+        text
+    }
+
+    /// Writes `stability.csv`, `stability.md` and `images/stability.svg`.
+    ///
+    /// # Errors
+    /// If a file cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), String> {
+        let images = folder.join("images");
+        std::fs::create_dir_all(&images).map_err(|error| format!("{}: {error}", images.display()))?;
+        for (name, text) in [("stability.csv", self.csv()), ("stability.md", self.markdown())] {
+            let path = folder.join(name);
+            std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+        }
+        heat_map::draw(self, &images.join("stability.svg"))
+    }
+}

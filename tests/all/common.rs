@@ -1,0 +1,164 @@
+//! What the tests share: apps, bodies, and what is read back from them.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::OnceLock,
+    time::Duration,
+};
+
+use bevy::{
+    app::Plugins,
+    asset::{AssetPlugin, LoadState},
+    ecs::message::MessageCursor,
+    prelude::*,
+    time::TimeUpdateStrategy,
+};
+pub use bevy_medial::random::Random;
+use bevy_medial::{
+    medial_axis::MedialAxis,
+    prelude::*,
+    scenes::{Model, headless_app, load_models},
+};
+use bevy_rapier3d::{
+    plugin::context::{RapierContextEntityLink, RapierRigidBodySet},
+    prelude::{RapierRigidBodyHandle, RigidBody, TimestepMode, Velocity},
+    rapier::dynamics::RigidBody as RapierBody,
+};
+
+/// Length of a step in seconds.
+pub const DT: f32 = 1.0 / 60.0;
+
+/// Speeds below these count as rest, in metres and radians per second.
+pub const STILL: f32 = 1e-3;
+
+/// An app whose every update is a step.
+pub fn app() -> App {
+    headless_app(DT)
+}
+
+/// The crate's own assets.
+pub fn assets() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets")
+}
+
+/// An app with the physics in a schedule of choice, and files from a folder of choice.
+pub fn app_with<M>(physics: impl Plugins<M>, assets: &Path) -> App {
+    let mut app = App::new();
+    app.add_plugins((
+        MinimalPlugins,
+        AssetPlugin { file_path: assets.to_string_lossy().into_owned(), ..default() },
+        TransformPlugin,
+        bevy::diagnostic::DiagnosticsPlugin,
+        physics,
+    ))
+    .insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })
+    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(DT)));
+    app.finish();
+    app.cleanup();
+    app
+}
+
+/// The crate's models.
+pub fn models() -> &'static [Model] {
+    static MODELS: OnceLock<Vec<Model>> = OnceLock::new();
+    MODELS.get_or_init(|| load_models(&assets().join("models")).unwrap())
+}
+
+/// The model of that name, without levels of detail: about a hundred spheres.
+pub fn model(name: &str) -> MedialAxis {
+    let axis = &models().iter().find(|model| model.name == name).unwrap().axis;
+    let error = 0.006 * 2.0 * axis.aabb().half_extents().length();
+    axis.level(axis.level_within(error)).clone()
+}
+
+pub fn run(app: &mut App, steps: u32) {
+    for _ in 0..steps {
+        app.update();
+    }
+}
+
+/// Updates until the server knows how the loading of the file ends. The step count is bounded, the clock is not looked at.
+pub fn wait(app: &mut App, mesh: &MedialMesh) -> LoadState {
+    for _ in 0..10_000 {
+        app.update();
+        let state = app.world().resource::<AssetServer>().load_state(&mesh.0);
+        if matches!(state, LoadState::Loaded | LoadState::Failed(_)) {
+            app.update();
+            return state;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    panic!("the file is neither loaded nor refused");
+}
+
+pub fn mesh(app: &mut App, axis: MedialAxis) -> MedialMesh {
+    MedialMesh(app.world_mut().resource_mut::<Assets<MedialAxis>>().add(axis))
+}
+
+/// A dynamic body.
+pub fn spawn_body(app: &mut App, axis: MedialAxis, transform: Transform) -> Entity {
+    let mesh = mesh(app, axis);
+    app.world_mut().spawn((RigidBody::Dynamic, mesh, transform)).id()
+}
+
+/// A dynamic body that neither gravity nor damping acts on.
+pub fn spawn_flying(app: &mut App, axis: MedialAxis, transform: Transform, velocity: Velocity) -> Entity {
+    let body = spawn_body(app, axis, transform);
+    app.world_mut().entity_mut(body).insert((velocity, bevy_rapier3d::prelude::GravityScale(0.0)));
+    body
+}
+
+/// A ground whose top is at height 0.
+pub fn spawn_ground(app: &mut App) -> Entity {
+    app.world_mut().spawn((StaticObb::new(10.0, 1.0, 10.0), Transform::from_xyz(0.0, -1.0, 0.0))).id()
+}
+
+/// Rapier's body of an entity, as it is now.
+pub fn rigid(app: &mut App, entity: Entity) -> RapierBody {
+    let world = app.world();
+    let handle = world.get::<RapierRigidBodyHandle>(entity).expect("a rigid body").0;
+    let context = world.get::<RapierContextEntityLink>(entity).expect("a context").0;
+    world.get::<RapierRigidBodySet>(context).unwrap().bodies[handle].clone()
+}
+
+pub fn position(app: &mut App, entity: Entity) -> Vec3 {
+    rigid(app, entity).translation()
+}
+
+/// True if the body neither moves nor turns, and rapier has put it to sleep.
+pub fn is_at_rest(app: &mut App, entity: Entity) -> bool {
+    let body = rigid(app, entity);
+    body.is_sleeping() && body.linvel().length() < STILL && body.angvel().length() < STILL
+}
+
+/// Messages, each with the number of its step.
+#[derive(Default)]
+pub struct Record {
+    pub started: Vec<(u32, MedialContactStarted)>,
+    pub ended: Vec<(u32, MedialContactEnded)>,
+    cursors: (MessageCursor<MedialContactStarted>, MessageCursor<MedialContactEnded>),
+    steps: u32,
+}
+
+impl Record {
+    /// Runs steps and notes what is told.
+    pub fn run(&mut self, app: &mut App, steps: u32) {
+        for _ in 0..steps {
+            app.update();
+            self.steps += 1;
+            let world = app.world();
+            let started = self.cursors.0.read(world.resource::<Messages<MedialContactStarted>>());
+            self.started.extend(started.map(|message| (self.steps, *message)));
+            let ended = self.cursors.1.read(world.resource::<Messages<MedialContactEnded>>());
+            self.ended.extend(ended.map(|message| (self.steps, *message)));
+        }
+    }
+
+    /// How often the two, in either order, started and ended.
+    pub fn counts(&self, one: Entity, other: Entity) -> [usize; 2] {
+        let are = |a: Entity, b: Entity| (a, b) == (one, other) || (a, b) == (other, one);
+        let started = self.started.iter().filter(|(_, m)| are(m.entity1, m.entity2)).count();
+        let ended = self.ended.iter().filter(|(_, m)| are(m.entity1, m.entity2)).count();
+        [started, ended]
+    }
+}

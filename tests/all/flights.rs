@@ -1,0 +1,569 @@
+//! Fast impacts: bodies shot at a thin wall, at a resting equal and at each other, against the same app in fine steps; and near misses.
+//!
+//! The *transfer* of a hit is the change of the first body's momentum in [`STEPS`] steps, of which 5 to 7 come after the first contact. A ratio
+//! of transfers is that of its component along the reference's. Time that a body loses by stopping is not counted: its clock stands
+//! still from the stop to the end of the step, and its transfer is that of the reference when its clock shows the same. A hit whose
+//! reference changes by more than a tenth in steps half as long is chaotic, and there is nothing to compare with.
+//!
+//! Rapier's gyroscopic term is off: explicit in time, it makes energy out of a fast spin in free flight. Without it a free body keeps its angular
+//! velocity, whatever its inertia does as it turns: an impact's energy is counted where it happens, with the inertia there.
+
+use bevy::prelude::*;
+use bevy_medial::{
+    geometry::{Obb, Pose3, Sweep},
+    medial_axis::MedialAxis,
+    pipeline::{Second, Shape, contact},
+    plugin::MedialStep,
+    prelude::*,
+    query::Cuboid,
+    scenes::{Bullet, headless_app, load_models},
+};
+use bevy_rapier3d::{
+    plugin::context::RapierRigidBodySet,
+    prelude::{CollisionGroups, GravityScale, Group, PhysicsSet, RapierRigidBodyHandle, RigidBody, Velocity},
+};
+use glam::DVec3;
+
+use crate::{
+    common::*,
+    true_motion::{Motion, Solid, corners_of_box, distance},
+};
+
+/// Steps of the reference in one of the app.
+const FINER: u32 = 100;
+
+/// Steps of free flight before, where the GPU looks ahead: its first answers are as late.
+const LEAD: u32 = 10;
+
+/// Steps until the transfer is measured.
+const STEPS: u32 = 8;
+
+/// Steps of the reference: a body whose clock is farther by then is compared with its end.
+const LONGEST: u32 = 10;
+
+/// Steps after which a body whose clock is still behind is measured all the same.
+const PATIENCE: u32 = 300;
+
+/// Steps after that in which nobody may get behind the wall.
+const FURTHER: u32 = 120;
+
+/// Part of the reference's transfer below which a hit is lost.
+const LOST: f64 = 0.2;
+
+/// Hits that transfer less than this part of the flying body's momentum, in the reference, are grazes.
+const GRAZE: f64 = 0.05;
+
+/// Speeds of the flights, in metres per second.
+pub const SPEEDS: [f32; 6] = [1.0, 10.0, 50.0, 100.0, 300.0, 1000.0];
+
+/// Clearance of a near miss, in metres.
+const CLEARANCE: f64 = 0.02;
+
+/// Half extents of the wall: it is 5 cm thick, and the flight along x.
+const WALL: Vec3 = Vec3::new(0.025, 8.0, 8.0);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Aim {
+    Wall,
+    Resting,
+    HeadOn,
+}
+
+/// What is shot at what, and how.
+pub struct Cell {
+    pub shape: Shape,
+    pub aim: Aim,
+    /// In metres per second.
+    pub speed: f32,
+    /// Greatest angular speed, in radians per second.
+    pub spin: f32,
+    /// Makes the app, of steps of so many seconds. The reference's is always on the CPU.
+    pub app: fn(f32) -> App,
+}
+
+/// A body in free flight.
+#[derive(Clone, Copy)]
+struct Flyer {
+    pose: Pose3,
+    velocity: Velocity,
+}
+
+/// The flying body, and the other if that is no wall.
+type Flight = Vec<Flyer>;
+
+/// A rod and concave models, scaled to a metre: the shared ones where they are there.
+pub fn shapes() -> Vec<(&'static str, Shape)> {
+    let rod = MedialAxis::capsule(Vec3::X * -0.5, Vec3::X * 0.5, 0.02).unwrap();
+    let folder = assets().join("../../shared/models/qmat");
+    let shared = if folder.is_dir() { load_models(&folder).unwrap() } else { Vec::new() };
+    let concave = |name: &'static str| {
+        let found = shared.iter().find(|model| model.name.starts_with(name));
+        let axis = found.map_or_else(|| model(name), |model| model.axis.clone());
+        let scale = 0.5 / axis.bounding_sphere().radius;
+        (name, Shape { axis, scale })
+    };
+    vec![("rod", Shape::new(rod)), concave("torus"), concave("spider"), concave("bug")]
+}
+
+impl Cell {
+    /// The way of a body as rapier integrates it with steps of `dt`: at a constant rate, which is a little less than asked for.
+    fn motion(&self, flyer: &Flyer, dt: f32) -> Motion {
+        let spin = flyer.velocity.angular.as_dvec3();
+        let sweep = Sweep {
+            start: flyer.pose,
+            end: flyer.pose,
+            translation: flyer.velocity.linear,
+            rotation: (spin.normalize_or_zero() * rate(spin.length(), dt)).as_vec3(),
+            local_center: self.shape.center_of_mass(),
+        };
+        Motion::new(&sweep, DVec3::ZERO)
+    }
+
+    fn radius(&self) -> f32 {
+        let bound = self.shape.bounding_sphere();
+        bound.radius + bound.center.distance(self.shape.center_of_mass())
+    }
+
+    /// A flyer with its centre of mass at a place, turned and spinning at random.
+    fn flyer(&self, random: &mut Random, center: Vec3, linear: Vec3, spin: f32) -> Flyer {
+        let rotation = random.rotation();
+        let pose = Pose3::from_parts(center - rotation * self.shape.center_of_mass(), rotation);
+        let angular = random.in_ball().normalize_or(Vec3::X) * spin * (0.3 + 0.7 * random.unit());
+        Flyer { pose, velocity: Velocity { linear, angular } }
+    }
+
+    /// A flight towards a place beside the target, at a time when both are apart.
+    fn flight(&self, random: &mut Random, tilt: f32, beside: Vec3) -> Flight {
+        let away = 2.0 * self.radius() + 0.2;
+        let direction = (Vec3::X + random.in_ball() * Vec3::new(0.0, tilt, tilt)).normalize();
+        let first = self.flyer(random, beside - direction * away, direction * self.speed, self.spin);
+        match self.aim {
+            Aim::Wall => vec![first],
+            Aim::Resting => vec![first, self.flyer(random, Vec3::ZERO, Vec3::ZERO, 0.0)],
+            Aim::HeadOn => {
+                vec![first, self.flyer(random, Vec3::X * away, Vec3::X * -self.speed, self.spin)]
+            }
+        }
+    }
+
+    /// First time, in seconds, at which the pair comes within `level` metres, up to `end`.
+    fn first_within(&self, flight: &Flight, level: f32, end: f64) -> Option<f64> {
+        let motions: Vec<Motion> = flight.iter().map(|flyer| self.motion(flyer, DT)).collect();
+        let center = self.shape.center_of_mass().as_dvec3();
+        let fastest: f64 =
+            motions.iter().map(|m| m.translation.length() + m.spin.length() * self.radius() as f64).sum();
+        let mut time = 0.0;
+        let mut contacts = Vec::new();
+        while time <= end {
+            let middles: Vec<DVec3> = motions.iter().map(|m| m.point(center, time)).collect();
+            let far = match middles[..] {
+                [one, other] => one.distance(other) - 2.0 * f64::from(self.radius()),
+                _ => middles[0].x.abs() - f64::from(self.radius() + WALL.x),
+            };
+            let near = 0.25;
+            let apart = if far > f64::from(near) {
+                far
+            } else {
+                let pose1 = motions[0].pose(time);
+                let (second, pose2) = match motions.get(1) {
+                    Some(motion) => (Second::Shape(&self.shape), motion.pose(time)),
+                    None => (Second::Parts(&Cuboid { half: WALL }), Pose3::IDENTITY),
+                };
+                contacts.clear();
+                contact::find(&self.shape, second, &pose1.inv_mul(&pose2), near, &mut contacts);
+                f64::from(contacts.iter().map(|contact| contact.distance).fold(near, f32::min))
+            };
+            if apart <= f64::from(level) {
+                return Some(time);
+            }
+            time += (apart - f64::from(level)).max(2e-4) / fastest;
+        }
+        None
+    }
+
+    /// Time in which the pair passes each other.
+    fn passage(&self) -> f64 {
+        f64::from((4.0 * self.radius() + 0.4) / self.speed)
+    }
+
+    /// The flight from another time on.
+    fn from(&self, flight: &Flight, time: f64) -> Flight {
+        let later = |flyer: &Flyer| Flyer { pose: self.motion(flyer, DT).pose(time), ..*flyer };
+        flight.iter().map(later).collect()
+    }
+
+    /// Flights that meet their target within 1.3 to 2.7 steps, and would sink into it; and the same earlier by some steps.
+    fn hits(&self, random: &mut Random, count: usize, lead: u32) -> [Vec<Flight>; 2] {
+        let mut flights = [const { Vec::new() }; 2];
+        while flights[0].len() < count {
+            let beside = random.in_ball() * Vec3::new(0.0, 0.5, 0.5) * self.radius();
+            let flight = self.flight(random, 0.4, beside);
+            let sinks = self.first_within(&flight, -0.005, self.passage()).is_some();
+            if let Some(touch) = self.first_within(&flight, 0.0, self.passage()).filter(|_| sinks) {
+                let phase = f64::from((1.3 + 1.4 * random.unit()) * DT);
+                for (flights, steps) in flights.iter_mut().zip([0, lead]) {
+                    flights.push(self.from(&flight, touch - phase - f64::from(steps) * f64::from(DT)));
+                }
+            }
+        }
+        flights
+    }
+
+    /// Flights that pass their target, at less than a few centimetres, from some steps before on.
+    fn misses(&self, random: &mut Random, count: usize, lead: u32) -> Vec<Flight> {
+        let mut flights = Vec::new();
+        while flights.len() < count {
+            let mut flight = self.flight(random, 0.0, Vec3::ZERO);
+            let start = flight[0].pose.translation;
+            let side = random.in_ball() * Vec3::new(0.0, 1.0, 1.0);
+            let (side, rim) = match self.aim {
+                Aim::Wall => (Vec3::Y, WALL.y),
+                _ => (side.normalize_or(Vec3::Y), 0.0),
+            };
+            let (mut near, mut far) = (rim, rim + 2.0 * self.radius() + 0.05);
+            let mut passes = |offset: f32| {
+                flight[0].pose.translation = start + side * offset;
+                self.first_within(&flight, CLEARANCE as f32 + 1e-3, self.passage()).is_none()
+            };
+            assert!(passes(far));
+            for _ in 0..7 {
+                let middle = 0.5 * (near + far);
+                *(if passes(middle) { &mut far } else { &mut near }) = middle;
+            }
+            flight[0].pose.translation = start + side * far;
+            let phase = f64::from(random.unit() * DT);
+            flights.push(self.from(&flight, -phase - f64::from(lead) * f64::from(DT)));
+        }
+        flights
+    }
+}
+
+/// Many flights in one app, each in its own collision group.
+struct Range {
+    app: App,
+    bodies: Vec<Vec<Entity>>,
+}
+
+impl Range {
+    /// In an app of steps of `dt` seconds.
+    fn new(cell: &Cell, flights: &[Flight], dt: f32, mut app: App) -> Self {
+        assert!(flights.len() < 32);
+        app.add_systems(
+            PostUpdate,
+            without_gyroscopic_term.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation),
+        );
+        let mesh = mesh(&mut app, cell.shape.axis.clone());
+        if cell.aim == Aim::Wall {
+            app.world_mut().spawn((StaticObb { half_extents: WALL }, Transform::default()));
+        }
+        let mut spawn = |group: Group, flyer: &Flyer| {
+            // The wall is in every group.
+            let filter = if cell.aim == Aim::Wall { Group::GROUP_32 } else { group };
+            let transform = Transform {
+                translation: flyer.pose.translation,
+                rotation: flyer.pose.rotation,
+                scale: Vec3::splat(cell.shape.scale),
+            };
+            let velocity = Velocity { angular: same_turn(flyer.velocity.angular, dt), ..flyer.velocity };
+            let body = (RigidBody::Dynamic, Bullet, mesh.clone(), transform, velocity, GravityScale(0.0));
+            app.world_mut().spawn((body, CollisionGroups::new(group, filter))).id()
+        };
+        let groups = (0..).map(|i| Group::from_bits_retain(1 << i));
+        let bodies = flights.iter().zip(groups).map(|(flight, g)| flight.iter().map(|f| spawn(g, f)).collect());
+        let bodies = bodies.collect();
+        Self { app, bodies }
+    }
+
+    /// Momenta of a flight's bodies, in kg m/s.
+    fn momenta(&mut self, flight: usize) -> Vec<DVec3> {
+        let momentum = |entity: &Entity| {
+            let body = rigid(&mut self.app, *entity);
+            body.linvel().as_dvec3() * f64::from(body.mass())
+        };
+        self.bodies[flight].iter().map(momentum).collect()
+    }
+
+    fn all_momenta(&mut self) -> Vec<Vec<DVec3>> {
+        (0..self.bodies.len()).map(|flight| self.momenta(flight)).collect()
+    }
+
+    /// The momenta now and after each of some steps.
+    fn history(&mut self, steps: u32) -> Vec<Vec<Vec<DVec3>>> {
+        let mut history = vec![self.all_momenta()];
+        for _ in 0..steps {
+            run(&mut self.app, 1);
+            history.push(self.all_momenta());
+        }
+        history
+    }
+
+    /// Kinetic energy of a flight's bodies before and after the last step, in joules, both where they were at its start.
+    fn energies(&mut self, flight: usize) -> [f64; 2] {
+        let mut energies = [0.0; 2];
+        for &entity in &self.bodies[flight] {
+            let body = rigid(&mut self.app, entity);
+            let step = self.app.world().resource::<MedialStep>();
+            let i = index(step, entity);
+            let mass = &body.mass_properties().local_mprops;
+            let frame = step.input.bodies[i].sweep.start.rotation * mass.principal_inertia_local_frame;
+            let info = &step.infos[i];
+            let velocities = [(info.linear, info.angular), (body.linvel(), body.angvel())];
+            for (energy, (linear, angular)) in energies.iter_mut().zip(velocities) {
+                let spin = frame.inverse() * angular;
+                let turning = (spin * spin).dot(mass.principal_inertia());
+                *energy += 0.5 * f64::from(body.mass() * linear.length_squared() + turning);
+            }
+        }
+        energies
+    }
+}
+
+/// How fast a body turns that rapier integrates with steps of `dt`: a little less than asked for.
+fn rate(spin: f64, dt: f32) -> f64 {
+    let substep = f64::from(dt) / 4.0;
+    (spin * substep * 0.5).atan() * 2.0 / substep
+}
+
+/// The angular velocity with which steps of `dt` turn a body as fast as steps of [`DT`] do with another.
+fn same_turn(angular: Vec3, dt: f32) -> Vec3 {
+    let substep = f64::from(dt) / 4.0;
+    let spin = (rate(angular.as_dvec3().length(), DT) * substep * 0.5).tan() * 2.0 / substep;
+    angular.normalize_or_zero() * spin as f32
+}
+
+/// What impulses do to a flight.
+#[derive(Clone)]
+struct Work {
+    /// Kinetic energy at first, in joules.
+    energy: f64,
+    /// Of all impulses so far, in joules.
+    work: f64,
+}
+
+fn without_gyroscopic_term(
+    added: Query<&RapierRigidBodyHandle, Added<RapierRigidBodyHandle>>,
+    mut set: Single<&mut RapierRigidBodySet>,
+) {
+    for handle in &added {
+        set.bodies[handle.0].enable_gyroscopic_forces(false);
+    }
+}
+
+/// Steps that flights need before they come near anything.
+fn lead(app: &App) -> u32 {
+    if app.world().resource::<MedialSettings>().pipelined { LEAD } else { 0 }
+}
+
+/// The index of a body in the last step.
+fn index(step: &MedialStep, entity: Entity) -> usize {
+    step.infos.iter().position(|info| info.entity == entity).unwrap()
+}
+
+/// What came of the hits of a cell.
+#[derive(Default, Debug)]
+pub struct Hits {
+    pub count: usize,
+    /// Too little transfer in the reference to compare.
+    pub grazes: usize,
+    /// No reference to compare with.
+    pub chaotic: usize,
+    /// Too little transfer; of chaotic hits, beside either reference.
+    pub lost: usize,
+    /// Of transfers, in ascending order.
+    pub ratios: Vec<f64>,
+    /// Change of the total momentum, in momenta of the flying body.
+    pub momentum_error: f64,
+    /// Hits whose impulses together make energy, at any time more than a hundredth of what there was at first.
+    pub gains: usize,
+    /// Bodies that were behind the wall at the end of any step.
+    pub behind: usize,
+    /// Steps until the clocks had come to [`STEPS`], in ascending order.
+    pub taken: Vec<u32>,
+}
+
+impl Hits {
+    pub fn within(&self, part: f64) -> usize {
+        self.ratios.iter().filter(|ratio| (**ratio - 1.0).abs() <= part).count()
+    }
+
+    pub fn median(&self) -> f64 {
+        self.ratios[self.ratios.len() / 2]
+    }
+}
+
+pub fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> Hits {
+    let app = (cell.app)(DT);
+    let lead = lead(&app);
+    let [flights, earlier] = cell.hits(&mut Random(seed), count, lead);
+    let histories = [FINER, 2 * FINER].map(|finer| {
+        let mut fine = Range::new(cell, &flights, DT / finer as f32, headless_app(DT / finer as f32));
+        // The bodies are there from the second update on.
+        run(&mut fine.app, 1);
+        fine.history(LONGEST * finer - 1)
+    });
+    let reference = |i: usize, clock: f32, finer: usize| -> &[DVec3] {
+        let history = &histories[finer];
+        let step = (clock * (FINER << finer) as f32) as usize;
+        &history[step.clamp(1, history.len()) - 1][i]
+    };
+
+    let mut coarse = Range::new(cell, &earlier, DT, app);
+    coarse.app.world_mut().resource_mut::<MedialSettings>().stop_at_impact = stop_at_impact;
+    run(&mut coarse.app, 1 + lead);
+    // Nothing touches so early.
+    let before = coarse.all_momenta();
+    let mut hits = Hits { count, ..default() };
+    let mut clocks = vec![1.0; count];
+    let mut measured: Vec<Option<(Vec<DVec3>, f32)>> = (0..count).map(|_| None).collect();
+    let mut gained = vec![false; count];
+    let mut works: Vec<Option<Work>> = vec![None; count];
+    let mut behind = vec![false; count];
+    let mut steps = 1;
+    while measured.iter().any(Option::is_none) {
+        run(&mut coarse.app, 1);
+        steps += 1;
+        note_behind_the_wall(cell, &mut coarse, &mut behind);
+        for (i, clock) in clocks.iter_mut().enumerate() {
+            let step = coarse.app.world().resource::<MedialStep>();
+            let stop = step.output.stop_of(index(step, coarse.bodies[i][0]) as u32);
+            *clock += stop.map_or(1.0, |stop| stop.fraction);
+            // A body that has just stopped has its impact before it.
+            let is_over = *clock > STEPS as f32 - 0.5 && stop.is_none();
+            let [energy_before, energy_after] = coarse.energies(i);
+            let Work { energy, work } = works[i].get_or_insert(Work { energy: energy_before, work: 0.0 });
+            *work += energy_after - energy_before;
+            gained[i] |= *work > 0.01 * *energy;
+            if measured[i].is_none() && (is_over || steps == PATIENCE) {
+                measured[i] = Some((coarse.momenta(i), *clock));
+                hits.taken.push(steps);
+            }
+        }
+    }
+
+    for (i, (after, clock)) in measured.iter().flatten().enumerate() {
+        let [before, fine, finer] = [&before[i], reference(i, *clock, 0), reference(i, *clock, 1)];
+        let flying = before[0].length();
+        if cell.aim != Aim::Wall {
+            let total = |momenta: &[DVec3]| momenta.iter().sum::<DVec3>();
+            hits.momentum_error = hits.momentum_error.max(total(after).distance(total(before)) / flying);
+        }
+        hits.gains += usize::from(gained[i]);
+        let [truth, finer, transfer] = [fine, finer, after].map(|momenta| momenta[0] - before[0]);
+        let ratio = |truth: DVec3| transfer.dot(truth) / truth.length_squared();
+        if truth.length() < GRAZE * flying {
+            hits.grazes += 1;
+        } else if truth.distance(finer) > 0.1 * truth.length() {
+            hits.chaotic += 1;
+            hits.lost += usize::from(ratio(truth) < LOST && ratio(finer) < LOST);
+        } else {
+            hits.lost += usize::from(ratio(truth) < LOST);
+            hits.ratios.push(ratio(truth));
+        }
+    }
+    hits.ratios.sort_by(f64::total_cmp);
+    if cell.aim == Aim::Wall {
+        for _ in 0..FURTHER {
+            run(&mut coarse.app, 1);
+            note_behind_the_wall(cell, &mut coarse, &mut behind);
+        }
+    }
+    hits.behind = behind.iter().filter(|behind| **behind).count();
+    hits
+}
+
+/// Notes which bodies have a sphere's centre behind the wall's middle, if there is a wall.
+fn note_behind_the_wall(cell: &Cell, range: &mut Range, behind: &mut [bool]) {
+    if cell.aim != Aim::Wall {
+        return;
+    }
+    for (bodies, behind) in range.bodies.iter().zip(behind) {
+        let pose = *rigid(&mut range.app, bodies[0]).position();
+        let spheres = cell.shape.axis.spheres().iter();
+        let mut centers = spheres.map(|sphere| pose.transform_point(sphere.center * cell.shape.scale));
+        *behind |= centers.any(|center| center.x > 0.0 && center.yz().abs().max_element() < WALL.y);
+    }
+}
+
+/// Near misses that are proven to be some, and those of them after which a body has stopped or moves in another way.
+pub fn run_misses(cell: &Cell, seed: u64, count: usize) -> [usize; 2] {
+    let app = (cell.app)(DT);
+    let lead = lead(&app);
+    let flights = cell.misses(&mut Random(seed), count, lead);
+    let mut range = Range::new(cell, &flights, DT, app);
+    let mut clear = vec![true; count];
+    let mut changed = vec![false; count];
+    for _ in 0..lead + (cell.passage() / f64::from(DT)).ceil() as u32 + 3 {
+        run(&mut range.app, 1);
+        let step = range.app.world().resource::<MedialStep>();
+        for (i, (bodies, flight)) in range.bodies.iter().zip(&flights).enumerate() {
+            if changed[i] {
+                continue;
+            }
+            let sweeps: Vec<Sweep> = bodies.iter().map(|b| step.input.bodies[index(step, *b)].sweep).collect();
+            let solid = |sweep: &Sweep| Solid::of_shape(&cell.shape, Motion::new(sweep, DVec3::ZERO));
+            let second = sweeps.get(1).map_or_else(
+                || {
+                    let obb = Obb { pose: Pose3::IDENTITY, half_extents: WALL };
+                    let still = Motion::new(&Sweep::at_rest(obb.pose), DVec3::ZERO);
+                    Solid::new(std::iter::once(corners_of_box(&obb)), still)
+                },
+                solid,
+            );
+            clear[i] &= stays_clear(&solid(&sweeps[0]), &second);
+            changed[i] = bodies.iter().zip(&sweeps).zip(flight).any(|((body, sweep), flyer)| {
+                let difference = sweep.translation / DT - flyer.velocity.linear;
+                // Places are rounded to micrometres.
+                let rounding = 1e-3 * (1.0 + cell.speed);
+                step.output.stop_of(index(step, *body) as u32).is_some() || difference.length() > rounding
+            });
+        }
+    }
+    let proven = clear.iter().filter(|clear| **clear).count();
+    [proven, clear.iter().zip(&changed).filter(|(clear, changed)| **clear && **changed).count()]
+}
+
+/// Whether two solids stay apart by [`CLEARANCE`] all through a step.
+fn stays_clear(first: &Solid, second: &Solid) -> bool {
+    let limit = 0.1;
+    let reach = first.reach() + second.reach();
+    let mut fraction = 0.0;
+    while fraction <= 1.0 {
+        let above = distance(first, second, fraction, limit) - CLEARANCE;
+        if above < 0.0 {
+            return false;
+        }
+        fraction += above.max(1e-4) / reach;
+    }
+    true
+}
+
+/// Some of the cells, by numbers of up to 12, in which there is every speed with and without spin, and every shape at every target. How many
+/// transfers are within 25 % of the reference, and how many there are.
+pub fn check(app: fn(f32) -> App, cells: impl Iterator<Item = usize>) -> [usize; 2] {
+    let aims = [Aim::Wall, Aim::Resting, Aim::HeadOn];
+    let shapes = shapes();
+    let (mut close, mut ratios, mut misses, mut flown) = (0, Vec::new(), 0, [0; 2]);
+    for i in cells {
+        let (name, shape) = shapes[i % 4].clone();
+        let spin = if (i + i / 6) % 2 == 0 { 0.0 } else { 100.0 };
+        let cell = Cell { shape, aim: aims[i % 3], speed: SPEEDS[i % 6], spin, app };
+        let hits = run_hits(&cell, 1, 20, true);
+        println!("{name} {:?} {} {spin}: {hits:?}", cell.aim, cell.speed);
+        assert_eq!((hits.lost, hits.behind, hits.gains), (0, 0, 0));
+        assert!(hits.momentum_error < 0.01);
+        close += hits.within(0.25);
+        ratios.extend(hits.ratios);
+        flown[0] += hits.count;
+        if cell.speed > 1.0 {
+            let [proven, ghosts] = run_misses(&cell, 1, 10);
+            assert_eq!(ghosts, 0);
+            misses += proven;
+            flown[1] += 10;
+        }
+    }
+    ratios.sort_by(f64::total_cmp);
+    let (compared, median) = (ratios.len(), ratios[ratios.len() / 2]);
+    assert!(6 * compared > 5 * flown[0] && 10 * misses > 9 * flown[1], "{compared} hits, {misses} misses of {flown:?}");
+    assert!((median - 1.0).abs() < 0.02, "median {median}");
+    [close, compared]
+}

@@ -1,0 +1,70 @@
+//! Fast impacts and near misses where the GPU culls: none is lost, none leaves a trace.
+
+use std::sync::Mutex;
+
+use bevy::prelude::*;
+use bevy_medial::{prelude::*, scenes::headless_app};
+use bevy_medial_compare::renderer::rendering_app;
+
+use super::device;
+use crate::flights;
+
+/// What the apps have seen in which the GPU looks ahead.
+static AHEAD: Mutex<Seen> = Mutex::new(Seen { steps: 0, answered: 0, impacts: 0 });
+
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    /// Steps with impacts.
+    steps: usize,
+    /// Those of them that went by an answer of the GPU.
+    answered: usize,
+    /// The impacts in those of them in which no body had left its way: the CPU has culled nothing.
+    impacts: usize,
+}
+
+fn waiting(dt: f32) -> App {
+    let mut app = with_settings(headless_app(dt), false);
+    app.add_systems(Last, |step: Res<MedialStep>| assert!(step.infos.is_empty() || step.gpu_latency == Some(0)));
+    app
+}
+
+fn ahead(dt: f32) -> App {
+    let mut app = with_settings(rendering_app(dt), true);
+    app.add_systems(Last, |step: Res<MedialStep>| {
+        let impacts = step.output.pairs.iter().filter(|pair| pair.impact.is_some()).count();
+        if impacts > 0 {
+            let mut seen = AHEAD.lock().unwrap();
+            seen.steps += 1;
+            seen.answered += usize::from(step.gpu_latency.is_some());
+            seen.impacts += if step.gpu_latency.is_some() && step.gpu_departed == 0 { impacts } else { 0 };
+        }
+    });
+    app
+}
+
+fn with_settings(mut app: App, pipelined: bool) -> App {
+    app.insert_resource(MedialSettings { backend: MedialBackend::Gpu, pipelined, ..default() });
+    app
+}
+
+fn check(app: fn(f32) -> App) {
+    let [close, compared] = flights::check(app, 0..12);
+    assert!(close * 10 >= compared * 9, "{close} of {compared}");
+}
+
+#[test]
+fn bullets_hit_where_the_gpu_is_waited_for() {
+    if device().is_some() {
+        check(waiting);
+    }
+}
+
+#[test]
+fn bullets_hit_where_the_gpu_looks_ahead() {
+    if device().is_some() {
+        check(ahead);
+        let seen = *AHEAD.lock().unwrap();
+        println!("{seen:?}");
+        assert!(seen.answered * 10 > seen.steps * 9 && seen.impacts > 60, "{seen:?}");
+    }
+}

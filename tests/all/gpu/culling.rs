@@ -1,0 +1,98 @@
+//! Steps that the GPU has culled end as those that the CPU has culled, to the bit.
+
+use bevy::tasks::{ComputeTaskPool, TaskPool};
+use bevy_medial::{
+    gpu::{GpuCapacity, GpuCulling},
+    medial_axis::MedialAxis,
+    pipeline::{Meeting, Shape, Solid, Statics, StepInput, StepOutput, step, step_from_candidates},
+};
+use glam::Vec3;
+
+use super::device;
+use crate::{
+    common::Random,
+    random_steps::{random_step, tally},
+};
+
+pub fn pool() -> &'static TaskPool {
+    ComputeTaskPool::get_or_init(Default::default)
+}
+
+pub fn run_on_gpu(culling: &mut GpuCulling, input: &StepInput, statics: &Statics) -> StepOutput {
+    let candidates = culling.cull(input, statics).unwrap();
+    step_from_candidates(input, statics, candidates, |_, _| Meeting::Stopping, pool())
+}
+
+/// Compares both on random steps, and the GPU with itself; impacts, contacts, stops and pairs that were reached.
+pub fn compare(
+    culling: &mut GpuCulling,
+    steps: usize,
+    mut random_step: impl FnMut() -> (StepInput, Statics),
+) -> [usize; 4] {
+    let mut total = [0; 4];
+    for number in 0..steps {
+        let (input, statics) = random_step();
+        let cpu = step(&input, &statics, pool());
+        let candidates = culling.cull(&input, &statics).unwrap();
+        assert_eq!(candidates, culling.cull(&input, &statics).unwrap(), "step {number}, once more");
+        let gpu = step_from_candidates(&input, &statics, candidates, |_, _| Meeting::Stopping, pool());
+        assert_eq!(cpu.pairs, gpu.pairs, "step {number}");
+        assert_eq!(cpu.manifolds, gpu.manifolds, "step {number}");
+        assert_eq!(cpu.stops, gpu.stops, "step {number}");
+        total.iter_mut().zip(tally(&cpu)).for_each(|(sum, count)| *sum += count);
+    }
+    println!("{steps} steps: impacts, contacts, stops, pairs {total:?}; GPU {:?}", culling.counts());
+    total
+}
+
+#[test]
+fn nothing_is_lost() {
+    let Some(gpu) = device() else { return };
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
+    let mut random = Random(1);
+    let few = compare(&mut culling, 300, || random_step(&mut random, 6, 5, 2.0, Vec3::ZERO));
+    let [impacts, contacts, stops, _] = few;
+    assert!(impacts > 300 && contacts > 1000 && stops > 200);
+    // More bodies than a workgroup sorts, far from the origin.
+    let mut random = Random(3);
+    let many = compare(&mut culling, 5, || {
+        let (mut input, statics) = random_step(&mut random, 1100, 20, 12.0, Vec3::splat(1024.0));
+        // Otherwise they carry each other all over the room.
+        input.bodies.iter_mut().for_each(|body| body.stops = body.active);
+        (input, statics)
+    });
+    let [impacts, contacts, stops, _] = many;
+    assert!(impacts > 300 && contacts > 1000 && stops > 200);
+    println!("{:?}", culling.times());
+}
+
+#[test]
+fn shapes_are_uploaded_once() {
+    let Some(gpu) = device() else { return };
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
+    let (mut input, statics) = random_step(&mut Random(2), 40, 10, 2.0, Vec3::ZERO);
+    // Otherwise they carry each other along, and a step is culled more than once.
+    input.bodies.iter_mut().for_each(|body| body.stops = body.active);
+    let mut uploaded = |input: &StepInput| {
+        let before = culling.uploaded();
+        culling.cull(input, &statics).unwrap();
+        culling.uploaded() - before
+    };
+    let shapes = uploaded(&input);
+    let poses = uploaded(&input);
+    assert!(poses <= 64 + 128 * 40 && shapes > poses + 1000, "{shapes} bytes, then {poses}");
+    for _ in 0..30 {
+        input.bodies.iter_mut().for_each(|body| body.sweep.start.translation.x += 0.01);
+        assert_eq!(uploaded(&input), poses);
+    }
+
+    // Of new ones the first makes the table grow, and the second goes up alone: a sphere and its bound, both as primitives, a node, and where
+    // these are.
+    let mut with_ball = |radius: f32| {
+        input.bodies[0].solid = Solid::Medial(Shape::new(MedialAxis::sphere(radius).unwrap()));
+        uploaded(&input)
+    };
+    assert!(with_ball(0.25) < shapes);
+    assert_eq!(with_ball(0.3), poses + 2 * 16 + 2 * 12 + 32 + 20);
+    assert_eq!(uploaded(&input), poses);
+}

@@ -1,0 +1,596 @@
+//! Medial bodies against every standard collider of rapier: distance, time of impact, rest, speed, sensors.
+
+use bevy::{
+    math::{DVec2, DVec3},
+    prelude::*,
+    tasks::{ComputeTaskPool, TaskPool},
+};
+use bevy_medial::{
+    geometry::{Pose3, Primitive, Sphere, Sweep},
+    medial_axis::MedialAxis,
+    pipeline::{Body, Manifold, Second, Shape, Solid, StaticBody, Statics, StepInput, contact, step},
+    rapier::{ContactTable, MedialDispatcher, MedialShape},
+    scenes::Monitor,
+};
+use bevy_rapier3d::{
+    parry::{
+        query::{self, ClosestPoints, QueryDispatcher, details::closest_points_segment_segment},
+        shape::{Cone, Cylinder, Segment, Shape as ParryShape, SharedShape, Triangle, TypedShape},
+    },
+    prelude::*,
+};
+use std::{f32::consts::FRAC_PI_2, sync::Arc};
+
+use crate::common::*;
+
+/// A collider, and the pose that turns a side of it up and puts the top of that at height 0.
+#[derive(Clone)]
+struct Case {
+    name: &'static str,
+    collider: Collider,
+    pose: Transform,
+    /// A body can lie on it; else it rolls off.
+    flat: bool,
+    /// It has an inside, and so mass.
+    solid: bool,
+    /// Half of its thickness from top to bottom, if it has one.
+    half_height: f32,
+}
+
+impl Case {
+    /// How exact parry's iteration is, which is ours for curved shapes, in metres.
+    fn tolerance(&self) -> f32 {
+        if self.name.contains("cylinder") || self.name.contains("cone") { 5e-3 } else { 2e-3 }
+    }
+}
+
+const CORNERS: [Vec3; 3] = [Vec3::new(-4.0, 0.0, -3.0), Vec3::new(0.0, 0.0, 6.0), Vec3::new(4.0, 0.0, -3.0)];
+
+fn cases() -> Vec<Case> {
+    let case = |name, collider: Collider, height: f32, flat, solid| Case {
+        name,
+        collider,
+        pose: Transform::from_xyz(0.0, -height, 0.0),
+        flat,
+        solid,
+        half_height: height,
+    };
+    let shape = |shape: SharedShape| Collider::from(shape);
+    let grid = |x: u32, z: u32| Vec3::new(x as f32 - 2.0, 0.0, z as f32 - 2.0);
+    let vertices: Vec<Vec3> = (0..25).map(|i| grid(i % 5, i / 5)).collect();
+    let cells = (0..16u32).map(|i| i % 4 + i / 4 * 5);
+    let triangles: Vec<[u32; 3]> = cells.flat_map(|i| [[i, i + 5, i + 1], [i + 1, i + 5, i + 6]]).collect();
+    let corners: Vec<Vec3> = (0..8)
+        .map(|i| Vec3::new((i & 1) as f32 * 4.0 - 2.0, (i >> 1 & 1) as f32 * 0.6 - 0.3, (i >> 2) as f32 * 4.0 - 2.0))
+        .collect();
+    let plate = |x: f32| (Vec3::new(x, 0.0, 0.0), Quat::IDENTITY, Collider::cuboid(1.0, 0.3, 2.0));
+    let voxels: Vec<IVec3> = (-4..4).flat_map(|x| (-4..4).map(move |z| IVec3::new(x, 0, z))).collect();
+    let along = Vec3::X * 2.0;
+    let mut cone = case("cone", Collider::cone(0.3, 2.0), 0.3, true, true);
+    cone.pose.rotation = Quat::from_rotation_x(std::f32::consts::PI);
+    let mut round_cone = case("round cone", Collider::round_cone(0.25, 1.9, 0.05), 0.3, true, true);
+    round_cone.pose.rotation = cone.pose.rotation;
+    let mut voxels = case("voxels", Collider::voxels(Vec3::splat(0.5), &voxels), 0.25, true, true);
+    voxels.pose.translation.y = -0.5;
+    vec![
+        case("ball", Collider::ball(0.5), 0.5, false, true),
+        case("cuboid", Collider::cuboid(2.0, 0.3, 2.0), 0.3, true, true),
+        case("capsule", Collider::capsule(-along, along, 0.3), 0.3, false, true),
+        case("cylinder", Collider::cylinder(0.3, 2.0), 0.3, true, true),
+        cone,
+        case("half-space", Collider::halfspace(Vec3::Y).unwrap(), 0.0, true, false),
+        case("convex hull", Collider::convex_hull(&corners).unwrap(), 0.3, true, true),
+        case("segment", Collider::segment(-along, along), 0.0, false, false),
+        case("polyline", Collider::polyline(vec![-along, Vec3::X * 0.3, along], None), 0.0, false, false),
+        case("triangle", Collider::triangle(CORNERS[0], CORNERS[1], CORNERS[2]), 0.0, true, false),
+        case("triangle mesh", Collider::trimesh(vertices, triangles).unwrap(), 0.0, true, false),
+        case("height field", Collider::heightfield(vec![0.0; 25], 5, 5, Vec3::new(4.0, 1.0, 4.0)), 0.0, true, false),
+        voxels,
+        case("compound", Collider::compound(vec![plate(-1.0), plate(1.0)]), 0.3, true, true),
+        case("round cuboid", Collider::round_cuboid(1.9, 0.25, 1.9, 0.05), 0.3, true, true),
+        case("round cylinder", Collider::round_cylinder(0.25, 1.9, 0.05), 0.3, true, true),
+        round_cone,
+        case("round convex hull", Collider::round_convex_hull(&corners, 0.05).unwrap(), 0.35, true, true),
+        case(
+            "round triangle",
+            shape(SharedShape::round_triangle(CORNERS[0], CORNERS[1], CORNERS[2], 0.1)),
+            0.1,
+            true,
+            false,
+        ),
+    ]
+}
+
+const RADIUS: f32 = 0.1;
+
+fn capsule() -> MedialAxis {
+    MedialAxis::capsule(Vec3::X * -0.3, Vec3::X * 0.3, RADIUS).unwrap()
+}
+
+/// The same solid in a form whose distance parry can tell.
+fn reference(shape: &SharedShape) -> SharedShape {
+    match shape.as_typed_shape() {
+        TypedShape::HeightField(field) => {
+            let (vertices, triangles) = field.to_trimesh();
+            SharedShape::trimesh(vertices, triangles).unwrap()
+        }
+        // All of them together.
+        TypedShape::Voxels(_) => {
+            let block = SharedShape::cuboid(2.0, 0.25, 2.0);
+            SharedShape::compound(vec![(Pose3::from_translation(Vec3::Y * 0.25), block)])
+        }
+        _ => shape.clone(),
+    }
+}
+
+/// The capsule, a slab and a ring of cones: all spheres have one radius.
+fn probes() -> [MedialAxis; 3] {
+    let corners = [Vec3::new(0.3, 0.0, 0.0), Vec3::new(-0.2, 0.1, 0.2), Vec3::new(-0.1, -0.1, -0.3)];
+    let slab = MedialAxis::from_lists(corners.map(|corner| Sphere::new(corner, RADIUS)).into(), &[], &[[0, 1, 2]]);
+    [capsule(), slab.unwrap().0, MedialAxis::torus(0.3, RADIUS, 12).unwrap()]
+}
+
+/// Distance of a medial body whose spheres have one radius and a collider by parry's means: the least of those of its segments and triangles.
+/// None if one of these crosses it.
+fn true_distance(axis: &MedialAxis, pose12: &Pose3, shape: &dyn ParryShape) -> Option<f32> {
+    let corner = |&sphere: &u32| axis.spheres()[sphere as usize].center;
+    let of_primitive = |primitive: &Primitive| match *primitive.indices().iter().map(corner).collect::<Vec<_>>() {
+        [a, b] => core_distance(&Segment::new(a, b), pose12, shape),
+        [a, b, c] => core_distance(&Triangle::new(a, b, c), pose12, shape),
+        _ => unreachable!("a single sphere"),
+    };
+    let distance = axis.primitives().iter().map(of_primitive).fold(f32::INFINITY, f32::min);
+    (distance > 0.0).then_some(distance - RADIUS)
+}
+
+/// Distance of a segment or a triangle and a collider: in closed form, or by those of parry's methods that are exact.
+fn core_distance(core: &dyn ParryShape, pose12: &Pose3, shape: &dyn ParryShape) -> f32 {
+    let to = |shape: &dyn ParryShape| query::distance(&Pose3::IDENTITY, core, pose12, shape).unwrap();
+    let to_segment = |segment: &Segment| {
+        let TypedShape::Segment(axis) = core.as_typed_shape() else { return to(segment) };
+        let ends = closest_points_segment_segment(pose12, axis, segment, f32::MAX);
+        let ClosestPoints::WithinMargin(point1, point2) = ends else { return 0.0 };
+        point1.distance(pose12.transform_point(point2))
+    };
+    let to_revolved = |distance: &dyn Fn(DVec2) -> f64| least_distance(core, &pose12.inverse(), distance);
+    match shape.as_typed_shape() {
+        TypedShape::Capsule(capsule) => to_segment(&capsule.segment) - capsule.radius,
+        TypedShape::Segment(segment) => to_segment(segment),
+        TypedShape::Polyline(line) => line.segments().map(|s| to_segment(&s)).fold(f32::INFINITY, f32::min),
+        TypedShape::Cylinder(cylinder) => to_revolved(&|point| from_cylinder(cylinder, point)),
+        TypedShape::Cone(cone) => to_revolved(&|point| from_cone(cone, point)),
+        TypedShape::RoundTriangle(round) => to(&round.inner_shape) - round.border_radius,
+        TypedShape::RoundCuboid(round) => to(&round.inner_shape) - round.border_radius,
+        TypedShape::RoundCylinder(round) => {
+            to_revolved(&|point| from_cylinder(&round.inner_shape, point)) - round.border_radius
+        }
+        TypedShape::RoundCone(round) => {
+            to_revolved(&|point| from_cone(&round.inner_shape, point)) - round.border_radius
+        }
+        TypedShape::RoundConvexPolyhedron(round) => to(&round.inner_shape) - round.border_radius,
+        _ => to(shape),
+    }
+}
+
+/// Distance from a cylinder to a point that is given by its distance from the axis and its height.
+fn from_cylinder(cylinder: &Cylinder, point: DVec2) -> f64 {
+    let corner = DVec2::new(cylinder.radius.into(), cylinder.half_height.into());
+    (DVec2::new(point.x, point.y.abs()) - corner).max(DVec2::ZERO).length()
+}
+
+/// The same of a cone.
+fn from_cone(cone: &Cone, point: DVec2) -> f64 {
+    let (radius, half) = (f64::from(cone.radius), f64::from(cone.half_height));
+    let [axis, rim, tip] = [DVec2::new(0.0, -half), DVec2::new(radius, -half), DVec2::new(0.0, half)];
+    if point.y >= -half && (tip - rim).perp_dot(point - rim) >= 0.0 {
+        return 0.0;
+    }
+    let from_edge = |a: DVec2, b: DVec2| {
+        let along = (point - a).dot(b - a) / (b - a).length_squared();
+        point.distance(a.lerp(b, along.clamp(0.0, 1.0)))
+    };
+    from_edge(axis, rim).min(from_edge(rim, tip))
+}
+
+/// Least distance of a segment or a triangle from a convex solid around the y axis, which tells the distance of points.
+fn least_distance(core: &dyn ParryShape, pose: &Pose3, from_solid: &dyn Fn(DVec2) -> f64) -> f32 {
+    let placed = |point: Vec3| pose.transform_point(point).as_dvec3();
+    let at = |point: DVec3| from_solid(DVec2::new(point.x.hypot(point.z), point.y));
+    let least = match core.as_typed_shape() {
+        TypedShape::Segment(segment) => {
+            let [a, b] = [segment.a, segment.b].map(placed);
+            least(1.0, &|t| at(a.lerp(b, t)))
+        }
+        TypedShape::Triangle(triangle) => {
+            let [a, b, c] = [triangle.a, triangle.b, triangle.c].map(placed);
+            least(1.0, &|t| least(t, &|u| at(a + (b - a) * t + (c - b) * u)))
+        }
+        _ => unreachable!("no core"),
+    };
+    least as f32
+}
+
+/// The least value from 0 to `end` of a convex function.
+fn least(end: f64, value: &dyn Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (0.0, end);
+    for _ in 0..50 {
+        let [a, b] = [(2.0 * low + high) / 3.0, (low + 2.0 * high) / 3.0];
+        if value(a) < value(b) { high = b } else { low = a }
+    }
+    value(0.5 * (low + high))
+}
+
+fn spawn_fixed(app: &mut App, case: &Case, at: Transform) -> Entity {
+    app.world_mut().spawn((case.collider.clone(), at * case.pose)).id()
+}
+
+#[test]
+fn distances_are_exact() {
+    let dispatcher = MedialDispatcher { table: ContactTable::default() };
+    let mut random = Random(1);
+    for (case, axis) in cases().into_iter().flat_map(|case| probes().map(|axis| (case.clone(), axis))) {
+        let medial = MedialShape::new(Shape::new(axis.clone()), 1);
+        let truth_shape = reference(&case.collider.raw);
+        let (mut apart, mut together, mut off) = (0, 0, 0.0f32);
+        for _ in 0..1000 {
+            let pose12 = Pose3::from_parts(random.in_ball() * 2.0, random.rotation());
+            let other = &*case.collider.raw;
+            let Some(truth) = true_distance(&axis, &pose12, &*truth_shape) else { continue };
+            *if truth > 0.0 { &mut apart } else { &mut together } += 1;
+            for found in [
+                dispatcher.distance(&pose12, &medial, other).unwrap(),
+                dispatcher.distance(&pose12.inverse(), other, &medial).unwrap(),
+            ] {
+                off = off.max((found - truth.max(0.0)).abs());
+            }
+            // With depth where they overlap.
+            for (pose12, found) in [
+                (pose12, dispatcher.contact(&pose12, &medial, other, 0.05).unwrap()),
+                (pose12.inverse(), dispatcher.contact(&pose12.inverse(), other, &medial, 0.05).unwrap()),
+            ] {
+                assert!(
+                    found.is_some() || truth > 0.05 - case.tolerance(),
+                    "{}: no contact, {truth} m apart",
+                    case.name
+                );
+                let Some(found) = found else { continue };
+                let way = pose12.transform_point(found.point2) - found.point1;
+                off = off.max((found.dist - truth).abs()).max(way.distance(found.normal1 * found.dist));
+                assert!((found.normal1 + pose12.rotation * found.normal2).length() < 1e-3, "{}", case.name);
+            }
+        }
+        let of = axis.primitives().len();
+        println!("{}, {of} primitives: {apart} apart, {together} together, off by {off} m at most", case.name);
+        assert!(apart > 50 && together > 5, "{}: {apart} {together}", case.name);
+        assert!(off < case.tolerance(), "{}", case.name);
+    }
+}
+
+/// First fraction at which they come within `close`, by steps that cannot pass it.
+fn first_touch(axis: &MedialAxis, sweeps: [&Sweep; 2], shape: &dyn ParryShape, close: f32) -> Option<f32> {
+    let speed = (sweeps[0].translation - sweeps[1].translation).length();
+    let mut fraction = 0.0;
+    while fraction <= 1.0 {
+        let [pose1, pose2] = sweeps.map(|sweep| sweep.pose_at(fraction));
+        let distance = true_distance(axis, &pose1.inv_mul(&pose2), shape).unwrap_or(0.0);
+        if distance <= close {
+            return Some(fraction);
+        }
+        fraction += distance.abs().max(2e-4) / speed;
+    }
+    None
+}
+
+#[test]
+fn impacts_are_exact() {
+    let pool = ComputeTaskPool::get_or_init(TaskPool::default);
+    let mut random = Random(2);
+    let axis = capsule();
+    let capsule = Shape::new(axis.clone());
+    for case in cases() {
+        let shape = case.collider.raw.clone();
+        let truth_shape = reference(&shape);
+        let (mut hits, mut misses, mut off) = (0, 0, 0.0f32);
+        for _ in 0..300 {
+            let places = [random.in_ball().normalize() * 3.0, Vec3::ZERO];
+            let [start1, start2] = places.map(|place| Pose3::from_parts(place, random.rotation()));
+            if true_distance(&axis, &start1.inv_mul(&start2), &*truth_shape).is_none_or(|distance| distance < 0.05) {
+                continue;
+            }
+            let moved = |start: Pose3, by: Vec3| {
+                let end = Pose3::from_parts(start.translation + by, start.rotation);
+                Sweep::between(start, end, Vec3::ZERO, Vec3::ZERO)
+            };
+            let sweep1 = moved(start1, -start1.translation * 1.5 + random.in_ball() * 2.0);
+            for sweep2 in [Sweep::at_rest(start2), moved(start2, random.in_ball())] {
+                let body = Body::new(capsule.clone(), sweep1);
+                let other = Solid::Parts(Arc::new(shape.clone()));
+                let (bodies, statics) = if sweep2.is_at_rest() {
+                    (vec![body], Statics::new(vec![StaticBody::new(other, start2)]))
+                } else {
+                    (vec![Body::new(other, sweep2), body], Statics::default())
+                };
+                let output = step(&StepInput { bodies, ..default() }, &statics, pool);
+                let impact = output.pairs.first().and_then(|pair| pair.impact).map(|impact| impact.fraction);
+                // A graze that is less deep than the slop is none.
+                let [outer, inner] =
+                    [1e-4, -1e-3].map(|close| first_touch(&axis, [&sweep1, &sweep2], &*truth_shape, close));
+                let way = (sweep1.translation - sweep2.translation).length();
+                match (impact, outer) {
+                    (Some(impact), touch) => {
+                        hits += 1;
+                        off = touch.map_or(off, |touch| off.max((impact - touch) * way));
+                        let [pose1, pose2] = [&sweep1, &sweep2].map(|sweep| sweep.pose_at(impact));
+                        let distance = true_distance(&axis, &pose1.inv_mul(&pose2), &*truth_shape).unwrap_or(0.0);
+                        let sunk = inner.is_some_and(|inner| (impact - inner) * way > 2.0 * case.tolerance());
+                        assert!(
+                            distance.abs() < 2.0 * case.tolerance() && !sunk,
+                            "{}: {impact}, {outer:?} to {inner:?}, {distance} m apart",
+                            case.name
+                        );
+                    }
+                    (None, _) => {
+                        misses += 1;
+                        assert!(inner.is_none_or(|inner| inner > 0.999), "{}: none, {inner:?}", case.name);
+                    }
+                }
+            }
+        }
+        println!("{}: {hits} hits, late by {off} m at most, {misses} misses", case.name);
+        assert!(hits > 40 && misses > 10, "{}", case.name);
+    }
+}
+
+/// At no step by more than a hundredth of the smaller one's size.
+fn assert_hardly_overlapped(app: &App, name: &str) {
+    let deepest = app.world().resource::<Monitor>().deepest_overlap_percent;
+    assert!(deepest < 1.0, "{name}: {deepest} %");
+}
+
+#[test]
+fn bodies_rest_on_every_collider() {
+    for case in cases() {
+        for medial_first in [false, true] {
+            let mut app = app();
+            if !medial_first {
+                spawn_fixed(&mut app, &case, Transform::IDENTITY);
+            }
+            let body = spawn_body(&mut app, capsule(), Transform::from_xyz(0.05, 0.4, 0.1));
+            if !case.flat {
+                // On a ridge or a dome it balances.
+                let lock =
+                    LockedAxes::TRANSLATION_LOCKED_X | LockedAxes::TRANSLATION_LOCKED_Z | LockedAxes::ROTATION_LOCKED;
+                let across = Transform::from_xyz(0.0, 0.4, 0.0).with_rotation(Quat::from_rotation_y(1.5));
+                app.world_mut().entity_mut(body).insert((lock, across));
+            }
+            if medial_first {
+                spawn_fixed(&mut app, &case, Transform::IDENTITY);
+            }
+            run(&mut app, 300);
+            let height = position(&mut app, body).y;
+            assert!((height - RADIUS).abs() < 0.003, "{}: the middle rests at {height}", case.name);
+            assert_hardly_overlapped(&app, case.name);
+            assert!(is_at_rest(&mut app, body), "{}", case.name);
+        }
+    }
+}
+
+#[test]
+fn every_solid_collider_rests_on_a_medial_floor() {
+    for case in cases().into_iter().filter(|case| case.solid) {
+        let mut app = app();
+        let plate = MedialAxis::rounded_box(Vec3::new(6.0, 0.2, 6.0), 0.2).unwrap();
+        let floor = mesh(&mut app, plate);
+        app.world_mut().spawn((RigidBody::Fixed, floor, Transform::from_xyz(0.0, -0.2, 0.0)));
+        let damping = Damping { linear_damping: 0.5, angular_damping: 2.0 };
+        let at = Transform::from_xyz(0.1, 2.0 * case.half_height + 0.2, 0.0) * case.pose;
+        let body = app.world_mut().spawn((RigidBody::Dynamic, case.collider.clone(), damping, at)).id();
+        run(&mut app, 300);
+        let top = rigid(&mut app, body).position() * case.pose.compute_affine().inverse().transform_point3(Vec3::ZERO);
+        assert!((top.y - 2.0 * case.half_height).abs() < 0.005, "{}: its top is at {}", case.name, top.y);
+        assert_hardly_overlapped(&app, case.name);
+        assert!(is_at_rest(&mut app, body), "{}", case.name);
+    }
+}
+
+/// A collider across the way of a shot along x, its top facing it.
+fn upright(at: Vec3) -> Transform {
+    Transform::from_translation(at).with_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_2))
+}
+
+#[test]
+fn nothing_tunnels_at_100_metres_a_second() {
+    for case in cases() {
+        for (spin, offset) in [(0.0, 0.1), (0.0, 0.7), (40.0, 0.3)] {
+            // A medial body at a fixed collider, and at one that flies towards it.
+            for moving in [false, true] {
+                if moving && case.name == "half-space" {
+                    continue;
+                }
+                let mut app = app();
+                let place = upright(Vec3::new(3.0 + offset, 0.0, 0.0)) * case.pose;
+                let target = app.world_mut().spawn((case.collider.clone(), place)).id();
+                if moving {
+                    let flight = Velocity::linear(Vec3::X * -100.0);
+                    let mass = AdditionalMassProperties::MassProperties(MassProperties {
+                        mass: 10.0,
+                        principal_inertia: Vec3::splat(5.0),
+                        ..default()
+                    });
+                    app.world_mut().entity_mut(target).insert((RigidBody::Dynamic, GravityScale(0.0), flight, mass));
+                }
+                let flight = Velocity { linear: Vec3::X * 100.0, angular: Vec3::new(0.3, 0.5, 0.8) * spin };
+                let body = spawn_flying(&mut app, capsule(), Transform::from_xyz(0.0, 0.02, 0.03), flight);
+                let mut record = Record::default();
+                record.run(&mut app, 60);
+                let (x, speed) = (position(&mut app, body).x, rigid(&mut app, body).linvel().x);
+                let to = if moving { position(&mut app, target).x } else { 3.0 + offset };
+                // What is no wall it may pass by.
+                assert!(x < to || !case.flat, "{}, spin {spin}, moving {moving}: {x}, beyond {to}", case.name);
+                assert!(speed < 95.0, "{}, spin {spin}, moving {moving}: {speed} m/s", case.name);
+                assert!(record.counts(body, target)[0] >= 1, "{}, spin {spin}, moving {moving}", case.name);
+            }
+        }
+        // A collider at a medial wall.
+        if case.solid {
+            let mut app = app();
+            let plate = MedialAxis::rounded_box(Vec3::new(0.05, 3.0, 3.0), 0.05).unwrap();
+            let wall = mesh(&mut app, plate);
+            app.world_mut().spawn((RigidBody::Fixed, wall, Transform::from_xyz(5.0, 0.0, 0.0)));
+            let flight = Velocity { linear: Vec3::X * 100.0, angular: Vec3::new(0.0, 1.0, 3.0) };
+            let body = (RigidBody::Dynamic, GravityScale(0.0), case.collider.clone(), flight, Transform::default());
+            let body = app.world_mut().spawn(body).id();
+            run(&mut app, 60);
+            let x = rigid(&mut app, body).center_of_mass().x;
+            assert!(x < 5.0, "{} ends at {x}, behind the wall", case.name);
+        }
+    }
+}
+
+#[test]
+fn every_sensor_tells_once_of_what_crosses_it() {
+    for case in cases() {
+        // Within a step, or in many; one of both is the sensor.
+        for (speed, steps, medial) in [(300.0, 10, false), (300.0, 10, true), (3.0, 150, false), (3.0, 150, true)] {
+            let mut app = app();
+            let target = spawn_fixed(&mut app, &case, upright(Vec3::new(2.5, 0.0, 0.0)));
+            let velocity = Velocity::linear(Vec3::X * speed);
+            let body = spawn_flying(&mut app, capsule(), Transform::from_xyz(0.0, 0.02, 0.03), velocity);
+            app.world_mut().entity_mut(if medial { body } else { target }).insert(Sensor);
+            let mut record = Record::default();
+            record.run(&mut app, steps);
+            let expected = if case.name == "half-space" { [1, 0] } else { [1, 1] };
+            let name = format!("{} at {speed} m/s, medial {medial}", case.name);
+            assert_eq!(record.counts(body, target), expected, "{name}");
+            assert!(record.started.iter().all(|(_, message)| message.sensor), "{name}");
+            assert_eq!(rigid(&mut app, body).linvel(), Vec3::X * speed, "{name}");
+        }
+    }
+}
+
+/// Rapier takes the older collider of a pair first.
+#[test]
+fn hits_do_not_depend_on_which_side_came_first() {
+    for case in cases() {
+        let mut random = Random(5);
+        let mut hits = 0;
+        for _ in 0..10 {
+            let turn = random.rotation();
+            let (spin, offset) = (random.in_ball() * 20.0, random.in_ball() * 0.4);
+            let place = Transform::from_rotation(turn) * upright(Vec3::X * 3.0) * case.pose;
+            let forward = turn * Vec3::X * 30.0;
+            let mut apps = [false, true].map(|body_first| {
+                let mut app = app();
+                let spawn_target = |app: &mut App| {
+                    app.world_mut().spawn((case.collider.clone(), place));
+                    app.update();
+                };
+                if !body_first {
+                    spawn_target(&mut app);
+                }
+                let flight = Velocity { linear: forward, angular: spin };
+                let body = spawn_flying(&mut app, capsule(), Transform::from_translation(turn * offset), flight);
+                app.update();
+                if body_first {
+                    spawn_target(&mut app);
+                } else {
+                    app.update();
+                }
+                (app, body)
+            });
+            // Until the bodies have hit. What they do from then on may be chaotic.
+            for _ in 0..10 {
+                let [one, other] = apps.each_mut().map(|(app, body)| {
+                    app.update();
+                    let rigid = rigid(app, *body);
+                    (rigid.linvel(), rigid.angvel())
+                });
+                if one.0.distance(forward) > 1.0 {
+                    let off = one.0.distance(other.0) + 0.3 * one.1.distance(other.1);
+                    // Parry's iteration is as exact as that, and so is rapier's friction.
+                    assert!(off < 3.0, "{}: {off} m/s, {one:?} and {other:?}", case.name);
+                    hits += 1;
+                    break;
+                }
+            }
+        }
+        assert!(hits > 5, "{}: {hits}", case.name);
+    }
+}
+
+#[test]
+fn what_passes_a_body_makes_no_contact_because_of_a_slow_twin() {
+    // A metre a step: wherever it is when the step ends in which it passes.
+    for start in (0..50).map(|i| -3.0 - 0.02 * i as f32) {
+        let mut app = app();
+        let collider = Collider::ball(0.2);
+        // Slow ones before it and after it in any order.
+        for (height, speed) in [(-9.0, 0.0), (0.0, 60.0), (9.0, 0.0)] {
+            let flight = (RigidBody::Dynamic, GravityScale(0.0), Velocity::linear(Vec3::X * speed));
+            app.world_mut().spawn((flight, collider.clone(), Transform::from_xyz(start, height, 0.0)));
+        }
+        let sphere = MedialAxis::sphere(0.2).unwrap();
+        let passed = spawn_flying(&mut app, sphere, Transform::from_xyz(0.0, 0.402, 0.0), Velocity::zero());
+        run(&mut app, 12);
+        let speed = rigid(&mut app, passed).linvel();
+        assert!(speed.length() < 1e-3, "from {start}: {speed}");
+    }
+}
+
+#[test]
+fn what_lies_on_its_side_on_a_large_slab_touches_along_its_length() {
+    let sphere = |x: f32, z: f32| Sphere::new(Vec3::new(x, 0.0, z), 0.05);
+    let spheres = vec![sphere(-2.0, -2.0), sphere(2.0, -2.0), sphere(0.0, 2.0)];
+    let slab = Shape::new(MedialAxis::new(spheres, vec![Primitive::Slab([0, 1, 2])]).unwrap().0);
+    let tip = 0.1f32.atan2(0.6);
+    for (name, collider, turn, height) in [
+        ("cylinder", Collider::cylinder(0.3, 0.1), -FRAC_PI_2, 0.1),
+        ("cone", Collider::cone(0.3, 0.1), -FRAC_PI_2 - tip, 0.3 * tip.sin()),
+    ] {
+        for yaw in (0..16).map(|i| 0.4 * i as f32) {
+            let pose12 = Pose3::from_parts(
+                Vec3::new(0.1, 0.05 + height, 0.0),
+                Quat::from_rotation_y(yaw) * Quat::from_rotation_z(turn),
+            );
+            let manifolds = contact::manifolds(&slab, Second::Parts(&collider.raw), &pose12, 0.01);
+            let along: Vec<f32> = manifolds
+                .iter()
+                .flat_map(Manifold::contacts)
+                .filter(|contact| contact.distance.abs() < 1e-3)
+                .map(|contact| contact.point2.y)
+                .collect();
+            let reach = along.iter().fold([0.0f32; 2], |[low, high], &y| [low.min(y), high.max(y)]);
+            assert!(reach[0] < -0.29 && reach[1] > 0.29, "{name}, {yaw}: touches at {along:?}");
+        }
+    }
+}
+
+#[test]
+fn what_lies_across_something_narrower_rests_on_both_of_its_edges() {
+    let half = Vec3::new(0.15, 0.5, 2.0);
+    let beam = Shape::new(MedialAxis::rounded_box(half, 0.02).unwrap());
+    let cuboid = Collider::cuboid(half.x, half.y, half.z);
+    let corners: Vec<Vec3> =
+        (0..8).map(|i| half * Vec3::from([0, 1, 2].map(|bit| if i >> bit & 1 == 0 { -1.0 } else { 1.0 }))).collect();
+    let hull = Collider::convex_hull(&corners).unwrap();
+    let rod = MedialAxis::capsule(Vec3::X * -1.0, Vec3::X, 0.05).unwrap();
+    let plank = MedialAxis::rounded_box(Vec3::new(1.0, 0.05, 0.4), 0.05).unwrap();
+    for (what, axis, width) in [("rod", rod, 0.0), ("plank", plank, 0.35)] {
+        let shape = Shape::new(axis);
+        let seconds =
+            [("box", Second::Parts(&cuboid.raw)), ("hull", Second::Parts(&hull.raw)), ("medial", Second::Shape(&beam))];
+        for (name, second) in seconds {
+            for tilt in [-1e-4, 0.0, 1e-4] {
+                let pose12 = Pose3::from_parts(Vec3::Y * -(half.y + 0.05), Quat::from_rotation_z(tilt));
+                let places: Vec<Vec3> = contact::manifolds(&shape, second, &pose12, 0.01)
+                    .iter()
+                    .flat_map(Manifold::contacts)
+                    .map(|contact| contact.point1)
+                    .collect();
+                let rests_at = |x: f32, z: f32| places.iter().any(|p| p.x * x > 0.12 && p.z * z >= width - 0.01);
+                let all = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)].map(|(x, z)| rests_at(x, z));
+                assert_eq!(all, [true; 4], "{what} on {name}, tilted by {tilt}: {places:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Hybrid culling loses nothing and adds nothing.
+
+use bevy::tasks::{ComputeTaskPool, TaskPool};
+use bevy_medial::{
+    geometry::Sweep,
+    pipeline::{Body, Culling, Side, Statics, StepInput, StepOutput, step},
+};
+use bevy_medial_compare::baselines::Kind;
+use glam::Vec3;
+
+use crate::{
+    common::Random,
+    random_steps::{random_step, tally},
+};
+
+fn pool() -> &'static TaskPool {
+    ComputeTaskPool::get_or_init(Default::default)
+}
+
+fn run(input: &StepInput, statics: &Statics) -> StepOutput {
+    step(input, statics, pool())
+}
+
+/// Compares both ways on many random steps; what was reached.
+fn compare(seed: u64, steps: usize, bodies: usize, statics: usize, room: f32) -> [usize; 4] {
+    let mut random = Random(seed);
+    let mut total = [0; 4];
+    let (mut kept, mut all, mut unresolved, mut tests) = (0, 0, 0, 0);
+    for number in 0..steps {
+        let (mut input, statics) = random_step(&mut random, bodies, statics, room, Vec3::ZERO);
+        let hybrid = run(&input, &statics);
+        input.culling = Culling::None;
+        let none = run(&input, &statics);
+        assert_eq!(hybrid.pairs, none.pairs, "step {number}");
+        assert_eq!(hybrid.manifolds, none.manifolds, "step {number}");
+        assert_eq!(hybrid.stops, none.stops, "step {number}");
+        unresolved += hybrid.counts.unresolved;
+        tests += hybrid.counts.toi_tests;
+        kept += hybrid.counts.candidates;
+        all += none.counts.candidates;
+        total.iter_mut().zip(tally(&hybrid)).for_each(|(sum, count)| *sum += count);
+    }
+    println!(
+        "{steps} steps: impacts, contacts, stops, pairs {total:?}; {kept} of {all} candidates kept, {unresolved} of {tests} searches unresolved"
+    );
+    // Fast kinematic bodies carry others along, all over the room.
+    assert!(3 * kept < 2 * all, "it culls nothing");
+    total
+}
+
+#[test]
+fn culling_changes_nothing_among_few() {
+    let [impacts, contacts, stops, _] = compare(1, 10_000, 6, 5, 2.0);
+    assert!(impacts > 15_000 && contacts > 55_000 && stops > 10_000);
+}
+
+#[test]
+fn culling_changes_nothing_among_many() {
+    let [impacts, contacts, stops, _] = compare(2, 200, 50, 20, 5.0);
+    assert!(impacts > 3000 && contacts > 9_000 && stops > 1500);
+}
+
+#[test]
+fn baselines_lose_nothing() {
+    let mut random = Random(3);
+    let (mut totals, mut kept, mut hybrids) = ([0; 4], [0; 3], 0);
+    for number in 0..3000 {
+        let (mut input, statics) = random_step(&mut random, 12, 6, 2.0, Vec3::ZERO);
+        // They know of no bodies that carry others along.
+        input.bodies.iter_mut().for_each(|body| body.stops = body.active);
+        let hybrid = run(&input, &statics);
+        for (kind, kept) in [Kind::Obb, Kind::Sphere, Kind::Aabb].into_iter().zip(&mut kept) {
+            let other = kind.baseline().step(&input, &statics, pool()).unwrap();
+            assert_eq!(hybrid.pairs, other.pairs, "step {number}, {kind:?}");
+            assert_eq!(hybrid.manifolds, other.manifolds, "step {number}, {kind:?}");
+            assert_eq!(hybrid.stops, other.stops, "step {number}, {kind:?}");
+            *kept += other.counts.candidates;
+        }
+        hybrids += hybrid.counts.candidates;
+        totals.iter_mut().zip(tally(&hybrid)).for_each(|(sum, count)| *sum += count);
+    }
+    let [impacts, contacts, stops, _] = totals;
+    println!("{impacts} impacts, {contacts} contacts, {stops} stops; candidates {kept:?}, hybrid {hybrids}");
+    assert!(impacts > 10_000 && contacts > 20_000 && stops > 6000);
+    assert!(kept.iter().all(|&kept| kept < 2 * hybrids), "they cull nothing");
+}
+
+#[test]
+fn baselines_refuse_what_they_do_not_cover() {
+    let mut random = Random(4);
+    let (mut input, statics) = random_step(&mut random, 4, 1, 2.0, Vec3::ZERO);
+    let body = &mut input.bodies[0];
+    (body.stops, body.sweep.translation) = (false, Vec3::X);
+    let result = Kind::Aabb.baseline().step(&input, &statics, pool());
+    assert_eq!(result.err().as_deref(), Some("body 0 moves and does not stop"));
+}
+
+/// How deep two sides overlap at the start of a step, in metres.
+fn depth_at_start(input: &StepInput, statics: &Statics, sides: (Side, Side)) -> f32 {
+    let mut input = input.clone();
+    input.bodies.iter_mut().for_each(|body| body.sweep = Sweep::at_rest(body.sweep.start));
+    let output = run(&input, statics);
+    let pair = output.pairs.iter().find(|pair| (pair.first, pair.second) == sides).expect("they overlap");
+    let depths = output.manifolds[pair.manifolds.clone()].iter().map(|manifold| -manifold.contacts()[0].distance);
+    depths.fold(0.0, f32::max)
+}
+
+#[test]
+fn far_from_the_origin_impacts_are_the_same() {
+    // Starts are the same to the bit there, ends to 0.06 mm.
+    let far = Vec3::new(1024.0, -1024.0, 1024.0);
+    let (mut impacts, mut exact, mut late, mut alone) = (0, 0, 0, 0);
+    for seed in 0..2000 {
+        let [(near, input, statics), (remote, ..)] = [Vec3::ZERO, far].map(|origin| {
+            let (mut input, statics) = random_step(&mut Random(seed), 10, 6, 2.0, origin);
+            // One stop more or less would change all that follows.
+            input.stop_at_impact = false;
+            (run(&input, &statics), input, statics)
+        });
+        let impacts_of = |output: &StepOutput| {
+            let impacts = output.pairs.iter().filter_map(|pair| Some(((pair.first, pair.second), pair.impact?)));
+            impacts.collect::<Vec<_>>()
+        };
+        let (near, mut remote) = (impacts_of(&near), impacts_of(&remote));
+        for (pair, a) in &near {
+            let Some(index) = remote.iter().position(|(other, _)| other == pair) else {
+                println!("seed {seed}: {pair:?} {a:?} only near");
+                alone += 1;
+                continue;
+            };
+            let (_, b) = remote.swap_remove(index);
+            let [reach1, reach2] = [pair.0, pair.1].map(|side| {
+                side.body().map_or(0.0, |body| {
+                    let Body { sweep, solid, .. } = &input.bodies[body as usize];
+                    sweep.reach(solid.bounding_sphere().radius)
+                })
+            });
+            // Those that graze, and those that spin, where one chord more or less makes a difference. Where bodies begin deep in each other, an
+            // overlap may hardly grow, and another take its place.
+            let way = (a.fraction - b.fraction).abs() * (reach1 + reach2);
+            if way >= 0.05 {
+                let depth = depth_at_start(&input, &statics, *pair);
+                let bodies = [pair.0, pair.1].into_iter().filter_map(Side::body);
+                let radii = bodies.map(|body| input.bodies[body as usize].solid.bounding_sphere().radius);
+                let size = radii.fold(f32::INFINITY, f32::min);
+                assert!(depth > 0.05 * size, "seed {seed}, {depth} m deep of {size} m: {a:?} {b:?}");
+                late += 1;
+            }
+            exact += usize::from(way < 1e-3 && (a.point + far).distance(b.point) < 2e-3);
+            impacts += 1;
+        }
+        alone += remote.len();
+    }
+    println!(
+        "{impacts} impacts, {exact} of them the same within 2 mm, {late} not within 5 cm, {alone} in one place only"
+    );
+    assert!(impacts > 10_000 && 1000 * exact > 995 * impacts && 1000 * alone < impacts && 2000 * late < impacts);
+}

@@ -1,0 +1,37 @@
+//! Medial bodies in an app: motion, rest, impacts, messages, and the invariants of the pipeline.
+
+mod builds;
+mod bullets;
+mod casts;
+mod colliders;
+mod culling;
+mod determinism;
+mod entities;
+mod filters;
+mod first_touch;
+mod gizmos;
+mod impacts;
+mod interplay;
+mod joined;
+mod levels;
+mod life;
+mod messages;
+mod observers;
+mod picking;
+mod probes;
+mod projectile;
+mod pushing;
+mod quarantine;
+mod queries;
+mod rolling;
+mod routes;
+mod scaled;
+mod scenes;
+mod seams;
+mod settling;
+mod solver;
+mod spins;
+mod statics;
+mod walks;
+mod workspaces;
+mod worlds;
