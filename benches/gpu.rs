@@ -1,4 +1,4 @@
-//! The GPU back end by itself: time of each pass, told by the device, and of a whole call with upload, wait and readback.
+//! The GPU back end by itself: time of each pass, as the device reports it, and of a whole call with upload, wait and readback.
 //!
 //! ```text
 //! cargo run --release -p bevy_medial_compare --bin gpu -- [--quick] [--out DIR]
@@ -69,7 +69,7 @@ const WARM_UP: Duration = Duration::from_secs(1);
 /// After so long no other step is begun.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// What a step took; times in milliseconds.
+/// Cost of a step. Times are in milliseconds.
 #[derive(Clone, Debug, Default, Serialize)]
 struct Row {
     date: String,
@@ -143,7 +143,7 @@ fn models(args: &Args) -> Result<Vec<Model>, Box<dyn std::error::Error>> {
     MODELS.into_iter().map(model).collect()
 }
 
-/// What a step is given.
+/// The input of a step.
 type Given = (StepInput, Statics);
 
 /// The active steps of a scene.
@@ -187,7 +187,7 @@ impl Row {
         self.cpu_ms = milliseconds(cpu.times.broad + cpu.times.mid);
     }
 
-    /// Printed, with what is measured and on which device.
+    /// Prints the row, with its subject and the device.
     fn told(mut self, gpu: &GpuDevice, what: &str) -> Self {
         (self.date, self.gpu, self.what) = (today(), gpu.name().into(), what.into());
         if self.narrow_ms > 0.0 {

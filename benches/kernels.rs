@@ -1,9 +1,9 @@
 //! Kernels, and the hierarchies that lead to them.
 //!
-//! - separation and time of impact, one by one and many at once, for each kind of pair, over random pairs of which the share that hits is printed;
+//! - separation and time of impact, one by one and many at once, for each kind of pair, over random pairs; the share of hits is printed;
 //! - time of impact of the pairs of a file, for each of its kinds and categories, where the file is there:
 //!   `../shared/pairs/moving_pairs.txt`, or the file that `MOVING_PAIRS` names, in the format of `examples/pairs.rs`;
-//! - rays against each kind of primitive, of which the share that hits is printed;
+//! - rays against each kind of primitive; the share of hits is printed;
 //! - building a hierarchy over the primitives of each model, and two of it against each other;
 //! - products and sums of f32, as many as a core can do.
 
@@ -33,7 +33,7 @@ fn moving<const N: usize>(random: &mut Random, center: Vec3, motion: Vec3) -> Mo
     }
 }
 
-/// Random pairs, of which about half hit.
+/// Random pairs. About half of them hit.
 fn approaching<const N: usize, B>(mut second: impl FnMut(&mut Random) -> B) -> Vec<(Moving<N>, B)> {
     let mut random = Random(1);
     let mut pair = || {
@@ -220,7 +220,7 @@ fn hierarchies(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// What a core does at best with sixteen numbers side by side. Products and sums are apart: fused, their bits would depend on the machine.
+/// The max rate of a core with sixteen numbers side by side. Products and sums are apart: fused, their bits would depend on the machine.
 fn rate(criterion: &mut Criterion) {
     const ROUNDS: usize = 1000;
     /// So many that none waits for the one before, and few enough for the registers.

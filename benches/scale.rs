@@ -1,4 +1,4 @@
-//! How collision grows with the number of bodies, what a second thread gains, and what a body and a step take of memory.
+//! Growth of collision with the number of bodies, the gain of a second thread, and the memory of a body and of a step.
 //!
 //! ```text
 //! cargo run --release -p bevy_medial_compare --bin scale -- [--quick] [--out DIR]
@@ -7,12 +7,12 @@
 //! - **rain**: 100, 1,000 and 10,000 deer of about 180 primitives, a metre in size, fall on a ground with boxes, as many of each to the square metre; medians
 //!   over the steps from the first touches on, on one thread;
 //! - **fall**: 10,000 such bodies that fall and are near nothing;
-//! - **threads**: the steps of 1,000 bodies in the rain once more, on one thread and on two, in turns, least of several;
+//! - **threads**: the steps of 1,000 bodies in the rain once more, on one thread and on two, in turns; the min of several runs;
 //! - **stops**: what it adds to a step of the scene `dinosaur` that bodies stop at impacts, on one thread: the same steps with and without, in turns;
 //! - **view**: what an update takes beside physics, which stands still, with 1,000 bodies of the rain in touch: with the debug view off, with the shapes, with all
 //!   layers but the candidates, with all. On the CPU, without a renderer;
-//! - **memory**: bytes of a step's input for each body, what is kept from step to step beside what the last one tells, and allocations of a step then, as a
-//!   counting allocator tells them.
+//! - **memory**: bytes of a step's input for each body, bytes kept from step to step besides the output, and allocations of a step, from a counting
+//!   allocator.
 
 use std::{
     ops::ControlFlow,
@@ -64,7 +64,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
-    // Whoever waits for a pool works as well.
+    // The thread that waits for a pool works as well.
     let (one, two) = (pool(0), pool(1));
     let deer = deer()?;
     println!("a deer of {} primitives", deer.axis.primitives().len());
@@ -269,7 +269,7 @@ fn rain(deer: &Shape, count: usize, steps: usize, record: bool, pool: &TaskPool)
     Rain { steps: taken, recorded, last: (step.input.clone(), step.statics.clone()) }
 }
 
-/// Bytes that are kept from a step to the next, but for what the step tells.
+/// Bytes that are kept from one step to the next, without the output of the step.
 fn kept_by((input, statics): &(StepInput, Statics), pool: &TaskPool) -> f64 {
     let mut stepper = Stepper::default();
     let kept = measure(|| _ = stepper.step(input, statics, pool)).bytes_current;
@@ -314,7 +314,7 @@ fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 4] {
     ]
 }
 
-/// How much longer the steps of `dinosaur` take because bodies stop, in milliseconds: least of several.
+/// Additional time of the steps of `dinosaur` because bodies stop, in milliseconds: the min of several runs.
 fn stops(steps: u32, pool: &TaskPool) -> Result<Vec<f64>, Box<dyn std::error::Error>> {
     let models = load_models(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/models"))?;
     let scene = Scene::by_name("dinosaur").ok_or("there is no scene `dinosaur`")?;
@@ -335,7 +335,7 @@ fn stops(steps: u32, pool: &TaskPool) -> Result<Vec<f64>, Box<dyn std::error::Er
     Ok(extra)
 }
 
-/// Bodies two metres apart, all on their way down.
+/// Bodies two metres apart. All of them fall.
 fn fall(shape: &Shape, count: usize) -> StepInput {
     let side = (count as f32).cbrt().ceil() as usize;
     let body = |index: usize| {

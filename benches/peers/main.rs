@@ -1,4 +1,4 @@
-//! The demo scenes with medial meshes, and with what else there is: rapier alone and avian, with convex decomposition, hulls and triangle
+//! The demo scenes with medial meshes, and with other engines: rapier alone and avian, with convex decomposition, hulls and triangle
 //! meshes. With them the culling beside its baselines.
 //!
 //! ```text
@@ -57,7 +57,7 @@ struct Args {
     list: bool,
 }
 
-/// The scenes, each with a budget in percent of which its bodies have about as many primitives as those of the paper, 0.3 to 2 million pairs in all.
+/// The scenes. Each has a budget in percent that gives bodies about as many primitives as those of the paper: 0.3 to 2 million pairs in all.
 const SCENES: [(&str, f64); 4] = [("rods", 0.4), ("tori", 0.5), ("stairs", 0.6), ("dinosaur", 0.6)];
 
 /// The budget that bodies have if nothing is said.
@@ -67,7 +67,7 @@ const DEFAULT_PERCENT: f64 = 1.0;
 enum Setup {
     /// With the default budget.
     Medial,
-    /// With a budget of half the greatest error that decompositions have in the scene.
+    /// With a budget of half the max error of the decompositions in the scene.
     MedialOfHalfTheError,
     Rapier(Kind, Ccd),
     Avian,
@@ -150,7 +150,8 @@ fn run_scene(
     let surfaces = Surfaces::new(demo)?;
     for (name, setup) in &SETUPS {
         let slow = matches!(setup, Setup::Rapier(Kind::FineDecomposition, _));
-        let same = matches!(setup, Setup::Rapier(_, Ccd::Bullets)) && !demo.bodies.iter().any(|body| body.body.is_bullet());
+        let same =
+            matches!(setup, Setup::Rapier(_, Ccd::Bullets)) && !demo.bodies.iter().any(|body| body.body.is_bullet());
         if !is_wanted(args, name) || (args.quick && slow) || same {
             continue;
         }
@@ -206,10 +207,7 @@ fn medial_figures(demo: &Demo, budget: MedialBudget) -> ShapeFigures {
 
 fn hull_figures(made: &[ModelShape]) -> ShapeFigures {
     let parts: usize = made.iter().map(|shape| shape.parts).sum();
-    ShapeFigures {
-        parts: parts as f64 / made.len().max(1) as f64,
-        error: worst(made.iter().map(|shape| shape.error)),
-    }
+    ShapeFigures { parts: parts as f64 / made.len().max(1) as f64, error: worst(made.iter().map(|shape| shape.error)) }
 }
 
 /// The scene with the hybrid culling, beside each baseline.

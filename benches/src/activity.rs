@@ -1,6 +1,6 @@
 //! Which steps of a run count as active, and medians over them.
 
-/// What tells how much happens in a step.
+/// A measure of the activity in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Activity {
     /// Pairs of bodies with contacts.
@@ -9,7 +9,7 @@ pub struct Activity {
     pub energy: f32,
 }
 
-/// Active are the steps with at least 30 % of the greatest number of contact pairs in any step, and 3 % of the greatest kinetic energy:
+/// Steps are active with at least 30 % of the max number of contact pairs of any step, and 3 % of the max kinetic energy:
 /// bodies touch, and have not come to rest.
 pub fn active(steps: &[Activity]) -> Vec<bool> {
     let most_pairs = steps.iter().map(|step| step.contact_pairs).max().unwrap_or(0);

@@ -12,7 +12,7 @@ use glam::{Quat, Vec3};
 /// Vertices around a cone of a surface that is made of a medial mesh.
 const SEGMENTS: u32 = 16;
 
-/// What holds for all bodies.
+/// Properties of the world.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup {
     /// Length of a step in seconds.
@@ -36,14 +36,14 @@ impl Setup {
     }
 }
 
-/// A shape, by what it is exactly.
+/// An exact shape.
 #[derive(Clone, Debug)]
 pub enum Form {
     /// A sharp box by its half extents.
     Cuboid(Vec3),
     /// A union of spheres, cones and slabs.
     Medial(MedialAxis),
-    /// A surface of triangles, for what does not move.
+    /// A surface of triangles, for fixed bodies.
     Triangles(Vec<Vec3>, Vec<[u32; 3]>),
 }
 

@@ -44,10 +44,10 @@ struct Step {
     figures: [Figures; 2],
 }
 
-/// What culling took and left. Times in milliseconds.
+/// Cost and result of culling. Times are in milliseconds.
 #[derive(Clone, Copy, Debug)]
 pub struct Figures {
-    /// Broad and mid phase, and what a baseline needs to update.
+    /// Broad and mid phase, and the updates of a baseline.
     pub culling_ms: f64,
     /// Narrow phase, stops and reduction.
     pub rest_ms: f64,
@@ -125,7 +125,7 @@ impl fmt::Display for Report {
 }
 
 impl Comparison {
-    /// Nothing to compare with is none.
+    /// `None` for the hybrid culling itself.
     pub fn with(cull: Cull) -> Option<Self> {
         let baseline = match cull {
             Cull::Hybrid => return None,

@@ -14,7 +14,7 @@ use crate::{
     overlap::Surfaces,
 };
 
-/// What stands for the models of a scene, in figures.
+/// Figures of the shapes of a scene.
 #[derive(Clone, Copy)]
 pub struct ShapeFigures {
     /// Primitives, hulls or triangles, in the mean of the models.

@@ -25,7 +25,7 @@ pub struct Surfaces<'a> {
 
 impl<'a> Surfaces<'a> {
     /// # Errors
-    /// If a mesh is not closed: inside and outside are told by the normals of its surface.
+    /// If a mesh is not closed: the normals of its surface separate inside from outside.
     pub fn new(demo: &'a Demo) -> Result<Self, String> {
         let meshes = demo.models.iter().map(|model| {
             let (positions, triangles) = (model.mesh.positions.clone(), model.mesh.triangles.clone());
@@ -85,7 +85,7 @@ impl<'a> Surfaces<'a> {
             }
             (None, Some((ends, radius)), _) => along(ends, |point| look(point, radius)),
             (None, None, Form::Cuboid(half)) => {
-                // What is far from the other body is left out at once: edges may be long.
+                // Parts far from the other body are skipped: edges may be long.
                 let near = self.demo.aabb(second).transformed(&to_second.inverse(), 1.0);
                 edges(*half).for_each(|edge| {
                     if let Some(part) = within(edge, &near) {

@@ -1,4 +1,4 @@
-//! Moving primitive pairs from a file: its form is told in `examples/pairs.rs`.
+//! Moving primitive pairs from a file. `examples/pairs.rs` documents its format.
 
 use std::fmt;
 
@@ -16,7 +16,7 @@ pub enum Primitive {
     Slab(Moving<3>),
 }
 
-/// What it meets.
+/// The second side of a pair.
 #[derive(Clone, Copy)]
 pub enum Second {
     Primitive(Primitive),
@@ -25,7 +25,7 @@ pub enum Second {
 
 /// A pair in relative coordinates.
 pub struct Pair {
-    /// The kinds of its sides, and what is special about it.
+    /// The kinds of both sides, and the category.
     pub labels: [String; 2],
     pub first: Primitive,
     pub second: Second,
@@ -61,7 +61,7 @@ pub fn against_boxes<'a, const N: usize>(pairs: impl IntoIterator<Item = &'a Pai
     pairs.into_iter().filter_map(against).collect()
 }
 
-/// The pairs of a file's text. What is wrong with a line comes with its number.
+/// The pairs of a file's text. An error has the number of its line.
 pub fn read(text: &str) -> impl Iterator<Item = Result<Pair, (usize, LineError)>> {
     text.lines().enumerate().filter_map(|(index, line)| {
         let line = line.split('#').next().unwrap_or("").trim();
@@ -69,7 +69,7 @@ pub fn read(text: &str) -> impl Iterator<Item = Result<Pair, (usize, LineError)>
     })
 }
 
-/// What is wrong with a line.
+/// An error in a line.
 #[derive(Debug)]
 pub enum LineError {
     Fields(usize),

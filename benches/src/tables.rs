@@ -1,4 +1,4 @@
-//! What reports share.
+//! Tables and provenance of reports.
 
 use std::{fs, path::Path, time::UNIX_EPOCH};
 
@@ -27,7 +27,7 @@ pub fn write(path: &Path, text: &str) -> Result<(), String> {
     fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// The processor, and what runs on it.
+/// The processor and the operating system.
 pub fn machine() -> String {
     let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));

@@ -7,7 +7,7 @@ use bevy::{
 
 const THUMB: f32 = 14.0;
 
-/// A slider. What moves it tells by a `ValueChange<f32>`, and its owner sets its `SliderValue`.
+/// A slider. A drag triggers a `ValueChange<f32>`, and the owner of the slider sets its `SliderValue`.
 pub fn slider(range: SliderRange, value: f32) -> impl Bundle {
     let rail = Node { height: px(6), width: percent(100), ..default() };
     // As much shorter as the thumb is wide.

@@ -1,4 +1,4 @@
-//! What the small programs share, beside `DefaultPlugins`: a camera and light, and a way to run where there is no display.
+//! Additions of the small programs to `DefaultPlugins`: a camera, a light, and a run without a display.
 
 use std::{path::Path, time::Duration};
 
@@ -21,8 +21,8 @@ const STEP: Duration = Duration::from_micros(16_667);
 /// After so many frames without all bodies, some will not come: a file does not load, say.
 const PATIENCE: u32 = 2_000;
 
-/// `DefaultPlugins` with a view of the scene. Without a display there is no window and no renderer, and after so many steps the app tells where the
-/// bodies are and ends.
+/// `DefaultPlugins` with a view of the scene. Without a display there is no window and no renderer. The app then prints the positions of the bodies
+/// after this number of steps, and exits.
 pub struct Stage {
     pub steps: u32,
 }
@@ -37,7 +37,7 @@ impl Plugin for Stage {
                 DefaultPlugins
                     .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
                     .set(RenderPlugin { render_creation: no_renderer.into(), ..default() })
-                    // What misses the renderer need not tell.
+                    // Warnings about the missing renderer are expected.
                     .set(LogPlugin { filter: "warn,bevy_render=off,bevy_gizmos_render=off".into(), ..default() })
                     .disable::<WinitPlugin>(),
             )

@@ -28,7 +28,7 @@ pub struct Studio {
 }
 
 impl Studio {
-    /// `DefaultPlugins` without a window, and what `build` adds: a camera with the given target.
+    /// `DefaultPlugins` without a window. `build` adds a camera with the given target.
     pub fn new(size: UVec2, build: impl FnOnce(&mut App, RenderTarget)) -> Self {
         let mut app = App::new();
         app.add_plugins(

@@ -353,18 +353,16 @@ type Stack<T> = ArrayVec<T, { 3 * MAX_DEPTH }>;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
-    /// Boxes of mixed sizes at places from a fixed sequence.
+    /// Boxes of mixed sizes at random places.
     fn boxes(count: u32, seed: u32) -> Vec<Aabb> {
-        let mut state = seed;
-        let mut next = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 24) as f32
-        };
+        let mut random = Random(seed.into());
+        let mut point = || Vec3::from_array([(); 3].map(|()| random.unit()));
         (0..count)
             .map(|_| {
-                let min = Vec3::new(next(), next(), next()) * 8.0;
-                Aabb { min, max: min + Vec3::new(next(), next(), next()) * 4.0 }
+                let min = point() * 8.0;
+                Aabb { min, max: min + point() * 4.0 }
             })
             .collect()
     }

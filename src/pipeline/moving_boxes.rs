@@ -224,11 +224,7 @@ impl MovingBox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        geometry::Primitive,
-        medial_axis::MedialAxis,
-        random::Random,
-    };
+    use crate::{geometry::Primitive, medial_axis::MedialAxis, random::Random};
 
     #[test]
     fn the_boxes_of_both_bodies_of_a_pair_are_there() {

@@ -8,7 +8,7 @@
 //! 3. **mid**: tree against tree, or against the box that a static is; the pairs of leaves that remain are the candidates;
 //! 4. the library's narrow phase, stops and reduction, with [`Workspace::step_from_candidates`].
 //!
-//! Trees split at the median along the longest axis, once for each shape. What bounds a node is one of
+//! Trees split at the median along the longest axis, once for each shape. A node has one of these volumes:
 //!
 //! | kind | fitted once, to the shape | in each step | two nodes meet if |
 //! |---|---|---|---|
@@ -37,7 +37,7 @@ use bevy_medial::{
 
 use tree::{Motion, Tree, Volume};
 
-/// What bounds the nodes of the trees.
+/// The volume of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Oriented boxes.
@@ -90,7 +90,7 @@ struct BodyTree<V: Volume> {
     sweep: Sweep,
 }
 
-/// What a moving body may meet that does not move.
+/// A fixed object that a moving body may meet.
 struct Target<V: Volume> {
     pose: Pose3,
     kind: TargetKind<V>,
@@ -168,7 +168,7 @@ impl<V: Volume> Trees<V> {
 
     /// The pairs whose roots meet.
     fn body_pairs(&self, input: &StepInput) -> Vec<[Side; 2]> {
-        // What slides leaves its way by up to this, either side.
+        // A sliding body leaves its path by up to this distance, on either side.
         let margin = input.prediction * (1.0 + 2.0 * SLIDE_WAY);
         let boxes: Vec<Aabb> = self.bodies.iter().map(|body| body.tree.root().aabb()).collect();
         let bvh = Bvh::new(&boxes);

@@ -8,7 +8,7 @@ use glam::{Mat3, Quat, Vec3};
 
 use super::tree::{Motion, Volume, spheres};
 
-/// A box that moves on a line and keeps its orientation: large enough for what turns in it.
+/// A box that moves on a line and keeps its orientation: large enough for the rotation of its content.
 #[derive(Clone, Copy)]
 pub struct MovingObb {
     /// Middle at the start.
@@ -19,7 +19,7 @@ pub struct MovingObb {
 }
 
 impl MovingObb {
-    /// The box around all of its way.
+    /// The box around its whole path.
     fn swept(&self) -> Self {
         let half = self.half + (self.axes.transpose() * self.motion).abs() * 0.5;
         Self { start: self.start + self.motion * 0.5, motion: Vec3::ZERO, axes: self.axes, half }

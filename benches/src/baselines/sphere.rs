@@ -68,7 +68,7 @@ impl Volume for MovingSphere {
     }
 }
 
-/// The least sphere around others, but for a hundredth: its centre walks towards the one that sticks out most, in ever shorter steps.
+/// The smallest sphere around others, within a hundredth: its centre moves towards the sphere that sticks out most, in ever shorter steps.
 fn least_sphere(spheres: &[Sphere]) -> Sphere {
     let mut center = Aabb::from_spheres(spheres.iter().copied()).center();
     let mut best = Sphere::new(center, f32::INFINITY);

@@ -6,9 +6,9 @@ use bevy_medial::{
 };
 use glam::{Affine3A, Quat, Vec3};
 
-/// What bounds a node. Lengths are metres, places are the world's.
+/// The volume of a node. Lengths are metres, positions are in the world.
 pub trait Volume: Copy + Send + Sync + 'static {
-    /// What is known of it in the body's frame.
+    /// The part of the volume in the body's frame.
     type Local: Copy + Send + Sync;
     /// A box that never moves, as it is met.
     type Fixed: Send + Sync;

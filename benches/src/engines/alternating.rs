@@ -22,7 +22,7 @@ pub fn add(app: &mut App) {
     app.add_systems(PostUpdate, stop.after(MedialSystems::Detect).before(PhysicsSet::Writeback));
 }
 
-/// A primitive on its way.
+/// A moving primitive.
 enum MovingHull {
     Sphere(Moving<1>),
     Cone(Moving<2>),
@@ -34,7 +34,7 @@ fn moving<const N: usize>(spheres: [Sphere; N], [start, end]: [&Pose3; 2]) -> Mo
     Moving { start: placed, motion: std::array::from_fn(|i| end.transform_point(spheres[i].center) - placed[i].center) }
 }
 
-/// All primitives of a shape, each with a ball around all of its way.
+/// All primitives of a shape, each with a ball around its path.
 fn hulls(shape: &Shape, [start, end]: [&Pose3; 2]) -> Vec<(MovingHull, Sphere)> {
     let hull = |i: u32| {
         let hull = match shape.hull(i) {
@@ -81,7 +81,7 @@ fn meet(one: &Sphere, other: &Sphere) -> bool {
     one.center.distance_squared(other.center) < reach * reach
 }
 
-/// A body or a static with all its primitives on their way.
+/// A body or a static with all its moving primitives.
 struct Way {
     side: Side,
     hulls: Vec<(MovingHull, Sphere)>,

@@ -3,7 +3,7 @@
 //! An update of the app is one step. The time of a step is that of the physics schedule. The time of collision is the sum that avian's diagnostics report for
 //! the collider tree, broad phase and narrow phase.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use avian3d::{
     collider_tree::ColliderTreeDiagnostics,
@@ -17,23 +17,8 @@ use avian3d::{
 use bevy::{prelude::*, time::TimeUpdateStrategy};
 use bevy_medial::geometry::Pose3;
 
-use super::{Engine, StepTimes, shapes::avian_shape};
+use super::{Clock, Engine, StepTimes, shapes::avian_shape};
 use crate::body::{Body, Kind, Setup, State};
-
-/// Measures the physics schedule.
-#[derive(Resource)]
-struct Clock {
-    begin: Instant,
-    whole: Duration,
-}
-
-fn begin(mut clock: ResMut<Clock>) {
-    clock.begin = Instant::now();
-}
-
-fn end(mut clock: ResMut<Clock>) {
-    clock.whole = clock.begin.elapsed();
-}
 
 /// Avian in an app without a window.
 pub struct Avian {
@@ -47,12 +32,12 @@ impl Avian {
         let mut app = App::new();
         app.add_plugins((MinimalPlugins, TransformPlugin, PhysicsPlugins::default().with_length_unit(setup.unit)))
             .insert_resource(Gravity(Vec3::Y * -setup.gravity))
-            .insert_resource(Clock { begin: Instant::now(), whole: Duration::ZERO })
+            .insert_resource(Clock::default())
             .add_systems(
                 FixedPostUpdate,
                 (
-                    begin.after(PhysicsSystems::Prepare).before(PhysicsSystems::StepSimulation),
-                    end.after(PhysicsSystems::StepSimulation).before(PhysicsSystems::Writeback),
+                    Clock::begin.after(PhysicsSystems::Prepare).before(PhysicsSystems::StepSimulation),
+                    Clock::end.after(PhysicsSystems::StepSimulation).before(PhysicsSystems::Writeback),
                 ),
             );
         set_dt(&mut app, setup.dt);
@@ -66,7 +51,7 @@ impl Avian {
 
 fn set_dt(app: &mut App, dt: f32) {
     let dt = Duration::from_secs_f32(dt);
-    // What is left of a step of another length is no step.
+    // A new clock drops the rest of a step of another length.
     app.insert_resource(Time::<Fixed>::from_duration(dt)).insert_resource(TimeUpdateStrategy::ManualDuration(dt));
     // Longer ones would be cut.
     app.world_mut().resource_mut::<Time<Virtual>>().set_max_delta(dt.max(Duration::from_millis(250)));
@@ -119,7 +104,7 @@ impl Engine for Avian {
         let contacts = world.resource::<ContactGraph>();
         StepTimes {
             collision: tree.optimize + tree.update + collision.broad_phase + collision.narrow_phase,
-            whole: world.resource::<Clock>().whole,
+            whole: world.resource::<Clock>().whole(),
             contact_pairs: contacts.iter_active_touching().chain(contacts.iter_sleeping_touching()).count(),
         }
     }

@@ -3,7 +3,7 @@
 //! The time of a step is that of the plugin, between rapier's reading of components and its writing back: snapshot, rapier's step, pipeline and response.
 //! The time of collision is that of the pipeline plus the collision detection in rapier's own step.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use bevy::{ecs::schedule::SingleThreadedExecutor, prelude::*, time::TimeUpdateStrategy};
 use bevy_medial::{
@@ -20,34 +20,19 @@ use bevy_rapier3d::{
     },
 };
 
-use super::{Engine, StepTimes, alternating};
+use super::{Clock, Engine, StepTimes, alternating};
 use crate::{
     body::{Body, Form, Kind, Setup, State},
     renderer::rendering_app,
 };
 
-/// Where pairs are culled, or what finds impacts.
+/// The back end of culling, or another search for impacts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
     Cpu,
     Gpu,
     GpuAhead,
     Alternating,
-}
-
-/// Measures the systems of the plugin.
-#[derive(Resource)]
-struct Clock {
-    begin: Instant,
-    whole: Duration,
-}
-
-fn begin(mut clock: ResMut<Clock>) {
-    clock.begin = Instant::now();
-}
-
-fn end(mut clock: ResMut<Clock>) {
-    clock.whole = clock.begin.elapsed();
 }
 
 /// The plugin in an app of its own.
@@ -73,11 +58,11 @@ impl Medial {
         app.edit_schedule(PostUpdate, |schedule| {
             schedule.set_executor(SingleThreadedExecutor::new());
         });
-        app.insert_resource(Clock { begin: Instant::now(), whole: Duration::ZERO }).add_systems(
+        app.insert_resource(Clock::default()).add_systems(
             PostUpdate,
             (
-                (calm_bullets, begin).chain().after(PhysicsSet::SyncBackend).before(MedialSystems::Snapshot),
-                end.after(MedialSystems::Detect).before(PhysicsSet::Writeback),
+                (calm_bullets, Clock::begin).chain().after(PhysicsSet::SyncBackend).before(MedialSystems::Snapshot),
+                Clock::end.after(MedialSystems::Detect).before(PhysicsSet::Writeback),
             ),
         );
         if variant == Variant::Alternating {
@@ -175,7 +160,7 @@ impl Engine for Medial {
         let output = &world.resource::<MedialStep>().output;
         StepTimes {
             collision: output.times.total() + rapier,
-            whole: world.resource::<Clock>().whole,
+            whole: world.resource::<Clock>().whole(),
             contact_pairs: output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count(),
         }
     }

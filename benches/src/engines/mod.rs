@@ -7,8 +7,9 @@ mod medial;
 mod rapier;
 mod shapes;
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use bevy::prelude::{ResMut, Resource};
 use bevy_medial::geometry::Pose3;
 use bevy_rapier3d::parry::{mass_properties::MassProperties, math::Matrix};
 use glam::Vec3;
@@ -59,6 +60,28 @@ pub trait Engine {
     /// # Errors
     /// If the engine has no such shape.
     fn resize(&mut self, body: usize, description: &Body) -> Result<(), String>;
+}
+
+/// Measures systems of an app: [`Clock::begin`] runs before them, [`Clock::end`] after them.
+#[derive(Resource, Default)]
+struct Clock {
+    begin: Option<Instant>,
+    end: Option<Instant>,
+}
+
+impl Clock {
+    fn begin(mut clock: ResMut<Self>) {
+        clock.begin = Some(Instant::now());
+    }
+
+    fn end(mut clock: ResMut<Self>) {
+        clock.end = Some(Instant::now());
+    }
+
+    /// The last measured time.
+    fn whole(&self) -> Duration {
+        self.begin.zip(self.end).map_or(Duration::ZERO, |(begin, end)| end.saturating_duration_since(begin))
+    }
 }
 
 /// The mass properties of a body, as parry has them.

@@ -53,7 +53,11 @@ impl Rapier {
     }
 
     fn shape(&self, body: &Body) -> Result<SharedShape, String> {
-        if self.hollow && body.kind == Kind::Dynamic { rapier_shape(&body.clone().hollow()?) } else { rapier_shape(body) }
+        if self.hollow && body.kind == Kind::Dynamic {
+            rapier_shape(&body.clone().hollow()?)
+        } else {
+            rapier_shape(body)
+        }
     }
 }
 
@@ -79,9 +83,11 @@ impl Engine for Rapier {
         if body.fast {
             self.physics.integration_parameters.normalized_max_linear_velocity = f32::MAX;
             let displacement = body.linear.length() * self.physics.integration_parameters.dt + body.size();
-            rigid = rigid
-                .allow_fast_rotation(true)
-                .soft_ccd_prediction(if self.ccd == Ccd::Soft { displacement } else { 0.0 });
+            rigid = rigid.allow_fast_rotation(true).soft_ccd_prediction(if self.ccd == Ccd::Soft {
+                displacement
+            } else {
+                0.0
+            });
         }
         let handles = self.physics.insert(rigid, shape);
         if body.fast {

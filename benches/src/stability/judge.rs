@@ -1,6 +1,6 @@
-//! A world with what is asked of it: the same questions for every method.
+//! A world and its measurements, the same for every method.
 //!
-//! Overlaps are those of the exact shapes, by this crate's closed forms for distance, which tests hold against a search in f64; everything else is told by
+//! Overlaps are those of the exact shapes, by this crate's closed forms for distance, which tests hold against a search in f64; everything else follows from
 //! positions and velocities alone.
 
 use bevy_medial::{
@@ -16,16 +16,16 @@ use crate::{
     engines::Engine,
 };
 
-/// What an engine may leave as overlap: 5 mm by the settings of rapier and of avian, per unit of length, and something for rounding.
+/// The overlap that an engine may leave: 5 mm by the settings of rapier and of avian, per unit of length, and a margin for rounding.
 const ALLOWED_OVERLAP: f32 = 6e-3;
 
 /// Overlap beyond that, in sizes of the smaller body.
 const OVERLAP: f32 = 0.01;
 
-/// What a body at rest may drift, in its sizes.
+/// The max drift of a body at rest, in its sizes.
 const DRIFT: f32 = 0.01;
 
-/// A body with what it is made of.
+/// A body with its shape and mass.
 struct Tracked {
     body: Body,
     shape: Option<Shape>,
@@ -183,7 +183,7 @@ impl World {
         0.5 * (mass.volume * linear.length_squared() + local.dot(mass.inertia * local))
     }
 
-    /// Kinetic energy of all, and what they would gain by falling to height 0.
+    /// Kinetic energy of all bodies, and the energy that they would gain by falling to height 0.
     pub fn energy(&self) -> f32 {
         let energy = |i| self.kinetic(i) + self.mass(i) * self.setup.gravity * self.center(i).y;
         self.dynamic().into_iter().map(energy).sum()
@@ -298,7 +298,7 @@ pub fn first_touch(first: &Body, second: &Body, end: f32) -> Option<(f32, Vec3, 
     None
 }
 
-/// The impulse along the normal by which two free bodies without friction part without bouncing, after Newton: least of what a hit transfers.
+/// The impulse along the normal that separates two free bodies without friction and restitution, after Newton: the min transfer of a hit.
 pub fn impulse(first: &Body, second: &Body, (time, point, normal): (f32, Vec3, Vec3)) -> f32 {
     let mut inverse_mass = 0.0;
     for body in [first, second] {

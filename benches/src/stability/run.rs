@@ -11,7 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{hazards::Hazard, methods::Method};
 
-/// A hazard and a method, by their numbers, and what came of each seed.
+/// The results of a hazard with a method, both by index, one result per seed.
 #[derive(Clone, Debug)]
 pub struct Cell {
     pub hazard: usize,
@@ -59,7 +59,7 @@ pub fn all(hazards: &[Hazard], methods: &[Method], quick: bool) -> Vec<Cell> {
         }
     };
     let others = thread::available_parallelism().map_or(1, usize::from).saturating_sub(1).max(1);
-    // What panics is told in its cell.
+    // A panic is reported in its cell.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     thread::scope(|scope| {

@@ -7,11 +7,11 @@ mod swept_cones;
 
 use std::fmt::Debug;
 
+use bevy_medial::random::Random;
 use bevy_medial::{
     geometry::Sphere,
     query::{Convex, MovingConvex, TimeOfImpact, TimeOfImpactStatus, Touch, alternating, separation, time_of_impact},
 };
-use bevy_medial::random::Random;
 use glam::{DQuat, DVec3};
 
 use crate::{

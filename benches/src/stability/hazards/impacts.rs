@@ -8,7 +8,10 @@ use glam::Vec3;
 use super::{Hazard, ensure};
 use crate::{
     body::{Body, Form, Setup},
-    stability::{judge::{World, first_touch, impulse}, methods::Method},
+    stability::{
+        judge::{World, first_touch, impulse},
+        methods::Method,
+    },
 };
 
 const WALL: &str =
@@ -56,8 +59,11 @@ fn thin_wall(method: &Method, seed: u64, speed: f32) -> Result<(), String> {
     let body = bullet(seed);
     let direction = (Vec3::X + random.in_ball() * Vec3::new(0.0, 0.3, 0.3)).normalize();
     let away = 0.5 * body.size() + 0.1 + random.unit() * speed * setup.dt;
-    let body =
-        body.at(direction * -away).turned(random.rotation()).moving(direction * speed).spinning(random.in_ball() * 10.0);
+    let body = body
+        .at(direction * -away)
+        .turned(random.rotation())
+        .moving(direction * speed)
+        .spinning(random.in_ball() * 10.0);
     let time = (away + 3.0 * body.size()) / speed + 0.5;
     let body = world.add(body)?;
     for _ in 0..(time / setup.dt) as u32 {

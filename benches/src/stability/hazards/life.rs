@@ -1,4 +1,4 @@
-//! What a game does to bodies that touch.
+//! Operations of a game on bodies in contact.
 
 use bevy_medial::geometry::Pose3;
 use bevy_medial::random::Random;

@@ -17,7 +17,7 @@ use crate::stability::methods::Method;
 #[derive(Clone, Copy)]
 pub struct Hazard {
     pub name: &'static str,
-    /// What passes, in a sentence.
+    /// The criterion in a sentence.
     pub criterion: &'static str,
     /// Number of seeds in a quick run and in a full one.
     pub seeds: [u64; 2],

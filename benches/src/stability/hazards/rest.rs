@@ -109,7 +109,7 @@ fn stack(method: &Method, seed: u64, tori: bool) -> Result<(), String> {
         if tori { (Form::torus(0.4, 0.1), 0.1) } else { (Form::rounded(Vec3::new(0.3, 0.15, 0.3), 0.02), 0.15) };
     let mut bodies = Vec::new();
     for layer in 0..10 {
-        // A little aside and turned, as nobody stacks exactly.
+        // Slightly displaced and rotated, as in a real stack.
         let aside = random.in_ball() * Vec3::new(0.01, 0.0, 0.01);
         let place = Vec3::Y * (half * (1.0 + 2.0 * layer as f32) + 1e-3 * layer as f32) + aside;
         let turned = Quat::from_rotation_y(0.2 * random.signed());

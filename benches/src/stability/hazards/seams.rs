@@ -56,7 +56,7 @@ fn slide(method: &Method, seed: u64, slabs: bool) -> Result<(), String> {
     let forward = Quat::from_rotation_y(0.05 * random.signed());
     let body = Body::dynamic(form).slippery().turned(forward).at(Vec3::new(-1.0 + 0.3 * random.unit(), height, 0.019));
     let body = world.add(body)?;
-    // What an engine lets it sink in is no seam.
+    // The overlap that an engine allows is no seam.
     world.run(0.5)?;
     let [speed, start] = [Vec3::new([1.0, 3.0, 10.0][seed as usize / 5 % 3], 0.0, 0.0), world.center(body)];
     let velocity = forward * speed;
