@@ -50,7 +50,7 @@ impl Random {
         10f64.powf(self.range(low, high))
     }
 
-    /// True with a probability.
+    /// True with a probability from 0 to 1.
     pub fn chance(&mut self, probability: f64) -> bool {
         self.range(0.0, 1.0) < probability
     }

@@ -399,9 +399,9 @@ mod tests {
                     2 => drop(bytes.splice(at..at, TOKENS[random.below(12)].bytes())),
                     3 => {
                         let mut lines: Vec<_> = bytes.split_inclusive(|&byte| byte == b'\n').collect();
-                        let count = lines.len() as u64;
+                        let count = lines.len();
                         if count > 0 {
-                            lines.swap(random.below(count) as usize, random.below(count) as usize);
+                            lines.swap(random.below(count), random.below(count));
                         }
                         bytes = lines.concat();
                     }

@@ -56,7 +56,7 @@ fn the_nearest_triangle_is_found() {
             assert!((distance(point, &tree.triangles()[triangle as usize]) - expected).abs() < 1e-6);
             assert!((f64::from(tree.distance(point)) - expected).abs() < 1e-6);
             assert_eq!(tree.closest(point, expected + 1e-5), Some(found), "a bound changes nothing");
-            let near = random.below(count as usize) as u32;
+            let near = random.below(count) as u32;
             assert_eq!(tree.closest_with_triangle(point, Some(near)).unwrap().0, found, "nor does a start");
             beyond += usize::from(tree.closest(point, expected - 1e-5).is_none());
         }
