@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use crate::{
     geometry::{Primitive, Sphere},

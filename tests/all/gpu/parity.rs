@@ -110,6 +110,16 @@ fn a_plate_that_is_all_but_level_is_not_culled_as_if_it_were() {
 /// Every scene on the CPU, with the GPU waited for, and with the GPU looking ahead.
 #[test]
 fn scenes_go_the_same_way() {
+    check_scenes(120);
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn exhaustive_scenes_go_the_same_way() {
+    check_scenes(STEPS);
+}
+
+fn check_scenes(steps: usize) {
     if device().is_none() {
         return;
     }
@@ -119,7 +129,7 @@ fn scenes_go_the_same_way() {
         let [mut cpu_beside, mut ahead] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|b| app_ahead(scene.name, b));
         let [mut on_cpu, mut waited, mut looked_ahead] = [const { Latencies { cpu: 0, gpu: [0; 5] } }; 3];
         let (mut contacts, mut impacts, mut departed, mut bodies) = (0, 0, 0, 0);
-        for step in 0..STEPS {
+        for step in 0..steps {
             cpu.update();
             gpu.update();
             cpu_beside.update();
@@ -138,12 +148,12 @@ fn scenes_go_the_same_way() {
             }
         }
         println!(
-            "{}: {STEPS} steps, {contacts} contacts, {impacts} impacts; waited for {waited:?}, ahead {looked_ahead:?}, {departed} of {bodies} \
+            "{}: {steps} steps, {contacts} contacts, {impacts} impacts; waited for {waited:?}, ahead {looked_ahead:?}, {departed} of {bodies} \
              bodies off their way",
             scene.name
         );
-        assert_eq!((on_cpu.cpu, waited.waited()), (STEPS, STEPS), "{}", scene.name);
-        assert!(looked_ahead.answered() > STEPS * 9 / 10 && departed < bodies, "{}: {looked_ahead:?}", scene.name);
-        assert!(contacts > STEPS, "{}: {contacts} contacts", scene.name);
+        assert_eq!((on_cpu.cpu, waited.waited()), (steps, steps), "{}", scene.name);
+        assert!(looked_ahead.answered() > steps * 9 / 10 && departed < bodies, "{}: {looked_ahead:?}", scene.name);
+        assert!(contacts > steps, "{}: {contacts} contacts", scene.name);
     }
 }

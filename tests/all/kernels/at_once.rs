@@ -66,7 +66,16 @@ impl Task for AtOnce {
 
 #[test]
 fn times_of_impact_agree_with_reference() {
-    let pairs = setting("KERNEL_PAIRS", 9_700);
+    check_times_of_impact(setting("KERNEL_PAIRS", 1_000));
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn exhaustive_times_of_impact_agree_with_reference() {
+    check_times_of_impact(setting("KERNEL_PAIRS", 9_700));
+}
+
+fn check_times_of_impact(pairs: u64) {
     let scores = for_each_case(4, |category, kind, random| {
         if kind < HULLS {
             Score::of(category, kind, random, pairs, |pairs| typed(kind, pairs, AtOnce(1.0)))

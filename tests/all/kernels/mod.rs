@@ -34,7 +34,16 @@ fn one_by_one(kernel: impl Fn(&Pair) -> TimeOfImpact) -> impl Fn(&[Pair]) -> Vec
 
 #[test]
 fn time_of_impact_agrees_with_reference() {
-    let pairs = setting("KERNEL_PAIRS", 9_700);
+    check_time_of_impact(setting("KERNEL_PAIRS", 1_000));
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn exhaustive_time_of_impact_agrees_with_reference() {
+    check_time_of_impact(setting("KERNEL_PAIRS", 9_700));
+}
+
+fn check_time_of_impact(pairs: u64) {
     let scores =
         for_each_case(1, |category, kind, random| Score::of(category, kind, random, pairs, one_by_one(advancement)));
     assert_all_good(&scores, pairs, KINDS.len());
@@ -141,7 +150,16 @@ impl Separations {
 
 #[test]
 fn separation_agrees_with_reference() {
-    let pairs = setting("KERNEL_PAIRS", 2_000);
+    check_separation(setting("KERNEL_PAIRS", 400));
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn exhaustive_separation_agrees_with_reference() {
+    check_separation(setting("KERNEL_PAIRS", 2_000));
+}
+
+fn check_separation(pairs: u64) {
     let results = for_each_case(3, |category, kind, mut random| {
         let mut result = Separations::default();
         for _ in 0..pairs {

@@ -529,8 +529,8 @@ fn random_walks_lose_nothing_and_tell_everything_once() {
 }
 
 #[test]
-#[ignore = "some minutes"]
-fn long_random_walks_lose_nothing_and_tell_everything_once() {
+#[ignore = "exhaustive"]
+fn exhaustive_random_walks_lose_nothing_and_tell_everything_once() {
     walks(100..150, 2000);
 }
 
