@@ -102,7 +102,9 @@ impl Demo {
             (body.linear, body.angular) = (velocity.linear, velocity.angular);
             body.damping = damping.map_or([0.0; 2], |damping| [damping.linear_damping, damping.angular_damping]);
             body.fast = is_bullet;
-            let mut body = SceneBody { mass: mass(&body), size: body.size(), body, model: None };
+            // Percentages are those of the smaller body, and a static box is never the smaller one.
+            let size = if is_dynamic { body.size() } else { f32::INFINITY };
+            let mut body = SceneBody { mass: mass(&body), size, body, model: None };
             if let (Form::Medial(axis), None) = (&body.body.form, body.capsule()) {
                 body.model = Some(result.model(name.as_str(), axis, folder)?);
             }

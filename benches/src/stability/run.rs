@@ -59,9 +59,6 @@ pub fn all(hazards: &[Hazard], methods: &[Method], quick: bool) -> Vec<Cell> {
         }
     };
     let others = thread::available_parallelism().map_or(1, usize::from).saturating_sub(1).max(1);
-    // A panic is reported in its cell.
-    let hook = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|_| {}));
     thread::scope(|scope| {
         for _ in 0..others {
             scope.spawn(work);
@@ -71,7 +68,6 @@ pub fn all(hazards: &[Hazard], methods: &[Method], quick: bool) -> Vec<Cell> {
         }
         work();
     });
-    std::panic::set_hook(hook);
     progress.finish_and_clear();
     let mut done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
     done.sort_by_key(|cell| (cell.hazard, cell.method));

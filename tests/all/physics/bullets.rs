@@ -27,7 +27,7 @@ fn bullets_that_do_not_stop_are_lost() {
     assert!(hits.lost == hits.count && hits.ratios.len() > 10, "{hits:?}");
 }
 
-/// Every cell, as a table: `cargo test --release --test all bullets -- --ignored --nocapture`.
+/// Every cell, as a table: `cargo test --release --test all bullets_table -- --ignored --nocapture`.
 #[test]
 #[ignore = "a quarter of an hour"]
 fn bullets_table() {
