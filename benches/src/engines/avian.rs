@@ -1,4 +1,4 @@
-//! Avian, in an app of its own, with its default settings.
+//! Avian, in an app of its own, with its default settings and `SweptCcd` for bodies that are `fast`.
 //!
 //! An update of the app is one step. The time of a step is that of the physics schedule. The time of collision is the sum that avian's diagnostics report for
 //! the collider tree, broad phase and narrow phase.
