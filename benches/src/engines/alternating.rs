@@ -17,16 +17,11 @@ use bevy_rapier3d::{
     prelude::PhysicsSet,
 };
 
+use crate::pairs::Primitive;
+
 /// Stops bodies after the crate's own pass, in which `stop_at_impact` is to be off.
 pub fn add(app: &mut App) {
     app.add_systems(PostUpdate, stop.after(MedialSystems::Detect).before(PhysicsSet::Writeback));
-}
-
-/// A moving primitive.
-enum MovingHull {
-    Sphere(Moving<1>),
-    Cone(Moving<2>),
-    Slab(Moving<3>),
 }
 
 fn moving<const N: usize>(spheres: [Sphere; N], [start, end]: [&Pose3; 2]) -> Moving<N> {
@@ -35,17 +30,17 @@ fn moving<const N: usize>(spheres: [Sphere; N], [start, end]: [&Pose3; 2]) -> Mo
 }
 
 /// All primitives of a shape, each with a ball around its path.
-fn hulls(shape: &Shape, [start, end]: [&Pose3; 2]) -> Vec<(MovingHull, Sphere)> {
+fn hulls(shape: &Shape, [start, end]: [&Pose3; 2]) -> Vec<(Primitive, Sphere)> {
     let hull = |i: u32| {
         let hull = match shape.hull(i) {
-            Hull::Sphere(spheres) => MovingHull::Sphere(moving(spheres, [start, end])),
-            Hull::Cone(spheres) => MovingHull::Cone(moving(spheres, [start, end])),
-            Hull::Slab(spheres) => MovingHull::Slab(moving(spheres, [start, end])),
+            Hull::Sphere(spheres) => Primitive::Sphere(moving(spheres, [start, end])),
+            Hull::Cone(spheres) => Primitive::Cone(moving(spheres, [start, end])),
+            Hull::Slab(spheres) => Primitive::Slab(moving(spheres, [start, end])),
         };
         let bound = match &hull {
-            MovingHull::Sphere(moving) => bound(moving),
-            MovingHull::Cone(moving) => bound(moving),
-            MovingHull::Slab(moving) => bound(moving),
+            Primitive::Sphere(moving) => bound(moving),
+            Primitive::Cone(moving) => bound(moving),
+            Primitive::Slab(moving) => bound(moving),
         };
         (hull, bound)
     };
@@ -60,16 +55,16 @@ fn bound<const N: usize>(moving: &Moving<N>) -> Sphere {
 }
 
 /// The time that it finds for two primitives, if that is a hit.
-fn first_touch(first: &MovingHull, second: &MovingHull) -> Option<f32> {
-    use MovingHull::{Cone, Slab};
+fn first_touch(first: &Primitive, second: &Primitive) -> Option<f32> {
+    use Primitive::{Cone, Slab};
     let found = match (first, second) {
-        (MovingHull::Sphere(a), MovingHull::Sphere(b)) => alternating(a, b),
-        (MovingHull::Sphere(a), Cone(b)) => alternating(a, b),
-        (MovingHull::Sphere(a), Slab(b)) => alternating(a, b),
-        (Cone(a), MovingHull::Sphere(b)) => alternating(a, b),
+        (Primitive::Sphere(a), Primitive::Sphere(b)) => alternating(a, b),
+        (Primitive::Sphere(a), Cone(b)) => alternating(a, b),
+        (Primitive::Sphere(a), Slab(b)) => alternating(a, b),
+        (Cone(a), Primitive::Sphere(b)) => alternating(a, b),
         (Cone(a), Cone(b)) => alternating(a, b),
         (Cone(a), Slab(b)) => alternating(a, b),
-        (Slab(a), MovingHull::Sphere(b)) => alternating(a, b),
+        (Slab(a), Primitive::Sphere(b)) => alternating(a, b),
         (Slab(a), Cone(b)) => alternating(a, b),
         (Slab(a), Slab(b)) => alternating(a, b),
     };
@@ -84,7 +79,7 @@ fn meet(one: &Sphere, other: &Sphere) -> bool {
 /// A body or a static with all its moving primitives.
 struct Way {
     side: Side,
-    hulls: Vec<(MovingHull, Sphere)>,
+    hulls: Vec<(Primitive, Sphere)>,
     bound: Sphere,
 }
 

@@ -1,7 +1,7 @@
 //! This crate's plugin, in an app without a window.
 //!
-//! Systems run on one thread. The time of a step is that of the plugin, between rapier's reading of components and its writing back: snapshot, rapier's step, pipeline and response.
-//! The time of collision is that of the pipeline plus the collision detection in rapier's own step.
+//! Systems run on one thread. The time of a step is that of the plugin, between rapier's reading of components and its writing back: snapshot, rapier's
+//! step, pipeline and response. The time of collision is that of the pipeline plus the collision detection in rapier's own step.
 
 use std::time::Duration;
 
