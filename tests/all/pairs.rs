@@ -7,6 +7,7 @@ use bevy_medial::{
     query::{Cuboid, Moving, TimeOfImpactStatus, Touch},
     random::Random,
 };
+pub use bevy_medial_compare::pairs::Primitive;
 use glam::{DQuat, DVec3, Quat, Vec3};
 
 use crate::reference::{Ball, Difference, TOUCHING};
@@ -62,48 +63,39 @@ pub struct Pair {
     second: Second,
 }
 
-/// One side in the form that the kernels take.
-#[derive(Clone, Copy)]
-pub enum Hull {
-    Sphere(Moving<1>),
-    Cone(Moving<2>),
-    Slab(Moving<3>),
-}
-
 /// The second side in the form that the kernels take.
 #[derive(Clone, Copy)]
 pub enum Other {
-    Hull(Hull),
+    Hull(Primitive),
     Box(Cuboid),
 }
 
 /// Runs an expression for whatever kinds the pair's sides are of.
-#[macro_export]
 macro_rules! for_kinds {
     ($first:expr, $second:expr, |$a:ident, $b:ident| hulls: $hulls:expr, cuboid: $cuboid:expr) => {{
-        use $crate::pairs::{Hull, Other};
+        use $crate::pairs::{Other, Primitive};
         macro_rules! second {
             ($a0:expr) => {{
                 let $a = $a0;
                 match $second {
-                    Other::Hull(Hull::Sphere($b)) => $hulls,
-                    Other::Hull(Hull::Cone($b)) => $hulls,
-                    Other::Hull(Hull::Slab($b)) => $hulls,
+                    Other::Hull(Primitive::Sphere($b)) => $hulls,
+                    Other::Hull(Primitive::Cone($b)) => $hulls,
+                    Other::Hull(Primitive::Slab($b)) => $hulls,
                     Other::Box($b) => $cuboid,
                 }
             }};
         }
         match $first {
-            Hull::Sphere(a) => second!(a),
-            Hull::Cone(a) => second!(a),
-            Hull::Slab(a) => second!(a),
+            Primitive::Sphere(a) => second!(a),
+            Primitive::Cone(a) => second!(a),
+            Primitive::Slab(a) => second!(a),
         }
     }};
 }
 
 impl Pair {
     /// Relative to one of the first body's centres, a box in its own frame: positions far from the origin lose nothing.
-    pub fn relative(&self) -> (Hull, Other) {
+    pub fn relative(&self) -> (Primitive, Other) {
         let (origin, rotation, second) = match &self.second {
             Second::Hull(spheres) => {
                 let origin = self.first[0].0.center;
@@ -155,7 +147,7 @@ pub fn corners(half: DVec3, center: DVec3, rotation: DQuat) -> Vec<Ball> {
         .collect()
 }
 
-fn hull(spheres: &[(Sphere, Vec3)], origin: Vec3, rotation: Quat) -> Hull {
+fn hull(spheres: &[(Sphere, Vec3)], origin: Vec3, rotation: Quat) -> Primitive {
     // In f64, so that turning into a box's frame costs no more than one rounding.
     let rotation = rotation.as_dquat().normalize();
     let turned = |v: DVec3| (rotation * v).as_vec3();
@@ -165,9 +157,9 @@ fn hull(spheres: &[(Sphere, Vec3)], origin: Vec3, rotation: Quat) -> Hull {
         Moving { start: std::array::from_fn(place), motion: std::array::from_fn(turn) }
     }
     match spheres.len() {
-        1 => Hull::Sphere(moving(place, turn)),
-        2 => Hull::Cone(moving(place, turn)),
-        _ => Hull::Slab(moving(place, turn)),
+        1 => Primitive::Sphere(moving(place, turn)),
+        2 => Primitive::Cone(moving(place, turn)),
+        _ => Primitive::Slab(moving(place, turn)),
     }
 }
 
