@@ -226,6 +226,7 @@ impl Builder<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     const SLAB: [Primitive; 1] = [Primitive::Slab([0, 1, 2])];
 
@@ -235,14 +236,10 @@ mod tests {
 
     /// Slabs, and as slabs with a repeated corner cones and spheres, fat and thin, each with its surface.
     fn samples() -> impl Iterator<Item = ([Sphere; 3], Surface)> {
-        let mut state = 7_u32;
-        let mut random = move || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 24) as f32
-        };
+        let mut random = Random(7);
         (0..60).map(move |round| {
             let thickness = [0.02, 0.2, 0.5, 1.0][round % 4];
-            let [a, b, c] = [(); 3].map(|()| sphere([2.0, 2.0, 2.0, thickness].map(|size| size * random())));
+            let [a, b, c] = [(); 3].map(|()| sphere([2.0, 2.0, 2.0, thickness].map(|size| size * random.unit())));
             let spheres = [[a, b, c], [a, b, b], [a, a, a]][round % 3];
             (spheres, triangulate(&spheres, &SLAB, 16))
         })

@@ -548,16 +548,12 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::geometry::Sphere;
+    use crate::{geometry::Sphere, random::Random};
 
     /// Random pairs of about unit size, of which some meet.
     fn pairs<const N: usize, const M: usize>() -> Vec<MovingPair<N, M>> {
-        let mut state = 1u64;
-        let mut signed = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            ((state >> 40) as f32) / (1u64 << 23) as f32 - 1.0
-        };
-        let mut vector = || Vec3::new(signed(), signed(), signed());
+        let mut random = Random(1);
+        let mut vector = || random.in_cube();
         let mut pair = || {
             let (offset, aim) = (vector() * 3.0, vector());
             let start1 = std::array::from_fn(|_| Sphere::new(offset + vector() * 0.5, 0.1 * vector().x.abs()));

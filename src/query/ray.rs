@@ -46,18 +46,15 @@ pub fn ray_cast<const N: usize>(spheres: &[Sphere; N], origin: Vec3, direction: 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     /// Points along rays against the exact sphere and the f64 distance to the other primitives.
     #[test]
     fn enters_where_the_distance_falls_to_zero() {
-        let mut state = 1u32;
-        let mut next = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32 / (1 << 23) as f32 - 1.0
-        };
+        let mut random = Random(1);
         let mut hits = 0;
         for _ in 0..5_000 {
-            let mut vector = |scale: f32| Vec3::new(next(), next(), next()) * scale;
+            let mut vector = |scale: f32| random.in_cube() * scale;
             let slab = [vector(1.0), vector(1.0), vector(1.0)].map(|c| Sphere::new(c, 0.1 + 0.2 * c.x.abs()));
             let origin = vector(30.0);
             let direction = (vector(1.5) - origin) * 0.1;
