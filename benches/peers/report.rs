@@ -71,6 +71,7 @@ and run on one and the same core, as often as `--runs` says (3 times if it says 
 least 30 % of the greatest number of contact pairs and 3 % of the greatest kinetic energy.
 
 - *collision*: finding contacts and impacts; *step*: all of a step, without copies from and to components.
+- *sums*: collision and step, over all steps of the scene. They compare engines whose bodies come to rest at different times.
 - *overlap*: deepest overlap of the exact meshes of two bodies, in percent of the smaller body's size: the greatest in 120 steps that
   are spread evenly, and the median over those of them that are active.
 - *lost*: bodies that have fallen through the ground or left the square that it covers.
@@ -87,14 +88,14 @@ fn markdown(command: &str, peers: &[Row], culling: &[Culling]) -> String {
         let _ = write!(
             text,
             "\n## {}: {} bodies, {} steps\n\n\
-             | engine and shapes | parts | error: max, mean | active steps | collision | step | overlap: max, median | lost |\n\
-             |---|---|---|---|---|---|---|---|\n",
+             | engine and shapes | parts | error: max, mean | active steps | collision | step | sums | overlap: max, median | lost |\n\
+             |---|---|---|---|---|---|---|---|---|\n",
             rows[0].scene, rows[0].bodies, rows[0].steps
         );
         for row in rows {
             let _ = writeln!(
                 text,
-                "| {} | {:.0} | {:.2}, {:.2} | {} | {:.3} ({:.3}) | {:.3} ({:.3}) | {:.2}, {:.2} % | {} |",
+                "| {} | {:.0} | {:.2}, {:.2} | {} | {:.3} ({:.3}) | {:.3} ({:.3}) | {:.0}, {:.0} | {:.2}, {:.2} % | {} |",
                 row.engine,
                 row.parts,
                 row.error_max_percent,
@@ -104,6 +105,8 @@ fn markdown(command: &str, peers: &[Row], culling: &[Culling]) -> String {
                 row.collision_ms,
                 row.step_active_ms,
                 row.step_ms,
+                row.collision_sum_ms,
+                row.step_sum_ms,
                 row.overlap_max_percent,
                 row.overlap_median_percent,
                 row.lost,

@@ -23,7 +23,7 @@ pub struct ShapeFigures {
     pub error: Deviation,
 }
 
-/// A row of the table. Times in milliseconds, medians.
+/// A row of the table. Times are in milliseconds: medians, and sums over all steps.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     pub scene: &'static str,
@@ -34,6 +34,9 @@ pub struct Row {
     pub collision_active_ms: f64,
     pub step_ms: f64,
     pub step_active_ms: f64,
+    /// Over all steps.
+    pub collision_sum_ms: f64,
+    pub step_sum_ms: f64,
     pub contact_pairs_active: f64,
     pub overlap_max_percent: f32,
     pub overlap_median_percent: f64,
@@ -110,6 +113,8 @@ pub fn run(
         collision_active_ms,
         step_ms,
         step_active_ms,
+        collision_sum_ms: collision.iter().sum(),
+        step_sum_ms: whole.iter().sum(),
         contact_pairs_active,
         overlap_max_percent: overlaps.iter().copied().fold(0.0, f32::max),
         overlap_median_percent: median(typical.map(|(overlap, _)| f64::from(*overlap))),

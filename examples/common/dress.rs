@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use bevy::prelude::*;
+use bevy::{light::NotShadowCaster, prelude::*};
 use bevy_medial::{
     builder::load,
     medial_axis::{MedialAxis, triangulate},
@@ -68,15 +68,28 @@ fn dress_bodies(
 
 fn dress_boxes(
     mut commands: Commands,
-    boxes: Query<(Entity, &StaticObb, Option<&Name>), (Added<StaticObb>, Without<MedialMesh>)>,
+    boxes: Query<(Entity, &StaticObb, Option<&Name>, &Transform), (Added<StaticObb>, Without<MedialMesh>)>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
-    for (entity, obb, name) in &boxes {
+    for (entity, obb, name, place) in &boxes {
         let is_named = |other: &str| name.is_some_and(|name| name.as_str() == other);
         if is_named("wall") {
             // One looks and reaches through it.
             commands.entity(entity).insert(Pickable::IGNORE);
+            continue;
+        }
+        if is_named("bin") {
+            let color = Color::srgb(0.7, 0.72, 0.74);
+            let material =
+                materials.add(StandardMaterial { base_color: color, perceptual_roughness: 0.9, ..default() });
+            let inside = meshes.add(inner_face(obb, place.translation));
+            commands.entity(entity).insert((
+                Mesh3d(inside),
+                MeshMaterial3d(material),
+                NotShadowCaster,
+                Pickable::IGNORE,
+            ));
             continue;
         }
         let shade = if is_named("ground") { 0.5 } else { 0.62 };
@@ -85,4 +98,16 @@ fn dress_boxes(
         let mesh = meshes.add(Cuboid::from_size(obb.half_extents * 2.0));
         commands.entity(entity).insert((Mesh3d(mesh), MeshMaterial3d(materials.add(material))));
     }
+}
+
+/// The face of a wall that is turned to the middle of the scene. It shows from there only, so no wall hides what is in a bin.
+fn inner_face(wall: &StaticObb, center: Vec3) -> Mesh {
+    let half = wall.half_extents;
+    let (inward, width, depth) = match half.x < half.z {
+        true => (Vec3::X * -center.x.signum(), half.z, half.x),
+        false => (Vec3::Z * -center.z.signum(), half.x, half.z),
+    };
+    Mesh::from(Rectangle::new(2.0 * width, 2.0 * half.y))
+        .rotated_by(Quat::from_rotation_arc(Vec3::Z, inward))
+        .translated_by(inward * depth)
 }

@@ -9,34 +9,14 @@ use glam::Vec3;
 
 use super::{
     Body, Candidates, Culling, Meeting, Scratch, Shape, Side, Solid, Statics, StepInput,
-    mid_phase::PrimitivePair,
+    assemblies::Assemblies,
+    pairs::{BodyPair, PrimitivePair},
     parallel::{self, Scratches},
-    stop::Assemblies,
 };
 use crate::{
     geometry::{Aabb, Bvh, Item, Leaf, Sphere},
     query::{Cuboid, separation},
 };
-
-/// A body pair, its first side medial.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct BodyPair {
-    pub first: Side,
-    pub second: Side,
-    /// True if they stop at each other.
-    pub stops: bool,
-}
-
-impl BodyPair {
-    fn new(first: Side, second: Side) -> Self {
-        Self { first, second, stops: false }
-    }
-
-    /// The bodies among its sides.
-    pub fn bodies(&self) -> impl Iterator<Item = u32> + use<> {
-        [self.first.body(), self.second.body()].into_iter().flatten()
-    }
-}
 
 /// The sphere around a body at the start of the step, and where it goes.
 #[derive(Clone, Copy, Debug)]

@@ -7,10 +7,10 @@ use smallvec::SmallVec;
 
 use super::{
     Impact, Scratch, Statics, StepInput,
-    broad_phase::BodyPair,
-    mid_phase::{self, Candidates, OwnBoxes, PrimitivePair},
+    mid_phase::{self, Candidates, OwnBoxes},
     motion::{Facing, Motions, PairMotion, with_sides},
     moving_boxes::{BoxCache, TimedBoxes},
+    pairs::{BodyPair, PrimitivePair},
     parting::{Parting, Room},
 };
 use crate::{

@@ -6,9 +6,10 @@ use glam::Vec3;
 
 use super::{
     Body, Culling, Impact, Scratch, Side, Statics, StepInput,
-    broad_phase::{BodyPair, meet},
+    broad_phase::meet,
     first_impact::{Question, first_impact},
     motion::{Motions, PairMotion},
+    pairs::BodyPair,
 };
 
 /// The first impact of two bodies on their ways, with no overlap allowed: where they touch, or where an overlap that they have from the

@@ -9,11 +9,11 @@ use bevy::tasks::TaskPool;
 
 use super::{
     Culling, Scratch, Shape, Side, Statics, StepInput,
-    broad_phase::BodyPair,
+    assemblies::Assemblies,
     first_impact::ImpactResult,
     moving_boxes::{self, BoxCache, MovingBox},
+    pairs::BodyPair,
     parallel::{self, Scratches},
-    stop::Assemblies,
 };
 use crate::{
     constants::{CHORD_TOLERANCE, CONTACT_ROUNDING},

@@ -11,14 +11,12 @@ use super::{
     Culling, Part, Shape,
     motion::{Facing, PairMotion},
     moving_boxes::{self, MovingBox, MovingBoxes, TimedBoxes},
+    pairs::PrimitivePair,
 };
 use crate::{
     constants::CONTACT_ROUNDING,
     geometry::{Aabb, Sweep},
 };
-
-/// Indices of a primitive of the first body and one of the second; of a part, which is one, 0.
-pub(super) type PrimitivePair = [u32; 2];
 
 /// Primitives of a pair that may meet, in any order.
 pub(super) type Candidates = Vec<PrimitivePair>;
@@ -125,7 +123,7 @@ mod tests {
     use crate::{
         geometry::{Obb, Pose3},
         medial_axis::MedialAxis,
-        pipeline::{Body, Side, StaticBody, Statics, StepInput, broad_phase::BodyPair},
+        pipeline::{Body, Side, StaticBody, Statics, StepInput, pairs::BodyPair},
         random::Random,
     };
 

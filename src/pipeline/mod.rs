@@ -14,6 +14,7 @@
 //! Bodies are dense indices; who they are is the caller's business. All stages are pure functions of their input, split into
 //! chunks that are joined in order, so the output has the same bits for any number of threads.
 
+mod assemblies;
 mod broad_phase;
 pub mod contact;
 mod directions;
@@ -27,6 +28,7 @@ mod moving_boxes;
 mod narrow_phase;
 mod near;
 mod output;
+mod pairs;
 pub(crate) mod parallel;
 mod parting;
 mod parts;
@@ -42,7 +44,6 @@ use std::time::Duration;
 
 use bevy::{platform::time::Instant, tasks::TaskPool};
 
-use broad_phase::BodyPair;
 #[cfg(feature = "debug")]
 pub(crate) use broad_phase::swept_cone;
 #[cfg(feature = "gpu")]

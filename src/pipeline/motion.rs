@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 use smallvec::{SmallVec, smallvec};
 
-use super::{Part, Second, Side, Statics, StepInput, broad_phase::BodyPair, shape::Shape};
+use super::{Part, Second, Side, Statics, StepInput, pairs::BodyPair, shape::Shape};
 use crate::{
     constants::{
         CHORD_TOLERANCE, DEEP, MAX_STEP_PARTS, PART_ANGLE, PART_PRIMITIVES, PART_WAY, STOP_ALLOWED, STOP_ROUNDINGS,

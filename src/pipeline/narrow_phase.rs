@@ -4,13 +4,11 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Culling, Impact, Manifold, Pair, Scratch, Second, Side, Statics, StepInput, StepOutput,
-    broad_phase::BodyPair,
-    contact,
+    Culling, Impact, Manifold, Pair, Scratch, Second, Side, Statics, StepInput, StepOutput, contact,
     first_impact::{ImpactResult, Question, first_impact},
-    laps,
-    mid_phase::{self, PrimitivePair},
+    laps, mid_phase,
     motion::PairMotion,
+    pairs::{BodyPair, PrimitivePair},
     parallel::{self, Scratches},
     reduce, relative_pose,
     stop::Stops,

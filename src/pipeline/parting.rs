@@ -133,7 +133,7 @@ mod tests {
     use crate::{
         geometry::{Obb, Pose3, Sweep},
         medial_axis::MedialAxis,
-        pipeline::{Body, Side, StaticBody, Statics, StepInput, broad_phase::BodyPair},
+        pipeline::{Body, Side, StaticBody, Statics, StepInput, pairs::BodyPair},
         random::Random,
     };
 

@@ -24,11 +24,12 @@ use glam::{Quat, Vec3};
 
 use super::{
     Body, Impact, Scratch, Side, Statics, StepInput,
-    broad_phase::BodyPair,
+    assemblies::Assemblies,
     first_impact::{ImpactResult, Question, first_impact},
     islands::Islands,
     motion::PairMotion,
     narrow_phase::are_in_touch,
+    pairs::{BodyPair, PairsOf},
     parallel::{self, Scratches},
 };
 use crate::{
@@ -238,66 +239,6 @@ pub(super) struct Buffers {
     affected: Vec<usize>,
     searches: Vec<Search>,
     found: Vec<ImpactResult>,
-}
-
-/// The pairs of each body.
-#[derive(Debug, Default)]
-struct PairsOf {
-    pairs: Vec<u32>,
-    /// Where those of a body begin; one more for the end.
-    begins: Vec<u32>,
-}
-
-impl PairsOf {
-    fn set(&mut self, bodies: usize, pairs: &[BodyPair]) {
-        let Self { pairs: sorted, begins } = self;
-        // Each counts for the body after the next, so that it begins where the one before it ends once all are put in.
-        begins.clear();
-        begins.resize(bodies + 2, 0);
-        pairs.iter().flat_map(BodyPair::bodies).for_each(|body| begins[body as usize + 2] += 1);
-        (1..begins.len()).for_each(|i| begins[i] += begins[i - 1]);
-        sorted.clear();
-        sorted.resize(begins[bodies + 1] as usize, 0);
-        for (i, pair) in (0..).zip(pairs) {
-            for body in pair.bodies() {
-                let place = &mut begins[body as usize + 1];
-                sorted[*place as usize] = i;
-                *place += 1;
-            }
-        }
-    }
-
-    fn of(&self, body: u32) -> impl Iterator<Item = usize> {
-        let [begin, end] = [0, 1].map(|i| self.begins[body as usize + i] as usize);
-        self.pairs[begin..end].iter().map(|&pair| pair as usize)
-    }
-}
-
-/// Bodies that stop together, sorted by assembly.
-#[derive(Debug, Default)]
-pub(super) struct Assemblies(Vec<(u64, u32)>);
-
-impl Assemblies {
-    /// Those of the bodies of a step.
-    pub fn set(&mut self, input: &StepInput) {
-        self.0.clear();
-        let stopping = (0..).zip(&input.bodies).filter(|(_, body)| body.stops);
-        self.0.extend(stopping.filter_map(|(index, body)| Some((body.assembly?, index))));
-        self.0.sort_unstable();
-    }
-
-    /// The members of each.
-    pub fn iter(&self) -> impl Iterator<Item = &[(u64, u32)]> {
-        self.0.chunk_by(|a, b| a.0 == b.0)
-    }
-
-    /// The bodies that a body is joined with, itself among them.
-    fn of(&self, input: &StepInput, body: u32) -> impl Iterator<Item = u32> {
-        let assembly = input.bodies[body as usize].assembly;
-        let begin = assembly.map_or(0, |assembly| self.0.partition_point(|(other, _)| *other < assembly));
-        let members = self.0[begin..].iter().take_while(move |(other, _)| Some(*other) == assembly);
-        members.map(|(_, body)| *body).chain(assembly.is_none().then_some(body))
-    }
 }
 
 /// Stops bodies; `results` then holds the impacts that have happened.

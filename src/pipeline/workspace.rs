@@ -5,12 +5,12 @@ use std::time::Duration;
 use bevy::tasks::TaskPool;
 
 use super::{
-    BodyPair, Candidates, Contact, Counts, Meeting, Side, Statics, StepInput, StepOutput, Stop, broad_phase, contact,
+    Candidates, Contact, Counts, Meeting, Side, Statics, StepInput, StepOutput, Stop, broad_phase, contact,
     first_impact::{self, ImpactResult, Tally},
     laps,
-    mid_phase::PrimitivePair,
     moving_boxes::BoxCache,
     narrow_phase,
+    pairs::{BodyPair, PrimitivePair},
     parallel::Scratches,
     reduce, stop,
 };

@@ -545,8 +545,6 @@ fn at_weights<R: Number, const N: usize>(spheres: &[Mover<R>; N], weights: [R; N
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
-
     use super::*;
     use crate::{geometry::Sphere, random::Random};
 

@@ -73,6 +73,13 @@ pub const SCENES: &[Scene] = &[
         view: [Vec3::new(-5.5, 4.5, 9.5), Vec3::new(0.5, 1.3, 0.0)],
         build: bullets,
     },
+    Scene {
+        name: "pile",
+        about: "200 animals fall into a bin",
+        steps: 240,
+        view: [Vec3::new(6.0, 7.5, 9.5), Vec3::new(0.0, 1.3, 0.0)],
+        build: pile,
+    },
 ];
 
 impl Scene {
@@ -311,6 +318,23 @@ fn tori(builder: &mut Builder) {
         let place = Vec3::new((rest % 3) as f32 - 1.0, 0.6 + layer as f32 * 0.8, (rest / 3) as f32 - 1.0);
         let center = place * Vec3::new(0.95, 1.0, 0.95) + builder.random.in_cube() * 0.1;
         builder.body(torus, 0.6, center, Velocity::zero());
+    }
+}
+
+/// Eight layers of 5 x 5 animals of a metre, 1.1 m apart, above a bin that is 5.5 m wide.
+fn pile(builder: &mut Builder) {
+    const HALF: f32 = 2.75;
+    builder.ground();
+    for side in [-1.0, 1.0] {
+        let middle = side * (HALF + 0.25);
+        builder.fixed_box("bin", Vec3::new(middle, 5.0, 0.0), Vec3::new(0.25, 5.0, HALF + 0.5));
+        builder.fixed_box("bin", Vec3::new(0.0, 5.0, middle), Vec3::new(HALF, 5.0, 0.25));
+    }
+    for i in 0..200 {
+        let (layer, rest) = (i / 25, i % 25);
+        let place = Vec3::new((rest % 5) as f32 - 2.0, layer as f32, (rest / 5) as f32 - 2.0);
+        let center = place * 1.1 + Vec3::Y * 0.6 + builder.random.in_cube() * 0.04;
+        builder.body(i, 1.0, center, Velocity::zero());
     }
 }
 

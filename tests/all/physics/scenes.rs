@@ -71,6 +71,17 @@ fn bullets() {
 }
 
 #[test]
+fn pile() {
+    let summary = run_scene("pile", models(), 1);
+    println!("{summary:?}");
+    assert_eq!((summary.steps, summary.bodies), (240, 200));
+    assert!(summary.counts.contacts_max > 1000, "few contacts");
+    assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
+    assert!(summary.lowest_y >= -0.01, "sunk to {}", summary.lowest_y);
+    assert!(summary.deepest_overlap_percent < 2.0, "{} %", summary.deepest_overlap_percent);
+}
+
+#[test]
 fn bodies_of_a_scene_have_the_budget_that_is_set() {
     let primitives = |budget: Option<f32>| {
         let mut app = app();
