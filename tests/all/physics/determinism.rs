@@ -229,7 +229,7 @@ fn entities_without_a_body_that_come_and_go_change_nothing() {
 /// Those of the same context do change the order in which rapier's solver takes contacts.
 #[test]
 fn bodies_of_another_context_that_come_and_go_change_nothing() {
-    for (scene, steps) in scenes_for([150, 120, 150, 150, 100, 50]) {
+    for (scene, steps) in scenes_for([150, 120, 150, 150, 100, 80]) {
         let expected = outcome(scene, steps);
         let mut app = app();
         scene.spawn(app.world_mut(), models(), 7);
