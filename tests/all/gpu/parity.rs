@@ -107,23 +107,23 @@ fn a_plate_that_is_all_but_level_is_not_culled_as_if_it_were() {
     assert_eq!(cpu, gpu);
 }
 
-/// Every scene on the CPU, with the GPU waited for, and with the GPU looking ahead.
+/// Every scene but the largest on the CPU, with the GPU waited for, and with the GPU looking ahead.
 #[test]
 fn scenes_go_the_same_way() {
-    check_scenes(120);
+    check_scenes(SCENES.iter().filter(|scene| scene.name != "pile"), 120);
 }
 
 #[test]
 #[ignore = "exhaustive"]
 fn exhaustive_scenes_go_the_same_way() {
-    check_scenes(STEPS);
+    check_scenes(SCENES.iter(), STEPS);
 }
 
-fn check_scenes(steps: usize) {
+fn check_scenes(scenes: impl Iterator<Item = &'static Scene>, steps: usize) {
     if device().is_none() {
         return;
     }
-    for scene in SCENES {
+    for scene in scenes {
         let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app(scene.name, backend));
         // Set up alike, but for the back end.
         let [mut cpu_beside, mut ahead] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|b| app_ahead(scene.name, b));
