@@ -79,24 +79,17 @@ fn dress_boxes(
             commands.entity(entity).insert(Pickable::IGNORE);
             continue;
         }
-        if is_named("bin") {
-            let color = Color::srgb(0.7, 0.72, 0.74);
-            let material =
-                materials.add(StandardMaterial { base_color: color, perceptual_roughness: 0.9, ..default() });
-            let inside = meshes.add(inner_face(obb, place.translation));
-            commands.entity(entity).insert((
-                Mesh3d(inside),
-                MeshMaterial3d(material),
-                NotShadowCaster,
-                Pickable::IGNORE,
-            ));
-            continue;
-        }
         let shade = if is_named("ground") { 0.5 } else { 0.62 };
         let base_color = Color::srgb(shade, shade, shade * 0.95);
         let material = StandardMaterial { base_color, perceptual_roughness: 0.9, ..default() };
-        let mesh = meshes.add(Cuboid::from_size(obb.half_extents * 2.0));
-        commands.entity(entity).insert((Mesh3d(mesh), MeshMaterial3d(materials.add(material))));
+        let mut dressed = commands.entity(entity);
+        let mesh = if is_named("bin") {
+            dressed.insert((NotShadowCaster, Pickable::IGNORE));
+            inner_face(obb, place.translation)
+        } else {
+            Cuboid::from_size(obb.half_extents * 2.0).into()
+        };
+        dressed.insert((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(material))));
     }
 }
 

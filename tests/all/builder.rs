@@ -152,10 +152,19 @@ fn what_is_as_thin_as_sheet_metal_is_solid() {
 
 #[test]
 fn the_same_input_gives_the_same_bytes() {
-    let mesh = torus(0.3, 0.1, 30, 10);
+    check_bytes(&torus(0.3, 0.1, 30, 10));
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn exhaustive_the_same_input_gives_the_same_bytes() {
+    check_bytes(&torus(0.3, 0.1, 60, 20));
+}
+
+fn check_bytes(mesh: &TriangleMesh) {
     let text = |seed: u64| {
         let options = BuildOptions { seed, ..with(12) };
-        let levels = build_levels(&mesh, &options, &|_| ControlFlow::Continue(())).unwrap();
+        let levels = build_levels(mesh, &options, &|_| ControlFlow::Continue(())).unwrap();
         levels.iter().map(|level| ma::write(&ma::MaFile::from(&level.axis))).collect::<String>()
     };
     let first = text(1);
@@ -192,13 +201,24 @@ const CHAIN_OF_20: [usize; 11] = [20, 17, 14, 11, 9, 7, 5, 4, 3, 2, 1];
 
 #[test]
 fn limits_hold() {
+    check_limits(&[(19, 0), (30, 5)]);
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn exhaustive_limits_hold() {
+    check_limits(&[(19, 0), (22, 1), (30, 5)]);
+}
+
+/// Limits on edges and faces.
+fn check_limits(limits: &[(usize, usize)]) {
     let mesh = boxes(1);
     let free = built(&mesh, &with(20)).unwrap();
     let (edges, faces) = counts(&free.axis);
     assert!(edges > 19 || faces > 0, "nothing to limit: {edges} edges, {faces} faces");
     let none = BuildOptions { edges: Some(usize::MAX), faces: Some(usize::MAX), ..with(20) };
     built(&mesh, &BuildOptions { spheres: 3, ..none }).expect("no limit is one as well");
-    for (edges, faces) in [(19, 0), (30, 5)] {
+    for &(edges, faces) in limits {
         let options = BuildOptions { edges: Some(edges), faces: Some(faces), ..with(20) };
         let levels = build_levels(&mesh, &options, &|_| ControlFlow::Continue(())).unwrap();
         for (level, spheres) in levels.iter().zip(CHAIN_OF_20) {

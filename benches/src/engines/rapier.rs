@@ -1,7 +1,7 @@
 //! Rapier alone, in a world of its own.
 //!
-//! The world has the parameters that `bevy_rapier3d` gives it, except for bodies that are `fast`: their limits of speed are lifted. Components are left out: they cost the same for medial meshes. Collision is broad and
-//! narrow phase, and the search for times of impact.
+//! The world has the parameters that `bevy_rapier3d` gives it, except for bodies that are `fast`: their limits of speed are lifted. Components are left
+//! out: they cost the same for medial meshes. Collision is broad and narrow phase, and the search for times of impact.
 
 use std::time::Instant;
 

@@ -70,6 +70,16 @@ fn bodies_that_keep_to_their_way_are_not_culled_again() {
 
 #[test]
 fn a_stack_stands_the_same_way() {
+    check_stack(200);
+}
+
+#[test]
+#[ignore = "exhaustive"]
+fn exhaustive_a_stack_stands_the_same_way() {
+    check_stack(400);
+}
+
+fn check_stack(steps: usize) {
     if device().is_none() {
         return;
     }
@@ -88,7 +98,7 @@ fn a_stack_stands_the_same_way() {
     });
     let mut latencies = Latencies::default();
     let (mut touching, mut departed) = (0, 0);
-    for step in 0..200 {
+    for step in 0..steps {
         apps.iter_mut().for_each(App::update);
         let [cpu, ahead] = &apps;
         assert_same(cpu, ahead, &format!("step {step}"));
@@ -98,7 +108,7 @@ fn a_stack_stands_the_same_way() {
         departed += step.gpu_departed;
     }
     println!("{latencies:?}, {touching} steps with all in touch, {departed} bodies off their way");
-    assert!(latencies.answered() > 175 && touching > 150 && departed < 200);
+    assert!(latencies.answered() * 8 > steps * 7 && touching * 4 > steps * 3 && departed < steps);
 }
 
 /// What is saved with a world can be loaded, whatever there is in it by then.

@@ -59,26 +59,25 @@ fn stairs() {
     accept("stairs", models(), 12, 1.1, 1);
 }
 
-#[test]
-fn bullets() {
-    let summary = run_scene("bullets", models(), 1);
+/// Accepts a scene of 240 steps at whose end bodies may still move. In its busiest step there have to be more than `contacts`.
+fn accept_moving(name: &str, bodies: usize, contacts: usize) {
+    let summary = run_scene(name, models(), 1);
     println!("{summary:?}");
-    assert_eq!((summary.steps, summary.bodies), (240, 15));
-    assert!(summary.counts.contacts_max > 0, "nothing touches");
+    assert_eq!((summary.steps, summary.bodies), (240, bodies));
+    assert!(summary.counts.contacts_max > contacts, "few contacts");
     assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
     assert!(summary.lowest_y >= -0.01, "sunk to {}", summary.lowest_y);
     assert!(summary.deepest_overlap_percent < 2.0, "{} %", summary.deepest_overlap_percent);
 }
 
 #[test]
+fn bullets() {
+    accept_moving("bullets", 15, 0);
+}
+
+#[test]
 fn pile() {
-    let summary = run_scene("pile", models(), 1);
-    println!("{summary:?}");
-    assert_eq!((summary.steps, summary.bodies), (240, 200));
-    assert!(summary.counts.contacts_max > 1000, "few contacts");
-    assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
-    assert!(summary.lowest_y >= -0.01, "sunk to {}", summary.lowest_y);
-    assert!(summary.deepest_overlap_percent < 2.0, "{} %", summary.deepest_overlap_percent);
+    accept_moving("pile", 200, 1000);
 }
 
 #[test]
