@@ -153,9 +153,7 @@ fn check_scenes(scenes: impl Iterator<Item = &'static Scene>, steps: usize) {
             scene.name
         );
         assert_eq!((on_cpu.cpu, waited.waited()), (steps, steps), "{}", scene.name);
-        // The buffers for the many pairs of the pile grow several times before the first answer.
-        let tenths = if scene.name == "pile" { 8 } else { 9 };
-        assert!(looked_ahead.answered() > steps * tenths / 10 && departed < bodies, "{}: {looked_ahead:?}", scene.name);
+        assert!(looked_ahead.answered() > steps * 9 / 10 && departed < bodies, "{}: {looked_ahead:?}", scene.name);
         assert!(contacts > steps, "{}: {contacts} contacts", scene.name);
     }
 }
