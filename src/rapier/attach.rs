@@ -10,8 +10,10 @@ use bevy::{asset::LoadState, prelude::*};
 use bevy_rapier3d::{
     parry::shape::{Compound, SharedShape},
     plugin::context::{RapierContextColliders, RapierContextEntityLink, RapierRigidBodySet},
-    prelude::{Collider, ColliderScale, RapierColliderHandle, RapierRigidBodyHandle, RigidBody},
-    rapier::{dynamics::RigidBody as RapierBody, geometry::Collider as RapierCollider},
+    prelude::{ActiveHooks, Collider, ColliderScale, RapierColliderHandle, RapierRigidBodyHandle, RigidBody},
+    rapier::{
+        dynamics::RigidBody as RapierBody, geometry::Collider as RapierCollider, pipeline::ActiveHooks as RapierHooks,
+    },
 };
 
 use super::shape::MedialShape;
@@ -256,6 +258,29 @@ const PLAIN: ColliderScale = ColliderScale::Relative(Vec3::ONE);
 /// Marks a body that was spawned asleep, until its first shape is there.
 #[derive(Component)]
 pub(super) struct SpawnedAsleep;
+
+/// A flag without a meaning for rapier, which never recycles the contacts of a collider that has any.
+const NO_RECYCLING: RapierHooks = RapierHooks::from_bits_retain(1 << 31);
+
+/// Excludes medial colliders from rapier's recycling of contacts, which keeps the contacts of a pair that has hardly moved. A pair that has just stopped at
+/// an impact has hardly moved either, and its new contact must not be missed. Pairs of rapier's own shapes are recycled as ever.
+pub(super) fn keep_contacts_fresh(
+    changed: Query<
+        (&RapierColliderHandle, &RapierContextEntityLink, &Collider),
+        Or<(Changed<RapierColliderHandle>, Changed<Collider>, Changed<ActiveHooks>)>,
+    >,
+    mut contexts: Query<&mut RapierContextColliders>,
+) {
+    for (handle, link, shape) in &changed {
+        if shape.raw.as_shape::<MedialShape>().is_none() {
+            continue;
+        }
+        let Ok(mut colliders) = contexts.get_mut(link.0) else { continue };
+        if let Some(collider) = colliders.colliders.get_mut(handle.0) {
+            collider.set_active_hooks(collider.active_hooks() | NO_RECYCLING);
+        }
+    }
+}
 
 /// A body without a collider has no mass and falls asleep; it does not wake up by getting one, nor by getting another. One that was spawned asleep
 /// sleeps on with its first.

@@ -127,7 +127,7 @@ where
         )
         .add_systems(
             schedule,
-            (renew_contacts, attach::wake_attached, quarantine::release, quarantine::isolate, detect::snapshot)
+            (attach::keep_contacts_fresh, attach::wake_attached, quarantine::release, quarantine::isolate, detect::snapshot)
                 .chain()
                 .in_set(MedialSystems::Snapshot),
         )
@@ -159,15 +159,5 @@ fn install_dispatcher(
     for mut simulation in &mut contexts {
         let dispatcher = MedialDispatcher { table: table.clone() };
         simulation.narrow_phase = NarrowPhase::with_query_dispatcher(dispatcher.chain(DefaultQueryDispatcher));
-    }
-}
-
-/// Rapier would keep the old contacts of a pair that has hardly moved: of one that has just stopped at its impact, too. Whoever sets other parameters
-/// sets this as well.
-fn renew_contacts(mut contexts: Query<&mut RapierContextSimulation>) {
-    for mut simulation in &mut contexts {
-        if simulation.integration_parameters.contact_recycling {
-            simulation.integration_parameters.contact_recycling = false;
-        }
     }
 }

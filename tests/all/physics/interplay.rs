@@ -1,6 +1,6 @@
 //! What else rapier offers keeps working around medial bodies.
 
-use bevy::prelude::*;
+use bevy::{ecs::system::RunSystemOnce, prelude::*};
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
 use bevy_rapier3d::{plugin::context::RapierContextSimulation, prelude::*, rapier::dynamics::IntegrationParameters};
 
@@ -358,17 +358,38 @@ fn what_is_moved_by_poses_hits_as_fast_as_it_goes() {
 }
 
 #[test]
-fn contacts_are_fresh_whoever_sets_the_parameters() {
-    let mut app = app();
-    spawn_wall(&mut app, 1.0);
-    let body = spawn_flying(&mut app, ball(), Transform::default(), Velocity::linear(Vec3::X * 30.0));
-    app.update();
-    let mut contexts = app.world_mut().query::<&mut RapierContextSimulation>();
-    for mut context in contexts.iter_mut(app.world_mut()) {
-        context.integration_parameters = IntegrationParameters::default();
-        assert!(context.integration_parameters.contact_recycling, "nothing to switch off");
-    }
-    run(&mut app, 10);
-    assert!(contexts.iter(app.world()).all(|context| !context.integration_parameters.contact_recycling));
-    assert!(rigid(&mut app, body).linvel().x < 1.0);
+fn contacts_of_medial_bodies_are_fresh_and_rapiers_own_are_recycled() {
+    // Contacts are recycled while a pair moves by less than this distance, here 5 m.
+    let parameters = IntegrationParameters { normalized_contact_recycle_distance: 5.0, ..default() };
+    assert!(parameters.contact_recycling);
+    // A ball touches a wall and is then moved away, farther than the prediction distance: only recycled contacts remain.
+    let is_recycled = |medial: bool, hooks: Option<ActiveHooks>| {
+        let mut app = app();
+        app.update();
+        let mut contexts = app.world_mut().query::<&mut RapierContextSimulation>();
+        contexts.single_mut(app.world_mut()).unwrap().integration_parameters = parameters;
+        let wall = spawn_wall(&mut app, 0.299);
+        let body = if medial {
+            spawn_flying(&mut app, ball(), Transform::default(), Velocity::zero())
+        } else {
+            let bundle = (RigidBody::Dynamic, Collider::ball(0.2), GravityScale(0.0), Transform::default());
+            app.world_mut().spawn(bundle).id()
+        };
+        if let Some(hooks) = hooks {
+            run(&mut app, 2);
+            app.world_mut().entity_mut(body).insert(hooks);
+        }
+        run(&mut app, 3);
+        let touches = move |rapier: ReadRapierContext| {
+            rapier.single().unwrap().contact_pair(body, wall).is_some_and(|pair| pair.has_any_active_contact())
+        };
+        assert!(app.world_mut().run_system_once(touches).unwrap(), "they touch");
+        app.world_mut().get_mut::<Transform>(body).unwrap().translation.x -= 0.03;
+        run(&mut app, 2);
+        assert!(contexts.single(app.world()).unwrap().integration_parameters.contact_recycling);
+        app.world_mut().run_system_once(touches).unwrap()
+    };
+    assert!(!is_recycled(true, None));
+    assert!(!is_recycled(true, Some(ActiveHooks::empty())));
+    assert!(is_recycled(false, None));
 }
