@@ -17,7 +17,8 @@
 //!
 //! A body whose transform, velocity or force is not finite, or beyond [`MAX_MAGNITUDE`](crate::constants::MAX_MAGNITUDE), is disabled by a
 //! `RigidBodyDisabled` (a collider without a body of its own by a `ColliderDisabled`), with a warning that names the entity. It comes back when it
-//! is set to finite values. This holds for rapier's own bodies as well, since what they touch would be next.
+//! is set to finite values. This holds for rapier's own bodies as well, since what they touch would be next, as long as
+//! the app has a medial mesh or a static box.
 //!
 //! # Saving and restoring
 //!
@@ -59,7 +60,7 @@ use bevy_rapier3d::{
     rapier::geometry::NarrowPhase,
 };
 
-use crate::plugin::MedialSystems;
+use crate::plugin::{MedialMesh, MedialStep, MedialSystems, StaticObb};
 
 pub use dispatcher::MedialDispatcher;
 pub use query::MedialQueries;
@@ -127,7 +128,12 @@ where
         )
         .add_systems(
             schedule,
-            (attach::keep_contacts_fresh, attach::wake_attached, quarantine::release, quarantine::isolate, detect::snapshot)
+            (
+                attach::keep_contacts_fresh,
+                attach::wake_attached,
+                quarantine::release,
+                (quarantine::isolate, detect::snapshot).chain().run_if(is_needed),
+            )
                 .chain()
                 .in_set(MedialSystems::Snapshot),
         )
@@ -140,9 +146,16 @@ where
                     .run_if(detect::has_stepped),
             )
                 .chain()
+                .run_if(is_needed)
                 .in_set(MedialSystems::Detect),
         )
         .add_systems(schedule, detect::note_step.in_set(PhysicsSet::StepSimulation));
+}
+
+/// True if an entity has a medial mesh or a static box, or had one in the last step: its contacts have to end. Apps that use only rapier's own
+/// shapes pay for nothing.
+fn is_needed(shapes: Query<(), Or<(With<MedialMesh>, With<StaticObb>)>>, step: Res<MedialStep>) -> bool {
+    !shapes.is_empty() || !step.input.bodies.is_empty()
 }
 
 /// True if rapier steps in a schedule.

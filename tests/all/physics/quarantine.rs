@@ -194,6 +194,27 @@ fn a_spoiled_collider_without_a_body_of_its_own_leaves_alone() {
     assert!((position(&mut app, falling).y - 1.2).abs() < 5e-3, "{}", position(&mut app, falling));
 }
 
+/// The systems around rapier's step do not run without a medial mesh, but a body must not stay disabled for that.
+#[test]
+fn a_spoiled_body_comes_back_when_the_last_medial_mesh_has_gone() {
+    let mut app = app();
+    let own = (RigidBody::Dynamic, Collider::ball(0.1), GravityScale(0.0), Transform::from_xyz(5.0, 0.0, 0.0));
+    let own = app.world_mut().spawn(own).id();
+    let is_disabled = |app: &App| app.world().get::<RigidBodyDisabled>(own).is_some();
+    let medial = spawn_body(&mut app, plate(), Transform::default());
+    run(&mut app, 3);
+    set_velocity(&mut app.world_mut().entity_mut(own), Vec3::NAN, Vec3::ZERO);
+    run(&mut app, 3);
+    assert!(is_disabled(&app));
+    app.world_mut().despawn(medial);
+    run(&mut app, 3);
+    assert!(is_disabled(&app) && app.world().resource::<MedialStep>().input.bodies.is_empty());
+    app.world_mut().entity_mut(own).insert(Velocity::linear(Vec3::X));
+    run(&mut app, 30);
+    assert!(!is_disabled(&app));
+    assert!((position(&mut app, own).x - 5.5).abs() < 0.1);
+}
+
 #[test]
 fn a_collider_and_then_its_body_come_back_in_any_order() {
     log::keep();
