@@ -259,11 +259,11 @@ const PLAIN: ColliderScale = ColliderScale::Relative(Vec3::ONE);
 #[derive(Component)]
 pub(super) struct SpawnedAsleep;
 
-/// A flag without a meaning for rapier, which never recycles the contacts of a collider that has any.
+/// A bit of the hooks that calls none. Rapier never recycles the contacts of a collider with hooks.
 const NO_RECYCLING: RapierHooks = RapierHooks::from_bits_retain(1 << 31);
 
 /// Excludes medial colliders from rapier's recycling of contacts, which keeps the contacts of a pair that has hardly moved. A pair that has just stopped at
-/// an impact has hardly moved either, and its new contact must not be missed. Pairs of rapier's own shapes are recycled as ever.
+/// an impact has hardly moved either, and its new contact must not be missed. Rapier still recycles pairs of its own shapes.
 pub(super) fn keep_contacts_fresh(
     changed: Query<
         (&RapierColliderHandle, &RapierContextEntityLink, &Collider),

@@ -17,8 +17,8 @@
 //!
 //! A body whose transform, velocity or force is not finite, or beyond [`MAX_MAGNITUDE`](crate::constants::MAX_MAGNITUDE), is disabled by a
 //! `RigidBodyDisabled` (a collider without a body of its own by a `ColliderDisabled`), with a warning that names the entity. It comes back when it
-//! is set to finite values. This holds for rapier's own bodies as well, since what they touch would be next, as long as
-//! the app has a medial mesh or a static box.
+//! is set to finite values. This holds for rapier's own bodies as well, since what they touch would be next, as long as the app has a medial mesh
+//! or a static box.
 //!
 //! # Saving and restoring
 //!
@@ -152,8 +152,8 @@ where
         .add_systems(schedule, detect::note_step.in_set(PhysicsSet::StepSimulation));
 }
 
-/// True if an entity has a medial mesh or a static box, or had one in the last step: its contacts have to end. Apps that use only rapier's own
-/// shapes pay for nothing.
+/// True if an entity has a medial mesh or a static box, or if the last step had bodies, whose contacts have to end. Without, no system loops over
+/// rapier's bodies.
 fn is_needed(shapes: Query<(), Or<(With<MedialMesh>, With<StaticObb>)>>, step: Res<MedialStep>) -> bool {
     !shapes.is_empty() || !step.input.bodies.is_empty()
 }

@@ -114,16 +114,17 @@ pub(super) fn isolate(
 pub(super) fn isolate_results(
     mut commands: Commands,
     mut contexts: Contexts,
-    running: Res<Running>,
+    mut running: ResMut<Running>,
     names: Query<NameOrEntity>,
 ) {
-    for &(context, handle) in &running.bodies {
+    let Running { bodies, colliders } = running.as_mut();
+    for (context, handle) in bodies.drain(..) {
         let Ok((_, mut bodies, mut colliders)) = contexts.get_mut(context) else { continue };
         if bodies.bodies.get(handle).is_some_and(|body| !(body.is_enabled() && is_sound_body(body))) {
             take_body(handle, &mut bodies, &mut colliders, &names, &mut commands);
         }
     }
-    for &(context, handle) in &running.colliders {
+    for (context, handle) in colliders.drain(..) {
         let Ok((_, bodies, mut colliders)) = contexts.get_mut(context) else { continue };
         let Some(collider) = colliders.colliders.get(handle).filter(|collider| !collider.is_enabled()) else {
             continue;

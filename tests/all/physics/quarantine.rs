@@ -194,7 +194,7 @@ fn a_spoiled_collider_without_a_body_of_its_own_leaves_alone() {
     assert!((position(&mut app, falling).y - 1.2).abs() < 5e-3, "{}", position(&mut app, falling));
 }
 
-/// The systems around rapier's step do not run without a medial mesh, but a body must not stay disabled for that.
+/// Bodies are checked only while there is a medial mesh or a static box. A disabled body must not depend on that to come back.
 #[test]
 fn a_spoiled_body_comes_back_when_the_last_medial_mesh_has_gone() {
     let mut app = app();
