@@ -1,11 +1,10 @@
-//! The figures of the page on continuous collision, from what a step finds: a rod and a thin wall, a ball that stops at a floor, one that slides
-//! along it.
+//! The figures of the page on the step, from what a step finds: a rod and a thin wall, and balls that stop at a floor.
 //!
 //! ```text
 //! cargo run --release -p bevy_medial_compare --bin ccd_pictures -- [DIR]
 //! ```
 //!
-//! Writes `ccd_sweep.svg` and `ccd_stop_slide.svg`, into `docs/images` if no folder is named.
+//! Writes `step_sweep.svg` and `step_core.svg`, into `docs/images` if no folder is named.
 
 use std::{env, error::Error, f32::consts::TAU, path::PathBuf};
 
@@ -149,34 +148,32 @@ fn sweep(file: PathBuf) -> Drawn {
     })
 }
 
-/// A ball that falls steeply to a floor, and one that comes in flat.
-fn stop_and_slide(file: PathBuf) -> Drawn {
-    let radius = 0.3;
-    let ball = || MedialAxis::sphere(radius);
-    let to_floor = |start: Vec2, end: Vec2| -> Result<Scene, Box<dyn Error>> {
-        let [start, end] = [start, end].map(|place| Pose3::from_translation(place.extend(0.0)));
-        Ok(Scene::new(ball()?, start, end, Vec3::new(1.85, 0.85, 0.0), Vec3::new(1.65, 0.08, 1.0)))
-    };
-    let floor = 0.93;
-    let steep = to_floor(Vec2::new(0.6, 1.8), Vec2::new(2.4, 0.58))?;
-    let flat = to_floor(Vec2::new(0.7, floor + radius + 0.001), Vec2::new(2.4, floor + radius - 0.008))?;
+/// A ball that stops at the floor with its surface, and one that stops with its core.
+fn cores(file: PathBuf) -> Drawn {
+    let (radius, depth, floor) = (0.4, 0.25, 0.93);
+    let [start, end] = [1.8, 0.6].map(|y| Pose3::from_translation(Vec3::new(1.85, y, 0.0)));
     figure(file, |[left, right]| {
-        let texts = [
-            ("A stop", "Much of the way goes into the floor: the rest is lost."),
-            ("A slide", "Little of it does: only that much is taken away."),
+        let panels = [
+            (left, "First touch of surfaces", "The solver has no overlap to work with.", 0.0),
+            (right, "First touch of cores", "The solver handles the overlap. (The core is exaggerated.)", depth),
         ];
-        for ((area, (title, sentence)), scene) in [left, right].into_iter().zip(texts).zip([&steep, &flat]) {
-            let panel = panel(area, title, sentence)?;
-            let Sweep { start, end, .. } = scene.body.sweep;
+        for (area, title, sentence, core_depth) in panels {
+            let half_extents = Vec3::new(1.65, 0.08, 1.0);
+            let center = Vec3::new(1.85, floor - half_extents.y, 0.0);
+            let mut scene = Scene::new(MedialAxis::sphere(radius)?, start, end, center, half_extents);
+            scene.body.core_depth = core_depth;
             let stop = scene.stop();
+            let panel = panel(area, title, sentence)?;
             scene.draw_obstacle(&panel)?;
             scene.draw(&panel, start, BODY.mix(0.45).filled())?;
-            scene.draw(&panel, stop, BODY.filled())?;
+            scene.draw(&panel, stop, BODY.mix(0.7).filled())?;
             scene.draw(&panel, end, INK.mix(0.6).stroke_width(1))?;
-            let way = [start, stop, end].map(|pose| (pose.translation.x, pose.translation.y));
-            panel.draw(&PathElement::new(way, INK.stroke_width(1)))?;
-            label(&panel, (way[0].0 + 0.2, way[0].1 + 0.5), "start")?;
-            label(&panel, (way[1].0 - 0.3, way[1].1 + 0.5), "it ends the step here")?;
+            let core = MedialAxis::sphere(radius * (1.0 - core_depth))?;
+            let core = Scene { body: Body::new(Shape { axis: core, scale: 1.0 }, scene.body.sweep), ..scene };
+            core.draw(&panel, stop, INK.stroke_width(2))?;
+            for (pose, text) in [(start, "start"), (stop, "it stops here"), (end, "end")] {
+                label(&panel, (pose.translation.x + radius + 0.1, pose.translation.y), text)?;
+            }
         }
         Ok(())
     })
@@ -184,6 +181,6 @@ fn stop_and_slide(file: PathBuf) -> Drawn {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = env::args().nth(1).map_or_else(|| PathBuf::from("docs/images"), PathBuf::from);
-    sweep(folder.join("ccd_sweep.svg"))?;
-    stop_and_slide(folder.join("ccd_stop_slide.svg"))
+    sweep(folder.join("step_sweep.svg"))?;
+    cores(folder.join("step_core.svg"))
 }

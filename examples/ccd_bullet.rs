@@ -35,7 +35,7 @@ fn setup(mut commands: Commands, mut axes: ResMut<Assets<MedialAxis>>) -> Result
                 Velocity::linear(Vec3::X * 200.0),
                 GravityScale(0.0),
                 // Without this component it is enabled.
-                MedialCcd { enabled },
+                MedialCcd { enabled, ..default() },
             ))
             .observe(tell_impact);
     }

@@ -124,12 +124,23 @@ pub const TOUCH_DISTANCE: f32 = 1.0e-3;
 /// and more contacts are found that carry nothing; smaller, and bodies stop for one step at what it was not told of.
 pub const REST_REACH: f32 = 0.2;
 
-/// Overlap, per metre of the smaller body's radius, that a body may gain within a step before it stops. Well above what the solver
-/// leaves at a contact that it knows, well below what can be seen.
-pub const STOP_SLOP: f32 = 1.0e-3;
+/// The core of a primitive has radii that are smaller by this part, or by [`CORE_DEPTH`] if that is less. While cores are apart, the direction
+/// between them separates the primitives, so the solver pushes to the right side. Larger, and the solver sees thin primitives past each other.
+pub const CORE_FRACTION: f32 = 0.3;
 
-/// Overlap, per metre of the smaller body's radius, that no pressure explains: such bodies were put into each other.
-pub const DEEP: f32 = 0.05;
+/// How much smaller the core of a body is by default, per metre of its bounding radius. Larger, and bodies that collide overlap more; smaller, and
+/// more of them stop within the step.
+pub const CORE_DEPTH: f32 = 0.0075;
+
+/// The unit of small lengths, in length units: rapier's solver leaves this overlap at resting contacts.
+pub const LINEAR_SLOP: f32 = 1.0e-3;
+
+/// The most that [`LINEAR_SLOP`] may be for small bodies, per metre of the smaller one's bounding radius.
+pub const SLOP_OF_SIZE: f32 = 0.02;
+
+/// Overlap up to which the solver handles a contact that it has already had, per metre of the smaller body's bounding radius. At least ten
+/// [`LINEAR_SLOP`]: a ball that rolls at 10 m/s sinks by 8 mm. Larger, and bodies in piles overlap more; smaller, and piles and hoppers stop in step after step.
+pub const KNOWN_OVERLAP: f32 = 0.02;
 
 /// Contacts within this many length units of the deepest, or of half of its depth, carry the body: they go to the solver before those farther off.
 pub const CARRYING_DEPTH: f32 = 2.0e-3;
@@ -148,41 +159,12 @@ pub const CLOSE_CONTACT: f32 = 0.1;
 /// An axis that is none of a shape's own, as a rule: of contacts that mirror each other one is farther out across it.
 pub const OBLIQUE_AXIS: Vec3 = Vec3::new(0.48, 0.6, 0.64);
 
-/// An overlap of this many slops gains no more than [`LEAST_GROWTH`] of a slop within a step: what a loaded contact gains step by step ends there.
-pub const OVERLAP_LIMIT: f32 = 12.0;
-
-/// Part of the slop that an overlap may gain once more after a stop or a slide within the step. Larger, and piles sink in; smaller, and what
-/// rolls stops.
-pub const RENEWED_SLOP: f32 = 0.5;
-
-/// How far a body may leave its way to slide on, in prediction distances. Larger, and the broad phase finds more pairs.
-pub const SLIDE_WAY: f32 = 0.5;
-
-/// The same for a body that meets what it was not in touch with before, in slops.
-pub const LANDING: f32 = 100.0;
-
-/// Square of how far a body must be able to go for each metre along a normal, its locked axes aside, to slide: else it would go far aside to give way a
-/// little.
-pub const LEAST_FREE: f32 = 0.5;
-
-/// How often a body may slide on within a step before it stops. A ball rolls on after one, a body in a corner after a few.
-pub const MAX_SLIDES: u32 = 8;
-
 /// How often a body may be pushed on within a step before it is wedged. Fewer, and those in a row before a fast plate end up behind it; more, and
 /// those between two plates take longer.
 pub const MAX_PUSHES: u32 = 16;
 
-/// Least part of a slop that any overlap may gain, so that bodies in deep contact are slowed and not frozen.
-pub const LEAST_GROWTH: f32 = 0.1;
-
 /// Distance in metres up to which contacts are reported without rapier, whose own setting counts otherwise.
 pub const DEFAULT_PREDICTION: f32 = 0.02;
-
-/// Least overlap that a body may gain, in roundings of a coordinate at the end of a box: the box's own pose is no more exact.
-pub const STOP_ROUNDINGS: f32 = 4.0;
-
-/// Least overlap that a body may gain, in overlaps that the solver leaves on purpose: a small body sinks in by that much within a few steps.
-pub const STOP_ALLOWED: f32 = 0.05;
 
 /// Rounds of the search for the nearest point of a shape's surface from inside. Few are needed but where surfaces meet at a sharp angle.
 pub const WAY_OUT_ROUNDS: usize = 32;

@@ -31,16 +31,4 @@ impl DisjointSets {
         self.0[a.max(b) as usize] = a.min(b);
         a != b
     }
-
-    /// From now on, until more are joined, [`Self::of`] knows the set of each item.
-    pub fn flatten(&mut self) {
-        for item in 0..self.0.len() as u32 {
-            self.0[item as usize] = self.find(item);
-        }
-    }
-
-    /// The least member of an item's set, once they are flat.
-    pub fn of(&self, item: u32) -> u32 {
-        self.0[item as usize]
-    }
 }

@@ -36,8 +36,8 @@
 //!
 //! Stages 2 to 5 are one function on plain data, [`pipeline::step`]. It runs once a step, right *after* rapier's solver: the motion of each body is
 //! known then, so impacts are those of the motion that happens, and the contacts at its end are those that the next solve starts from.
-//! A body that would pass through another, or sink into it, stops at its first impact and keeps its velocity; the next step solves a true
-//! contact there. Where little of its way goes into the other, as when it rolls or lands gently, it slides on.
+//! A body that would pass through another stops at the first touch of their cores and keeps its velocity. The next step solves a true contact there,
+//! and is longer for the body by the time that it has not moved.
 //!
 //! # Rooms
 //!
@@ -145,7 +145,7 @@ mod pages {
         Readme: "../README.md",
         Shape: "../docs/choosing-a-shape.md",
         Budget: "../docs/choosing-a-budget.md",
-        ContinuousCollision: "../docs/ccd.md",
+        Step: "../docs/step.md",
         BackEnds: "../docs/back-ends.md",
         Gpu: "../docs/gpu.md",
         Rapier: "../docs/rapier.md",

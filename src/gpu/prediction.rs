@@ -72,9 +72,7 @@ impl Prediction {
         pool: &TaskPool,
     ) -> Option<(Vec<Candidates>, usize)> {
         let step = u32::try_from(number.checked_sub(self.after)?).ok()?;
-        let holds = statics.id() == self.statics.id()
-            && input.prediction <= self.input.prediction
-            && input.slide_way() <= self.input.slide_way();
+        let holds = statics.id() == self.statics.id() && input.prediction <= self.input.prediction;
         if !holds || !(1..=LOOK_AHEAD_STEPS).contains(&step) {
             return None;
         }

@@ -10,8 +10,9 @@ use bevy::platform::collections::HashSet;
 use glam::{Vec3, Vec4};
 
 use super::{
-    ConvexParts, Core, Hull, Part, Parts, Reach, Shape,
+    ConvexParts, Core, Culling, Hull, Part, Parts, Reach, Shape,
     directions::Directions,
+    mid_phase,
     near::{self, near_part, near_shape},
     reduce::reduce,
     seams,
@@ -19,7 +20,7 @@ use super::{
     with_spheres,
 };
 use crate::{
-    constants::{CROSSING_END, CROSSING_SINE, SAME_SPHERE, SEAM_REACH, VERTEX_NORMAL_COSINE},
+    constants::{CROSSING_END, CROSSING_SINE, SAME_SPHERE, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Placement, Pose3, Sphere},
     query::{Convex, Cuboid, Separation, Support, separation},
 };
@@ -105,67 +106,51 @@ pub fn manifolds(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Int
 /// All contacts of a pair, in place of those that are there.
 pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Into<Reach>, contacts: &mut Vec<Contact>) {
     contacts.clear();
-    find_with(shape1, second, pose12, reach.into(), contacts, &mut Buffers::default());
+    find_with(shape1, second, pose12, reach.into(), Culling::Hybrid, contacts, &mut Buffers::default());
 }
 
-/// The same with buffers that there are.
+/// The same with buffers, where contacts is empty.
 pub(super) fn find_with(
     shape1: &Shape,
     second: Second,
     pose12: &Pose3,
     reach: Reach,
+    culling: Culling,
     contacts: &mut Vec<Contact>,
     buffers: &mut Buffers,
 ) {
-    let Reach { prediction, length_unit: unit } = reach;
-    match second {
-        Second::Shape(shape2) => of_shapes(shape1, shape2, pose12, reach, None::<[_; 0]>, contacts, buffers),
-        Second::Parts(parts) => {
-            let parts = parts.within(&surroundings(shape1, pose12, prediction));
-            for part in &parts {
-                collect_part(shape1, part, pose12, prediction, contacts, &mut buffers.near);
-            }
-            contacts.sort_unstable_by(Contact::order);
-            let sides: [&dyn seams::Side; 2] = [shape1, &parts];
-            seams::remove(contacts, pose12.rotation, sides, SEAM_REACH * unit, unit, &mut buffers.seams);
+    let mut find = |prediction: f32, contacts: &mut Vec<Contact>| match second {
+        Second::Shape(shape2) => {
+            let all = (culling == Culling::None).then(|| mid_phase::all(shape1.len(), shape2.len()));
+            of_shapes(shape1, shape2, pose12, prediction, reach.length_unit, all, contacts, buffers);
         }
+        Second::Parts(parts) => of_parts(shape1, parts, pose12, prediction, reach.length_unit, contacts, buffers),
+    };
+    find(reach.prediction, contacts);
+    let touch = reach.touch();
+    if reach.in_touch > reach.prediction && contacts.iter().any(|contact| contact.distance <= touch) {
+        contacts.clear();
+        find(reach.in_touch, contacts);
     }
 }
 
-/// True if a pair comes within a distance. `likely`: primitives that may, and are looked at first.
-pub(super) fn is_within(
+/// Contacts of a medial shape and another collider.
+fn of_parts(
     shape1: &Shape,
-    second: Second,
+    parts: &dyn ConvexParts,
     pose12: &Pose3,
-    distance: f32,
-    likely: [u32; 2],
+    prediction: f32,
+    length_unit: f32,
     contacts: &mut Vec<Contact>,
-    Buffers { near, .. }: &mut Buffers,
-) -> bool {
-    match second {
-        Second::Shape(shape2) => {
-            let to_second = Placement::from(pose12.inverse());
-            let is_near = |first: Hull, primitive2: u32| {
-                with_spheres!(first, |first| with_spheres!(shape2.hull(primitive2), |second| {
-                    separation(&first, &second, 0).distance <= distance
-                }))
-            };
-            let mut found = is_near(shape1.hull(likely[0]).placed(&to_second), likely[1]);
-            if !found {
-                near_shape(shape1, shape2, pose12, distance, near, |[_, primitive2], hull| {
-                    found |= is_near(hull, primitive2)
-                });
-            }
-            found
-        }
-        Second::Parts(parts) => {
-            contacts.clear();
-            parts.within(&surroundings(shape1, pose12, distance)).iter().any(|part| {
-                collect_part(shape1, part, pose12, distance, contacts, near);
-                !contacts.is_empty()
-            })
-        }
+    buffers: &mut Buffers,
+) {
+    let parts = parts.within(&surroundings(shape1, pose12, prediction));
+    for part in &parts {
+        collect_part(shape1, part, pose12, prediction, contacts, &mut buffers.near);
     }
+    contacts.sort_unstable_by(Contact::order);
+    let sides: [&dyn seams::Side; 2] = [shape1, &parts];
+    seams::remove(contacts, pose12.rotation, sides, length_unit, &mut buffers.seams);
 }
 
 /// All of the second body that can come within a distance of the shape, as a box in that body's frame.
@@ -174,11 +159,12 @@ fn surroundings(shape1: &Shape, pose12: &Pose3, distance: f32) -> Aabb {
 }
 
 /// Contacts of two medial shapes. `candidates`: the primitives that may have some, if they are known.
-pub(super) fn of_shapes(
+fn of_shapes(
     shape1: &Shape,
     shape2: &Shape,
     pose12: &Pose3,
-    Reach { prediction, length_unit }: Reach,
+    prediction: f32,
+    length_unit: f32,
     candidates: Option<impl IntoIterator<Item = [u32; 2]>>,
     contacts: &mut Vec<Contact>,
     Buffers { near, settled, taken, seams }: &mut Buffers,
@@ -217,7 +203,7 @@ pub(super) fn of_shapes(
         None => near_shape(shape1, shape2, pose12, prediction, near, collect),
     }
     thin(contacts, taken);
-    seams::remove(contacts, pose12.rotation, [shape1, shape2], 0.0, length_unit, seams);
+    seams::remove(contacts, pose12.rotation, [shape1, shape2], length_unit, seams);
 }
 
 impl seams::Side for Shape {

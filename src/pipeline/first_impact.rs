@@ -1,6 +1,6 @@
 //! The first impact of a pair within the step.
 
-use std::{slice, time::Duration};
+use std::time::Duration;
 
 use glam::Vec3;
 use smallvec::SmallVec;
@@ -16,19 +16,13 @@ use super::{
 use crate::{
     constants::FEW_PRIMITIVES,
     geometry::Sweep,
-    query::{Chords, RigidStart, TimeOfImpactStatus, rigid_impact, rigid_start},
+    query::{Chords, RigidStart, TimeOfImpact, TimeOfImpactStatus, rigid_end, rigid_impact, rigid_start},
 };
 
-/// The first impact of a pair, and what a search from later on takes from it.
+/// The first impact of a pair, and a hint for later searches.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ImpactResult {
     pub impact: Option<Impact>,
-    /// Overlap that the pair may gain, in metres.
-    pub slop: f32,
-    /// True if the pair was in touch at the start.
-    pub in_touch: bool,
-    /// [`Question::near`].
-    pub near: f32,
     /// Unit normal between the primitives that were nearest to each other at the start, in the world; zero if none was looked at.
     pub normal: Vec3,
 }
@@ -52,11 +46,6 @@ pub(super) struct Question<'a> {
     pub known: Option<&'a [PrimitivePair]>,
     /// Between which times of its motion in the step either side is, if it is anywhere near it.
     pub times: [Option<[f32; 2]>; 2],
-    /// How far both may be from there, together, in metres.
-    pub slack: f32,
-    /// Up to which distance at the start the solver knows of contacts, in metres, and holds their places up as they are then. What slides or turns
-    /// may overlap all the same, and would stop at each touch.
-    pub near: f32,
     /// A direction in the world, from the first body to the second, along which many of their primitives may be apart; zero if none is known.
     pub normal: Vec3,
 }
@@ -79,15 +68,12 @@ struct SearchBuffers {
     room: Room,
     /// The motion of primitives that come nearer to each other, and how they begin the part.
     approaching: Vec<(usize, PrimitivePair, RigidStart)>,
-    /// The overlaps of single primitives of a motion at the start of the step.
-    overlaps: Vec<((usize, PrimitivePair), f32)>,
+    grazes: Vec<Graze>,
 }
 
-/// The earliest impact of a pair's motions: where an overlap grows by more than a slop, which contacts never do that the
-/// solver knows about and whose places stay; for primitives that it knows nothing of, where they touch. None where what is left of the
-/// motion is less than a slop itself: a pile that settles must come to rest.
+/// The earliest impact of a pair's motions: where cores touch first. None where the path is too short for that: a pile that settles comes to rest.
 ///
-/// What slides over a seam takes the overlap that it has along to the next part. Where bodies spin or go far, the step is searched in parts.
+/// Where bodies spin or go far, the step is searched in parts.
 ///
 /// `lap`: a clock for culling and searching.
 pub(super) fn first_impact(
@@ -96,7 +82,7 @@ pub(super) fn first_impact(
     scratch: &mut Scratch,
     mut lap: impl FnMut() -> Duration,
 ) -> ImpactResult {
-    let Question { input, known, slack, near, normal, .. } = *question;
+    let Question { input, known, normal, .. } = *question;
     let Scratch {
         boxes: cache,
         first_impact: Buffers { own, candidates, reported, search: buffers },
@@ -105,16 +91,15 @@ pub(super) fn first_impact(
         ..
     } = scratch;
     reported.clear();
-    let slop = motions.iter().map(|motion| motion.slop).fold(0.0, f32::max);
-    let result = ImpactResult { slop, near, normal, ..Default::default() };
-    // On a shorter way no overlap grows by that.
-    if motions.iter().all(|motion| motion.way() <= motion.slop) {
+    motions.retain(|motion| !motion.is_short());
+    let result = ImpactResult { normal, ..Default::default() };
+    if motions.is_empty() {
         return result;
     }
-    buffers.overlaps.clear();
     let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
-    let mut search = Search { result, carried: 0.0, met: None, tally, buffers };
-    // Those of the bodies are for all of the way.
+    buffers.grazes.clear();
+    let mut search = Search { result, deepest: None, tally, buffers };
+    // Those of the bodies are for all of the path.
     let boxes = if count == 1 && known.is_none() { question.boxes(cache) } else { [None; 2] };
     let parts = Parts::new(&motions, count);
     candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
@@ -124,7 +109,7 @@ pub(super) fn first_impact(
             found.clear();
             match known {
                 Some(known) if count == 1 => mid_phase::of_motion(motion, known, found),
-                _ => mid_phase::candidates(motion, input.culling, slack + motion.reach(), boxes, own, found),
+                _ => mid_phase::candidates(motion, input.culling, motion.reach(), boxes, own, found),
             }
             search.tally.candidates += found.len();
             if input.report_candidates {
@@ -132,13 +117,9 @@ pub(super) fn first_impact(
             }
         }
         *culling += lap();
-        search.run(&motions, |motion| &candidates[motion], [part, count]);
-        let is_met = search.result.impact.is_some();
-        if is_met {
-            search.go_back(&mut motions, &parts, part);
-        }
+        search.run(&motions, candidates, [part, count]);
         *searching += lap();
-        if is_met {
+        if search.result.impact.is_some() {
             break;
         }
     }
@@ -179,57 +160,126 @@ impl Parts {
     }
 }
 
+/// How two primitives touch in a part of the step.
+enum Touch {
+    /// They stop each other.
+    Stop(TimeOfImpact),
+    /// Surfaces touch, cores do not, and the part ends so.
+    Graze(TimeOfImpact),
+    /// The end of a graze that began in an earlier part.
+    Known(usize),
+}
+
+/// The begin of a touch of surfaces in an earlier part of the step.
+#[derive(Debug)]
+struct Graze {
+    index: usize,
+    pair: PrimitivePair,
+    impact: Impact,
+}
+
 /// A search for the first impact of a pair, part by part of the step.
 struct Search<'b> {
     result: ImpactResult,
-    /// How deep primitives may be that were less deep at the start of the step, in metres.
-    carried: f32,
-    /// The motion and the primitives that meet first so far, and whether they have touched at the start of the part.
-    met: Option<(usize, PrimitivePair, bool)>,
+    /// The deepest overlap of the bodies at the start of the step, if they are in touch there, in metres.
+    deepest: Option<f32>,
     tally: &'b mut Tally,
     buffers: &'b mut SearchBuffers,
 }
 
 impl Search<'_> {
-    /// Takes the impact back to where its primitives touched, if that was in an earlier part and not from the start on.
-    fn go_back(&mut self, motions: &mut [PairMotion], parts: &Parts, found_in: usize) {
-        let found = self.result.impact;
-        let mut earlier = (0..found_in).rev();
-        while let Some((index, pair, true)) = self.met.take() {
-            let Some(part) = earlier.next() else {
-                self.result.impact = found;
-                return;
+    /// Searches a part of the step, of so many. `candidates` of each motion.
+    fn run(&mut self, motions: &[PairMotion], candidates: &[Candidates], [part, parts]: [usize; 2]) {
+        let deepest = self.find_approaching(motions, candidates);
+        if part == 0 {
+            self.deepest = deepest;
+        }
+        let (result, SearchBuffers { chords: all_chords, approaching, grazes, .. }) =
+            (&mut self.result, &mut *self.buffers);
+        // The nearest are likely to meet first, and what is farther off than they leave time for is not looked at.
+        approaching.sort_unstable_by(|a, b| {
+            let order = a.2.distance().total_cmp(&b.2.distance());
+            order.then_with(|| (a.0, a.1).cmp(&(b.0, b.1)))
+        });
+        for (index, pair, start) in approaching.iter() {
+            let (motion, chords) = (&motions[*index], &all_chords[*index]);
+            let limit = result.impact.map_or(1.0, |impact| impact.fraction * parts as f32 - part as f32);
+            let known_overlap =
+                |deepest| motion.tolerances.known_overlap(motion.thickness(*pair), start.overlap(), deepest);
+            let shallow = self.deepest.map_or(0.0, known_overlap);
+            let core = motion.core_overlap(*pair);
+            let known = grazes.iter().position(|graze| (graze.index, graze.pair) == (*index, *pair));
+            let touch = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
+                let mut impact = |depth: f32| {
+                    let toi = rigid_impact(&first, second, chords, start, limit, depth);
+                    self.tally.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
+                    (toi.status != TimeOfImpactStatus::Separated).then_some(toi)
+                };
+                // Most that get so near at all do not get any nearer.
+                let is_above = core > shallow && start.distance() > -shallow;
+                let surface = if is_above { impact(shallow) } else { None };
+                if is_above && surface.is_none() {
+                    continue;
+                }
+                let core = impact(core.max(shallow));
+                match (core, surface) {
+                    (Some(core), _) => Touch::Stop(core),
+                    (None, surface) => {
+                        let apart = rigid_end(&first, second, chords) > motion.tolerances.touch;
+                        match (surface, known) {
+                            (Some(surface), _) if apart => Touch::Stop(surface),
+                            (Some(surface), _) => Touch::Graze(surface),
+                            (None, Some(known)) if apart => Touch::Known(known),
+                            (None, _) => continue,
+                        }
+                    }
+                }
+            });
+            let impact = |toi: &TimeOfImpact| {
+                let frame = motion.frame_at(toi.fraction);
+                let normal = frame.rotation * toi.contact.normal;
+                let primitive2 = match &motion.facing {
+                    Facing::Shape(_) => pair[1],
+                    Facing::Part(part) => part.id,
+                };
+                let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
+                let point = middle - normal * motion.facing.rounding();
+                let fraction = (part as f32 + toi.fraction) / parts as f32;
+                Impact { fraction, point, normal, primitive1: pair[0], primitive2 }
             };
-            parts.cut(motions, part);
-            motions[index].slop = 0.0;
-            let later = self.result.impact.take();
-            let alone = |motion| if motion == index { slice::from_ref(&pair) } else { &[] };
-            self.run(motions, alone, [part, parts.count]);
-            self.result.impact = self.result.impact.or(later);
+            let found = match &touch {
+                Touch::Stop(toi) => impact(toi),
+                Touch::Known(graze) => grazes[*graze].impact,
+                Touch::Graze(toi) => {
+                    if part + 1 < parts {
+                        grazes.push(Graze { index: *index, pair: *pair, impact: impact(toi) });
+                    }
+                    continue;
+                }
+            };
+            if result.impact.is_none_or(|first| found.fraction < first.fraction) {
+                result.impact = Some(found);
+            }
         }
     }
 
-    /// Searches a part of the step, of so many. `candidates` of each motion.
-    fn run<'c>(
-        &mut self,
-        motions: &[PairMotion],
-        candidates: impl Fn(usize) -> &'c [PrimitivePair],
-        [part, parts]: [usize; 2],
-    ) {
-        let result = &mut self.result;
-        let near = if parts == 1 { result.near } else { 0.0 };
-        let SearchBuffers { chords: all_chords, room, approaching, overlaps } = &mut *self.buffers;
+    /// Finds the primitives that come nearer to each other; none of bodies that were put into each other. Returns the deepest overlap at the start, if
+    /// they touch there, in metres.
+    fn find_approaching(&mut self, motions: &[PairMotion], candidates: &[Candidates]) -> Option<f32> {
+        let SearchBuffers { chords: all_chords, room, approaching, .. } = &mut *self.buffers;
         all_chords.resize_with(motions.len().max(all_chords.len()), Chords::default);
         approaching.clear();
         let mut nearest = f32::INFINITY;
-        for (index, (motion, chords)) in motions.iter().zip(all_chords.iter_mut()).enumerate() {
-            let candidates = candidates(index);
+        let mut deepest = None;
+        for (index, ((motion, chords), candidates)) in
+            motions.iter().zip(all_chords.iter_mut()).zip(candidates).enumerate()
+        {
             if candidates.is_empty() {
                 continue;
             }
             motion.set_chords(chords);
             self.tally.toi_tests += candidates.len();
-            let direction = match result.normal {
+            let direction = match self.result.normal {
                 normal if normal == Vec3::ZERO => motion.center_line(),
                 normal => motion.to_chords(normal),
             };
@@ -247,51 +297,16 @@ impl Search<'_> {
                 }
                 if start.distance() < nearest {
                     nearest = start.distance();
-                    result.normal = motion.frame_at(0.0).rotation * start.normal();
+                    self.result.normal = motion.frame_at(0.0).rotation * start.normal();
                 }
-                if part == 0 && start.overlap() > 0.0 {
-                    self.carried = self.carried.max(motion.carried(start.overlap()));
-                    overlaps.push(((index, pair), start.overlap()));
+                if start.distance() <= motion.tolerances.touch {
+                    deepest = Some(start.overlap().max(deepest.unwrap_or(0.0)));
                 }
                 if !start.stay_apart() {
-                    result.in_touch |= part == 0 && start.distance() <= motion.touch;
                     approaching.push((index, pair, start));
                 }
             }
         }
-        overlaps.sort_unstable_by_key(|(key, _)| *key);
-        // The nearest are likely to meet first, and what is farther off than they leave time for is not looked at.
-        approaching.sort_unstable_by(|a, b| {
-            let order = a.2.distance().total_cmp(&b.2.distance());
-            order.then_with(|| (a.0, a.1).cmp(&(b.0, b.1)))
-        });
-        for (index, pair, start) in approaching.iter() {
-            let (motion, chords) = (&motions[*index], &all_chords[*index]);
-            let limit = result.impact.map_or(1.0, |impact| impact.fraction);
-            let own = overlaps.binary_search_by_key(&(*index, *pair), |(key, _)| *key);
-            let overlap = own.map_or(self.carried, |own| overlaps[own].1.max(self.carried));
-            let toi = with_sides!(motion.facing, motion.shape1.hull(pair[0]), pair[1], |first, second| {
-                rigid_impact(&first, second, chords, start, limit, [overlap, motion.slop, near])
-            });
-            self.tally.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
-            let earlier = result.impact.is_none_or(|first| toi.fraction < first.fraction);
-            let left = (parts - part) as f32 - toi.fraction;
-            if toi.status == TimeOfImpactStatus::Separated || !earlier || left * motion.way() <= motion.slop {
-                continue;
-            }
-            let frame = motion.frame_at(toi.fraction);
-            let normal = frame.rotation * toi.contact.normal;
-            let primitive2 = match &motion.facing {
-                Facing::Shape(_) => pair[1],
-                Facing::Part(part) => part.id,
-            };
-            let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
-            let point = middle - normal * motion.facing.rounding();
-            self.met = Some((*index, *pair, start.overlap() > 0.0));
-            result.impact = Some(Impact { fraction: toi.fraction, point, normal, primitive1: pair[0], primitive2 });
-        }
-        if let Some(impact) = &mut result.impact {
-            impact.fraction = (part as f32 + impact.fraction) / parts as f32;
-        }
+        deepest
     }
 }

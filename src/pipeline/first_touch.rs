@@ -15,7 +15,7 @@ use super::{
 /// The first impact of two bodies on their ways, with no overlap allowed: where they touch, or where an overlap that they have from the
 /// start on grows. None if neither happens, or if the first is not medial.
 ///
-/// Found as in a step, but for the slop: no farther than the chords stray from the true motion before it, and never after it but for rounding.
+/// Found as in a step, except that surfaces count instead of cores: no farther than the chords stray from the true motion before it, and never after it but for rounding.
 /// Whether the bodies may collide at all is not asked.
 ///
 /// `primitives` of the first and the second, in any order, that may meet, if culling is done elsewhere. The second has to be medial as well then. They count
@@ -27,7 +27,7 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
     let input = StepInput { bodies: bodies.into(), culling, ..Default::default() };
     let statics = Statics::default();
     let mut motions = motions(&input, &statics);
-    motions.iter_mut().for_each(|motion| motion.slop = 0.0);
+    motions.iter_mut().for_each(|motion| motion.tolerances.use_surfaces());
     let question = Question {
         input: &input,
         statics: &statics,
@@ -35,8 +35,6 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
         known: primitives,
         // Their boxes are of no use to another pair.
         times: [None; 2],
-        slack: 0.0,
-        near: 0.0,
         normal: Vec3::ZERO,
     };
     first_impact(&question, motions, &mut Scratch::default(), || Duration::ZERO).impact

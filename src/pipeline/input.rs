@@ -8,7 +8,7 @@ use glam::{BVec3, Vec3};
 
 use super::{ConvexParts, Pace, Reach, Second, Shape, broad_phase};
 use crate::{
-    constants::{SLIDE_WAY, TOUCH_DISTANCE},
+    constants::CORE_DEPTH,
     geometry::{Aabb, Bvh, Obb, Pose3, Sphere, Sweep},
     query::Cuboid,
 };
@@ -137,12 +137,14 @@ pub struct Body {
     pub passes: bool,
     /// True for a sensor, which is told of what joints keep from colliding with it as well.
     pub sensor: bool,
-    /// Axes of the world along which it does not go, whoever pushes it, and those about which it does not turn.
-    pub locked: [BVec3; 2],
-    /// Its paces before the step and after it, if a solver acts on contacts: it has use for [fewer](Reach::of_pair) of them.
-    pub paces: Option<[Pace; 2]>,
-    /// What gravity has added to its way per step in this step, in metres: what stops loses it for the rest of the step.
-    pub gained: Vec3,
+    /// Axes of the world along which it does not move, whatever pushes it.
+    pub locked: BVec3,
+    /// True if impacts have held it up for a whole step.
+    pub held: bool,
+    /// Its core is that much smaller than the body, in bounding radii of the smaller body of a pair.
+    pub core_depth: f32,
+    /// Its pace in the next step, if a solver acts on contacts: it has use for [fewer](Reach::of_pair) of them.
+    pub pace: Option<Pace>,
 }
 
 impl Body {
@@ -162,20 +164,22 @@ impl Body {
             stops: true,
             passes: false,
             sensor: false,
-            locked: [BVec3::FALSE; 2],
-            paces: None,
-            gained: Vec3::ZERO,
+            locked: BVec3::FALSE,
+            held: false,
+            core_depth: CORE_DEPTH,
+            pace: None,
         }
     }
 
-    /// What of a way it can go, in metres along the axes of the world.
-    pub(super) fn free_way(&self, way: Vec3) -> Vec3 {
-        Vec3::select(self.locked[0], Vec3::ZERO, way)
+    /// How far any point of a body that impacts do not stop can push others, in metres.
+    pub(super) fn push_reach(&self) -> f32 {
+        let radius = self.solid.bounding_sphere().farthest(self.sweep.local_center);
+        self.sweep.reach(radius)
     }
 
-    /// What of a turn it can take: axis times angle, in the world.
-    pub(super) fn free_turn(&self, turn: Vec3) -> Vec3 {
-        Vec3::select(self.locked[1], Vec3::ZERO, turn)
+    /// The part of a displacement that its locked axes allow, in metres.
+    pub(super) fn free_path(&self, displacement: Vec3) -> Vec3 {
+        Vec3::select(self.locked, Vec3::ZERO, displacement)
     }
 }
 
@@ -297,14 +301,12 @@ pub struct StepInput {
     pub bodies: Vec<Body>,
     /// Owners that do not collide, the lesser first: bodies that a joint keeps from it.
     pub apart: HashSet<[u64; 2]>,
-    /// Contacts are reported up to this distance, in metres; of bodies with [paces](Body::paces) up to [`Reach::of_pair`].
+    /// Contacts are reported up to this distance, in metres; of bodies with a [pace](Body::pace) up to [`Reach::of_pair`].
     pub prediction: f32,
     /// Size of a typical body in metres, 1 if nothing is said: lengths that no shape tells, such as how near is a touch, are in proportion to it.
     pub length_unit: f32,
-    /// Overlap that the solver leaves at a contact on purpose, in metres: no reason to stop.
-    pub allowed_overlap: f32,
-    /// How far gravity alone moves a body in the step, in metres: what goes into another by no more slides on, and does not stop.
-    pub fall: f32,
+    /// The same for statics. Impacts are first touches of cores.
+    pub core_depth: f32,
     /// Bodies stop at their first impact.
     pub stop_at_impact: bool,
     /// Which pairs reach the narrow phase.
@@ -320,8 +322,7 @@ impl Default for StepInput {
             apart: HashSet::new(),
             prediction: 0.0,
             length_unit: 1.0,
-            allowed_overlap: 0.0,
-            fall: 0.0,
+            core_depth: CORE_DEPTH,
             stop_at_impact: false,
             culling: Culling::default(),
             report_candidates: false,
@@ -349,31 +350,24 @@ impl StepInput {
         }
     }
 
-    /// How far contacts of a pair are looked for after the step. `left`: the fraction at which a body has left its way for good, or 1.
-    pub(super) fn reach(&self, sides: [Side; 2], left: impl Fn(u32) -> f32) -> Reach {
-        let reach = Reach { prediction: self.prediction, length_unit: self.length_unit };
+    /// How far contacts of a pair are searched after the step. `moved_until`: the fraction of the step for which a body has moved; the next step is longer for
+    /// the body by the rest.
+    pub(super) fn reach(&self, sides: [Side; 2], moved_until: impl Fn(u32) -> f32) -> Reach {
+        let reach = Reach::new(self.prediction, self.length_unit);
         let pace = |body: u32| {
-            let Body { paces, gained, .. } = &self.bodies[body as usize];
-            paces.map(|[_, pace]| Pace { way: pace.way - *gained * (1.0 - left(body)), ..pace })
+            let times = 2.0 - moved_until(body);
+            self.bodies[body as usize].pace.map(|pace| pace.times(times))
         };
         way(sides, pace).map_or(reach, |way| reach.of_pair(way))
     }
 
-    /// Up to which distance a solver has known of the contacts of a pair in the step, in metres.
-    pub(super) fn known(&self, sides: [Side; 2]) -> f32 {
-        let reach = Reach { prediction: self.prediction, length_unit: self.length_unit };
-        let pace = |body: u32| self.bodies[body as usize].paces.map(|[pace, _]| pace);
-        way(sides, pace).map_or(0.0, |way| reach.of_pair(way).prediction)
-    }
-
-    /// How far a body may leave its way to slide on, in metres.
-    pub(crate) fn slide_way(&self) -> f32 {
-        self.fall.max(SLIDE_WAY * self.prediction)
-    }
-
-    /// How far apart bodies that slide may end the step, in metres: what turns in a long step comes off the ground, and falls back in the next.
-    pub(super) fn parting_way(&self) -> f32 {
-        TOUCH_DISTANCE * self.length_unit + (self.fall - SLIDE_WAY * self.prediction).max(0.0)
+    /// The depth of the core of a side, per metre of the smaller body's bounding radius. Bodies without a medial mesh have no core.
+    pub(super) fn core_depth(&self, statics: &Statics, side: Side) -> f32 {
+        let (depth, solid) = match side {
+            Side::Body(body) => (self.bodies[body as usize].core_depth, &self.bodies[body as usize].solid),
+            Side::Static(body) => (self.core_depth, &statics.bodies[body as usize].solid),
+        };
+        solid.medial().map_or(0.0, |_| depth)
     }
 }
 

@@ -90,7 +90,7 @@ fn of_shapes(
     found: &mut Candidates,
 ) {
     let shapes = [motion.shape1, shape2];
-    let reach = reach + CONTACT_ROUNDING * motion.size;
+    let reach = reach + CONTACT_ROUNDING * motion.tolerances.size;
     let boxes = match boxes {
         [Some(boxes1), Some(boxes2)] => [boxes1, boxes2],
         _ => {

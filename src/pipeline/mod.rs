@@ -5,7 +5,7 @@
 //!     broad   swept bounding spheres against each other, and against a BVH of static boxes  -> body pairs
 //!     mid     pair by pair: primitive BVH against primitive BVH (or box), over the step      -> candidate primitive pairs
 //!     narrow  first impacts of these within the step                                        -> impacts
-//!     stop    bodies that stop or slide on at impacts                                       -> where they end the step
+//!     respond bodies that stop at impacts or are pushed                                     -> where they end the step
 //!     narrow  contacts there                                                                -> raw contacts
 //!     reduce  a few manifolds per body pair
 //!   sorted contacts, impacts, counts and times
@@ -21,7 +21,6 @@ mod directions;
 mod first_impact;
 mod first_touch;
 mod input;
-mod islands;
 mod mid_phase;
 mod motion;
 mod moving_boxes;
@@ -34,10 +33,11 @@ mod parting;
 mod parts;
 mod reach;
 mod reduce;
+mod respond;
 mod seams;
 mod shape;
-mod stop;
 mod thin;
+mod tolerances;
 mod workspace;
 
 use std::time::Duration;

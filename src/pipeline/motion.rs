@@ -3,12 +3,14 @@
 use glam::{Quat, Vec3};
 use smallvec::{SmallVec, smallvec};
 
-use super::{Part, Second, Side, Statics, StepInput, pairs::BodyPair, shape::Shape};
+use super::{
+    Part, Second, Side, Statics, StepInput,
+    pairs::{BodyPair, PrimitivePair},
+    shape::Shape,
+    tolerances::Tolerances,
+};
 use crate::{
-    constants::{
-        CHORD_TOLERANCE, DEEP, MAX_STEP_PARTS, PART_ANGLE, PART_PRIMITIVES, PART_WAY, STOP_ALLOWED, STOP_ROUNDINGS,
-        STOP_SLOP, TOUCH_DISTANCE,
-    },
+    constants::{CHORD_TOLERANCE, MAX_STEP_PARTS, PART_ANGLE, PART_PRIMITIVES, PART_WAY},
     geometry::{Aabb, Pose3, Sphere, Sweep},
     query::Chords,
 };
@@ -71,14 +73,7 @@ pub(super) struct PairMotion<'a> {
     frame: Pose3,
     /// Distance from each body's centre of mass to the farthest point that turns with it. Radii of spheres do not turn.
     arms: [f32; 2],
-    /// Bounding radius of the smaller body, in metres.
-    pub size: f32,
-    /// Overlap that the pair may gain, in metres.
-    pub slop: f32,
-    /// Overlap that the solver leaves on purpose, in metres.
-    allowed: f32,
-    /// Distance at which the bodies are in touch, in metres.
-    pub touch: f32,
+    pub tolerances: Tolerances,
 }
 
 /// The motions of a pair: most have one.
@@ -101,13 +96,10 @@ impl<'a> PairMotion<'a> {
         let ((first, sweep1), (second, sweep2)) = (side(pair.first), side(pair.second));
         let Some(shape1) = first.medial() else { return Motions::new() };
         let radius1 = shape1.bounding_sphere().radius;
-        let (allowed, touch) = (input.allowed_overlap, TOUCH_DISTANCE * input.length_unit);
-        let slop =
-            |size: f32, rounding: f32| (STOP_SLOP * size).max(STOP_ALLOWED * allowed).max(STOP_ROUNDINGS * rounding);
+        let tolerances = |size: f32| Tolerances::new(input, statics, pair, size);
         match second.second() {
             Second::Shape(shape2) => {
                 let frame = Pose3::from_translation(sweep1.start.translation);
-                let size = radius1.min(shape2.bounding_sphere().radius);
                 smallvec![Self {
                     shape1,
                     facing: Facing::Shape(shape2),
@@ -115,21 +107,15 @@ impl<'a> PairMotion<'a> {
                     sweep2: sweep2.seen_from(&frame),
                     frame,
                     arms: [shape1.arm(sweep1.local_center), shape2.arm(sweep2.local_center)],
-                    size,
-                    slop: slop(size, 0.0),
-                    allowed,
-                    touch,
+                    tolerances: tolerances(radius1.min(shape2.bounding_sphere().radius)),
                 }]
             }
             Second::Parts(parts) => {
                 let bound = parts.bounding_sphere();
                 let arm2 = bound.farthest(sweep2.local_center);
                 let arms = [shape1.arm(sweep1.local_center), arm2];
-                let size = radius1.min(bound.radius);
+                let tolerances = tolerances(radius1.min(bound.radius));
                 let motion = |part: Part<'a>| {
-                    // The pose of a body is as exact as its coordinates, and the farther from its origin the less it matters which.
-                    let far = part.aabb();
-                    let rounding = f32::EPSILON * (part.pose.translation.length() + far.half_extents().max_element());
                     let frame = sweep2.start * part.pose;
                     let sweep2 = sweep2.of_part(&part.pose);
                     Self {
@@ -139,10 +125,7 @@ impl<'a> PairMotion<'a> {
                         sweep2: sweep2.seen_from(&frame),
                         frame,
                         arms,
-                        size,
-                        slop: slop(size, rounding),
-                        allowed,
-                        touch,
+                        tolerances,
                     }
                 };
                 parts.within(&reach(shape1, &sweep1, &sweep2, arm2)).into_iter().map(motion).collect()
@@ -153,7 +136,7 @@ impl<'a> PairMotion<'a> {
     /// Makes the motion chords. Facing a part that moves, they are seen from it: a box can turn no other way.
     pub fn set_chords(&self, chords: &mut Chords) {
         let sweeps = [&self.sweep1, &self.sweep2];
-        let tolerance = CHORD_TOLERANCE * self.size;
+        let tolerance = CHORD_TOLERANCE * self.tolerances.size;
         match self.facing {
             Facing::Part(_) if !self.sweep2.is_at_rest() => {
                 chords.set_in_frame_of_second(sweeps, self.arms[0], tolerance)
@@ -185,10 +168,27 @@ impl<'a> PairMotion<'a> {
         self.to_chords(self.frame.rotation * (center2 - center1).normalize_or(Vec3::Y))
     }
 
-    /// How deep other primitives may be where some overlap by so much at the start, in metres: as deep as the solver leaves them on purpose. Bodies that
-    /// were put into each other turn as they come apart, and then others are as deep as those were.
-    pub fn carried(&self, overlap: f32) -> f32 {
-        if overlap > DEEP * self.size { overlap } else { overlap.min(self.allowed) }
+    /// [`Tolerances::core_overlap`] of two primitives.
+    pub fn core_overlap(&self, [first, second]: PrimitivePair) -> f32 {
+        let radius2 = match &self.facing {
+            Facing::Shape(shape2) => shape2.hull(second).min_radius(),
+            Facing::Part(_) => 0.0,
+        };
+        self.tolerances.core_overlap([self.shape1.hull(first).min_radius(), radius2])
+    }
+
+    /// How thick two primitives are together: the largest radius, or half of a box's least width, of either, in metres.
+    pub fn thickness(&self, [first, second]: PrimitivePair) -> f32 {
+        let second = match &self.facing {
+            Facing::Shape(shape2) => shape2.hull(second).max_radius(),
+            Facing::Part(part) => part.thickness(),
+        };
+        self.shape1.hull(first).max_radius() + second
+    }
+
+    /// True if nothing moves so far that an overlap could grow by what counts.
+    pub fn is_short(&self) -> bool {
+        self.path() <= self.tolerances.slop
     }
 
     /// In how many parts the step is to be searched, one after the other: few primitives are near each other in each, and what comes after an impact is
@@ -197,7 +197,7 @@ impl<'a> PairMotion<'a> {
         let count2 = if let Facing::Shape(shape2) = &self.facing { shape2.len() } else { 1 };
         let is_long = self.shape1.len() * count2 > PART_PRIMITIVES;
         let angle = self.sweep1.rotation.length() + self.sweep2.rotation.length();
-        let of_way = if is_long { self.way() / (PART_WAY * self.size) } else { 0.0 };
+        let of_way = if is_long { self.path() / (PART_WAY * self.tolerances.size) } else { 0.0 };
         let parts = of_way.max(angle / PART_ANGLE);
         if parts > 2.0 { (parts.ceil() as usize).min(MAX_STEP_PARTS) } else { 1 }
     }
@@ -209,19 +209,19 @@ impl<'a> PairMotion<'a> {
     }
 
     /// The longest way of any point of one body relative to the other, or more, in metres.
-    pub fn way(&self) -> f32 {
+    pub fn path(&self) -> f32 {
         let turn = self.sweep1.rotation.length() * self.arms[0] + self.sweep2.rotation.length() * self.arms[1];
         (self.sweep1.translation - self.sweep2.translation).length() + turn
     }
 
     /// How far both bodies together may stray from their ways as chords of it do, in metres.
     fn stray(&self) -> f32 {
-        2.0 * CHORD_TOLERANCE * self.size
+        2.0 * CHORD_TOLERANCE * self.tolerances.size
     }
 
     /// How near each other primitives come that matter, along chords, in metres.
     pub fn reach(&self) -> f32 {
-        self.stray().max(self.touch)
+        self.stray().max(self.tolerances.touch)
     }
 
     /// How far any point of the second body strays from its chord over the motion, in metres.

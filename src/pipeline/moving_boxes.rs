@@ -179,22 +179,10 @@ impl MovingBox {
         Self { min: at(self.min), max: at(self.max) }
     }
 
-    /// The box that holds all of its way, at rest.
-    pub fn span(&self) -> Self {
-        Self { min: [self.min[0].min(self.min[1]); 2], max: [self.max[0].max(self.max[1]); 2] }
-    }
-
     /// How far the other is beyond this one along each axis, and along each axis' reverse, at the start or at the end.
     #[inline]
     fn gaps(&self, other: &Self, offset: Vec3A, time: usize) -> [Vec3A; 2] {
         [other.min[time] + offset - self.max[time], self.min[time] - other.max[time] - offset]
-    }
-
-    /// True if they come within `reach` of each other along each axis at the start, the other shifted by `offset`.
-    #[inline]
-    pub fn is_near(&self, other: &Self, offset: Vec3A, reach: f32) -> bool {
-        let [above, below] = self.gaps(other, offset, 0);
-        above.max(below).cmple(Vec3A::splat(reach)).all()
     }
 
     /// True if they come within `reach` of each other along all axes at some time, the other shifted by `offset`.
@@ -225,6 +213,19 @@ impl MovingBox {
 mod tests {
     use super::*;
     use crate::{geometry::Primitive, medial_axis::MedialAxis, random::Random};
+
+    impl MovingBox {
+        /// The box that holds all of its way, at rest.
+        fn span(&self) -> Self {
+            Self { min: [self.min[0].min(self.min[1]); 2], max: [self.max[0].max(self.max[1]); 2] }
+        }
+
+        /// True if they come within `reach` of each other along each axis at the start, the other shifted by `offset`.
+        fn is_near(&self, other: &Self, offset: Vec3A, reach: f32) -> bool {
+            let [above, below] = self.gaps(other, offset, 0);
+            above.max(below).cmple(Vec3A::splat(reach)).all()
+        }
+    }
 
     #[test]
     fn the_boxes_of_both_bodies_of_a_pair_are_there() {

@@ -4,14 +4,14 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Culling, Impact, Manifold, Pair, Scratch, Second, Side, Statics, StepInput, StepOutput, contact,
+    Manifold, Pair, Reach, Scratch, Side, Statics, StepInput, StepOutput, contact,
     first_impact::{ImpactResult, Question, first_impact},
-    laps, mid_phase,
+    laps,
     motion::PairMotion,
     pairs::{BodyPair, PrimitivePair},
     parallel::{self, Scratches},
     reduce, relative_pose,
-    stop::Stops,
+    respond::Courses,
 };
 use crate::geometry::Pose3;
 
@@ -29,8 +29,7 @@ pub(super) fn impacts(
         let known = known.get(i).and_then(Option::as_deref);
         let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
         let times = [Some([0.0, 1.0]); 2];
-        let near = if pair.stops { input.known([pair.first, pair.second]) } else { 0.0 };
-        let question = Question { input, statics, pair, known, times, slack: 0.0, near, normal: Vec3::ZERO };
+        let question = Question { input, statics, pair, known, times, normal: Vec3::ZERO };
         let result = first_impact(&question, motions, scratch, laps());
         if input.report_candidates {
             scratch.reported.push((i, std::mem::take(&mut scratch.first_impact.reported)));
@@ -44,31 +43,26 @@ pub(super) fn manifolds(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    stops: &Stops,
+    courses: &Courses,
     tasks: &Scratches<Scratch>,
     manifolds: &mut Vec<Manifold>,
     pool: &TaskPool,
 ) {
     parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
-        // Of those that sleep, and are not carried along, nobody asks.
-        if !pair.bodies().any(|body| input.bodies[body as usize].active || stops.leaves_way(body)) {
+        // Of those that sleep, and are not pushed, nobody asks.
+        if !pair.bodies().any(|body| input.bodies[body as usize].active || courses.leaves_path(body)) {
             return;
         }
         let Scratch { contact: buffers, contacts, reduce, found, laps: [finding, reducing], .. } = scratch;
         let mut lap = laps();
         let sides = [pair.first, pair.second];
         let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
-        let pose12 = relative_pose(sides.map(|side| place(input, statics, side, |body| stops.final_pose(input, body))));
+        let pose12 =
+            relative_pose(sides.map(|side| place(input, statics, side, |body| courses.final_pose(input, body))));
         let Some(shape1) = first.medial() else { return };
-        let reach = input.reach(sides, |body| stops.left(body));
+        let reach = input.reach(sides, |body| courses.moved_until(body));
         contacts.clear();
-        match second.second() {
-            Second::Shape(shape2) if input.culling == Culling::None => {
-                let all = mid_phase::all(shape1.len(), shape2.len());
-                contact::of_shapes(shape1, shape2, &pose12, reach, Some(all), contacts, buffers);
-            }
-            second => contact::find_with(shape1, second, &pose12, reach, contacts, buffers),
-        }
+        contact::find_with(shape1, second.second(), &pose12, reach, input.culling, contacts, buffers);
         *finding += lap();
         if contacts.is_empty() {
             return;
@@ -81,12 +75,12 @@ pub(super) fn manifolds(
 }
 
 /// Adds the pairs with something to tell to the output, which has their manifolds. `found`: the pairs that have some, and how many. `reach`: how far
-/// contacts of a pair were looked for, in metres.
+/// contacts of a pair were searched.
 pub(super) fn tell(
     pairs: &[BodyPair],
     impacts: &[ImpactResult],
     found: &[(usize, usize)],
-    reach: impl Fn(&BodyPair) -> f32,
+    reach: impl Fn(&BodyPair) -> Reach,
     output: &mut StepOutput,
 ) {
     let mut found = found.iter().peekable();
@@ -102,24 +96,6 @@ pub(super) fn tell(
             output.pairs.push(Pair { first, second, manifolds, reach, impact: *impact });
         }
     }
-}
-
-/// True if a pair that has met is in touch where its bodies are, or in a long step near enough.
-pub(super) fn are_in_touch(
-    input: &StepInput,
-    statics: &Statics,
-    pair: &BodyPair,
-    met: &Impact,
-    pose_of: impl Fn(u32) -> Pose3,
-    Scratch { contact, contacts, .. }: &mut Scratch,
-) -> bool {
-    let sides = [pair.first, pair.second];
-    let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
-    let pose12 = relative_pose(sides.map(|side| place(input, statics, side, &pose_of)));
-    let met = [met.primitive1, met.primitive2];
-    let is_within =
-        |shape1| contact::is_within(shape1, second.second(), &pose12, input.parting_way(), met, contacts, contact);
-    first.medial().is_some_and(is_within)
 }
 
 /// Where a side of a pair is, and its place in the order of all.

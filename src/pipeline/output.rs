@@ -4,11 +4,11 @@ use std::{ops::Range, time::Duration};
 
 use glam::Vec3;
 
-use super::{Manifold, Side};
+use super::{Manifold, Reach, Side};
 use crate::geometry::Pose3;
 
-/// First impact of a pair within the step: they touch, and would overlap by more than a slop if nothing stopped them. Of primitives that begin the
-/// step so near each other that the solver is told of it: they overlap by more than a slop, beyond what they may have overlapped by.
+/// First impact of a pair within the step: the first touch of cores, or of surfaces if these part again within the step. Bodies that are in touch at the
+/// start may gain some overlap first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact {
     /// When, as a fraction of the step.
@@ -32,18 +32,18 @@ pub struct Pair {
     pub second: Side,
     /// Its manifolds where the bodies end the step: a range of [`StepOutput::manifolds`].
     pub manifolds: Range<usize>,
-    /// How far its contacts were looked for, in metres.
-    pub reach: f32,
+    /// How far its contacts were searched.
+    pub reach: Reach,
     /// Their first impact, if there is one.
     pub impact: Option<Impact>,
 }
 
-/// A body that does not end the step where its motion would take it: it stops at an impact, slides on along what it touches, or is carried along.
+/// A body that does not end the step where its motion would take it: it stops at an impact, or is pushed by a kinematic body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     /// The body.
     pub body: u32,
-    /// When it has left its way, as a fraction of the step; 1 if it slides, and so loses no time.
+    /// When it stopped, as a fraction of the step; 1 for a pushed body.
     pub fraction: f32,
     /// Its pose at the end of the step.
     pub pose: Pose3,
@@ -63,7 +63,7 @@ pub struct Candidates {
 /// What a step yields, sorted by body indices.
 #[derive(Clone, Debug, Default)]
 pub struct StepOutput {
-    /// Bodies that stop at an impact, slide on or are carried along.
+    /// Bodies that stop at an impact or are pushed.
     pub stops: Vec<Stop>,
     /// Pairs with something to tell.
     pub pairs: Vec<Pair>,

@@ -60,7 +60,7 @@ impl<'a> Parting<'a> {
             Second::Part(part, _) => part.aabb().extent_squared().sqrt(),
         };
         let rounding = CONTACT_ROUNDING * first.extent().max(extent);
-        let least = [rounding.max(motion.touch), rounding];
+        let least = [rounding.max(motion.tolerances.touch), rounding];
         let mut parting = Self { first, second, least, directions: Directions::default() };
         parting.learn(direction);
         Some(parting)
@@ -179,10 +179,10 @@ mod tests {
                         if parting.is_apart(pair) {
                             apart += 1;
                             assert!(least > 0.0, "{pair:?} of case {case} come within {least} m");
-                            assert!(begin > motion.touch, "{pair:?} of case {case} begin {begin} m apart");
+                            assert!(begin > motion.tolerances.touch, "{pair:?} of case {case} begin {begin} m apart");
                         } else {
                             touching += usize::from(least <= 0.0);
-                            parting_from_touch += usize::from(least > 0.0 && begin <= motion.touch);
+                            parting_from_touch += usize::from(least > 0.0 && begin <= motion.tolerances.touch);
                         }
                     }
                 }

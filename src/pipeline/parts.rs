@@ -70,6 +70,16 @@ impl Part<'_> {
         core.inflated(self.rounding)
     }
 
+    /// The largest radius of a primitive, or half of the least width of any other part, in metres.
+    pub fn thickness(&self) -> f32 {
+        let core = match &self.core {
+            Core::Hull(hull) => hull.max_radius(),
+            Core::Cuboid(half) => half.min_element(),
+            Core::Support(shape) => shape.aabb().half_extents().min_element(),
+        };
+        core + self.rounding
+    }
+
     /// How the point `point + offset` and the part lie to each other, all in the collider's frame.
     pub(super) fn separation_from(&self, point: Vec3, offset: Vec3) -> Separation {
         let turn = self.pose.rotation.inverse();

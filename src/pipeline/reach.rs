@@ -1,8 +1,8 @@
-//! How far contacts are looked for: only as far as the solver has use for them.
+//! How far contacts are searched: only as far as the solver needs them.
 //!
-//! A solver keeps normals and lever arms of contacts for a whole step, which is next to exact for bodies that hardly move in it. Of fast ones it is told
-//! of no contacts at a distance: it would stop them there, whether they come to touch or turn away and pass. Their impacts are found by the
-//! sweep. What is slow does not get as far in a step. What slides needs the contacts that will carry it next.
+//! A solver keeps the normals and lever arms of contacts for a whole step. That is accurate for bodies that hardly move, so slow bodies are searched as far
+//! as they can move. A fast body that is still apart would be stopped ahead of time by such contacts, whether it comes to touch or passes; the sweep finds its impact. A fast
+//! body in touch needs the contacts that carry it next.
 
 use glam::Vec3;
 
@@ -23,6 +23,11 @@ impl Pace {
     /// What does not move.
     pub const REST: Pace = Pace { way: Vec3::ZERO, rotation: Vec3::ZERO, radius: 0.0 };
 
+    /// The pace in a step that is so many times as long.
+    pub fn times(self, factor: f32) -> Self {
+        Self { way: self.way * factor, rotation: self.rotation * factor, ..self }
+    }
+
     /// How far any point of one goes relative to the other at most, in metres.
     pub fn against(&self, other: &Self) -> f32 {
         let turn = |pace: &Self| pace.rotation.length() * pace.radius;
@@ -30,37 +35,56 @@ impl Pace {
     }
 }
 
-/// How far contacts are looked for, and what is small among them.
+/// How far contacts of a pair are searched, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reach {
-    /// Contacts are found up to this distance, in metres.
+    /// Contacts are found up to this distance.
     pub prediction: f32,
+    /// The same for bodies that touch: at least [`prediction`](Self::prediction).
+    pub in_touch: f32,
     /// [`StepInput::length_unit`](super::StepInput::length_unit).
     pub length_unit: f32,
 }
 
 impl Reach {
-    /// The reach for a pair that goes so far in a step, in metres. It is the least for what goes as far as the prediction distance many times over; for
-    /// what is slow, that far and a little more. One of a few distances, so that it is the same still when velocities change a little.
-    pub fn of_pair(self, way: f32) -> Self {
-        let Self { prediction, length_unit } = self;
-        // Halves of what is infinite would be no less.
-        let prediction = prediction.min(f32::MAX);
-        let trust = (prediction / way).min(1.0);
-        let [trusted, needed] = [prediction * trust * trust, way + REST_REACH * prediction];
+    /// The same distance for all pairs.
+    pub fn new(prediction: f32, length_unit: f32) -> Self {
+        Self { prediction, in_touch: prediction, length_unit }
+    }
+
+    /// The reach for a pair with this relative displacement in the coming step, in metres: as far as the pair moves, and a margin for accelerations. While the pair is apart and faster
+    /// than the prediction distance in a step, the reach falls with the square of the speed.
+    ///
+    /// One of a few distances, so that it stays the same when velocities change a little.
+    pub fn of_pair(self, displacement: f32) -> Self {
+        let Self { length_unit, .. } = self;
+        // Infinity cannot be halved.
+        let prediction = self.prediction.min(f32::MAX);
         let least = prediction.min(TOUCH_DISTANCE * length_unit);
+        let needed = displacement + REST_REACH * prediction;
+        let ratio = (prediction / displacement).min(1.0);
+        let trusted = prediction * ratio * ratio;
         let mut reach = prediction;
-        while reach > least && (reach > trusted || 0.5 * reach >= needed) {
+        while reach > least && 0.5 * reach >= needed {
             reach *= 0.5;
         }
-        Self { prediction: reach.max(least), length_unit }
+        let in_touch = reach.max(least);
+        while reach > least && reach > trusted {
+            reach *= 0.5;
+        }
+        Self { prediction: reach.max(least), in_touch, length_unit }
+    }
+
+    /// The distance at which bodies touch, in metres.
+    pub fn touch(&self) -> f32 {
+        TOUCH_DISTANCE * self.length_unit
     }
 }
 
 impl From<f32> for Reach {
     /// A prediction distance, among bodies of about a metre.
     fn from(prediction: f32) -> Self {
-        Self { prediction, length_unit: 1.0 }
+        Self::new(prediction, 1.0)
     }
 }
 
@@ -79,7 +103,7 @@ mod tests {
             assert!(Reach::from(f32::INFINITY).of_pair(way).prediction >= 1.0e-3);
         }
         // In another length unit all is in proportion.
-        let large = Reach { prediction: 2.0, length_unit: 100.0 };
+        let large = Reach::new(2.0, 100.0);
         assert_eq!([0.0, 7.0, 20.0].map(|way| large.of_pair(way).prediction), [0.5, 0.125, 0.1]);
     }
 }

@@ -64,13 +64,11 @@ impl TouchedParts {
 /// Removes contacts with edges and sides of parts that other parts cover, which are in deeper contact or about as deep; leaves the others
 /// sorted by depth, as they have to be.
 ///
-/// `rotation12`: rotation of body 2 in the frame of body 1. `carrying`: overlap in metres from which on a contact that leans only a little
-/// carries the body as well, and stays. `unit`: the length unit in metres.
+/// `rotation12`: rotation of body 2 in the frame of body 1. `unit`: the length unit in metres.
 pub(super) fn remove(
     contacts: &mut Vec<Contact>,
     rotation12: Quat,
     sides: [&dyn Side; 2],
-    carrying: f32,
     unit: f32,
     Room { kept, removed, parts }: &mut Room,
 ) {
@@ -80,7 +78,7 @@ pub(super) fn remove(
     let reach = |side: usize, part: u32| sides[side].aabb(part).inflated(around + 2.0 * flush);
     let touches = |contact: &Contact| {
         let Contact { point1, point2, normal1, distance, primitive1, primitive2 } = *contact;
-        let carries = distance <= -carrying;
+        let carries = distance <= -around;
         let normal2 = rotation21 * -normal1;
         [(primitive1, point1, normal1), (primitive2, point2, normal2)].map(|(part, point, normal)| Touch {
             part,

@@ -141,6 +141,16 @@ impl Hull {
         }
     }
 
+    /// The least radius of its spheres, in metres.
+    pub fn min_radius(&self) -> f32 {
+        with_spheres!(self, |spheres| spheres.iter().map(|s| s.radius).fold(f32::INFINITY, f32::min))
+    }
+
+    /// Largest radius, in metres.
+    pub fn max_radius(&self) -> f32 {
+        with_spheres!(self, |spheres| spheres.iter().map(|s| s.radius).fold(0.0, f32::max))
+    }
+
     /// Box around it.
     pub fn aabb(&self) -> Aabb {
         with_spheres!(*self, |spheres| Aabb::from_spheres(spheres))

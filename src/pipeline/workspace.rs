@@ -12,7 +12,7 @@ use super::{
     narrow_phase,
     pairs::{BodyPair, PrimitivePair},
     parallel::Scratches,
-    reduce, stop,
+    reduce, respond,
 };
 
 /// Buffers for steps. Those of a scene take the same from step to step.
@@ -22,7 +22,7 @@ pub struct Workspace {
     broad: broad_phase::Buffers,
     pairs: Vec<BodyPair>,
     impacts: Vec<ImpactResult>,
-    stop: stop::Buffers,
+    respond: respond::Buffers,
     /// The pairs that have manifolds, and how many.
     found: Vec<(usize, usize)>,
 }
@@ -108,18 +108,18 @@ impl Workspace {
         output: &mut StepOutput,
         pool: &TaskPool,
     ) {
-        let Self { tasks, pairs, impacts, stop, found, .. } = self;
+        let Self { tasks, pairs, impacts, respond, found, .. } = self;
         tasks.iter_mut().for_each(Scratch::forget);
         let mut lap = laps();
         narrow_phase::impacts(input, statics, pairs, known, tasks, impacts, pool);
         [output.times.mid, output.times.narrow] = split(lap(), tasks);
         let first = tally(tasks);
 
-        let stops = stop::run(input, statics, pairs, impacts, stop, tasks, pool);
+        let courses = respond::run(input, statics, pairs, impacts, respond, tasks, pool);
         output.times.stop = lap();
         let again = tally(tasks);
 
-        narrow_phase::manifolds(input, statics, pairs, stops, tasks, &mut output.manifolds, pool);
+        narrow_phase::manifolds(input, statics, pairs, courses, tasks, &mut output.manifolds, pool);
         let [contacts, reduction] = split(lap(), tasks);
         output.times.narrow += contacts;
 
@@ -140,12 +140,12 @@ impl Workspace {
                 primitives: Some(primitives),
             }));
         }
-        output.stops.extend(stops.iter().map(|(body, fraction)| Stop {
+        output.stops.extend(courses.bodies().map(|body| Stop {
             body,
-            fraction,
-            pose: stops.final_pose(input, body),
+            fraction: courses.moved_until(body),
+            pose: courses.final_pose(input, body),
         }));
-        let reach = |pair: &BodyPair| input.reach([pair.first, pair.second], |body| stops.left(body)).prediction;
+        let reach = |pair: &BodyPair| input.reach([pair.first, pair.second], |body| courses.moved_until(body));
         found.clear();
         found.extend(tasks.iter_mut().flat_map(|scratch| scratch.found.drain(..)));
         found.sort_unstable();

@@ -53,16 +53,23 @@ impl Default for StaticObb {
 ///
 /// A pair stops only if both sides have it enabled. Otherwise a fast body can pass through the other; contacts and messages stay. It belongs on the
 /// entity of the collider: of a body of several shapes, on each child that it is meant for.
-#[derive(Component, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct MedialCcd {
     /// Default: true.
     pub enabled: bool,
+    /// [`MedialSettings::core_depth`](super::MedialSettings::core_depth) of this body. Default: that of the settings.
+    pub core_depth: Option<f32>,
+}
+
+impl MedialCcd {
+    /// The body never stops at an impact.
+    pub const DISABLED: Self = Self { enabled: false, core_depth: None };
 }
 
 impl Default for MedialCcd {
     fn default() -> Self {
-        Self { enabled: true }
+        Self { enabled: true, core_depth: None }
     }
 }

@@ -13,6 +13,7 @@ use super::{gpu::GpuBackend, pipelined::Answer};
 #[cfg(feature = "gpu")]
 use crate::gpu::Prediction;
 use crate::{
+    constants::CORE_DEPTH,
     geometry::Pose3,
     pipeline::{
         Candidates, Culling, Meeting, Pair, Side, Solid, Statics, StepInput, StepOutput, Workspace, relative_pose,
@@ -42,6 +43,10 @@ pub struct MedialSettings {
     pub stop_at_impact: bool,
     /// Skip all culling and test every primitive pair, on the CPU, to measure what culling gains. Default: false.
     pub brute_force: bool,
+    /// How much smaller the core of a body is than the body itself, in bounding radii. A body stops within a step only where its core touches another one: this
+    /// is the deepest overlap that one step can add, per body. Smaller values are more exact; with larger ones fewer bodies stop. Thin primitives have
+    /// thinner cores: at most 30 % of a radius counts. Default: 0.0075.
+    pub core_depth: f32,
     /// Where the pairs that may meet are found. Default: [`MedialBackend::Auto`].
     pub backend: MedialBackend,
     /// Where the renderer's GPU finds the pairs, nobody waits for it: it looks some steps ahead, and what has left its way until it answers is culled
@@ -51,7 +56,13 @@ pub struct MedialSettings {
 
 impl Default for MedialSettings {
     fn default() -> Self {
-        Self { stop_at_impact: true, brute_force: false, backend: MedialBackend::Auto, pipelined: false }
+        Self {
+            stop_at_impact: true,
+            core_depth: CORE_DEPTH,
+            brute_force: false,
+            backend: MedialBackend::Auto,
+            pipelined: false,
+        }
     }
 }
 

@@ -183,7 +183,6 @@ fn detect(
     step.dt = time.delta_secs();
     step.input.prediction = DEFAULT_PREDICTION;
     step.input.length_unit = 1.0;
-    step.input.allowed_overlap = 0.0;
     step.input.bodies.clear();
     step.infos.clear();
     let before = std::mem::take(&mut *poses);
@@ -341,7 +340,7 @@ mod tests {
         for enabled in [true, false] {
             let mut app = app();
             let [one, other] = [-1.0, 1.0].map(|x| ball(&mut app, x));
-            app.world_mut().entity_mut(other).insert(MedialCcd { enabled });
+            app.world_mut().entity_mut(other).insert(MedialCcd { enabled, ..default() });
             app.update();
             app.world_mut().get_mut::<Transform>(one).unwrap().translation.x = 1.0;
             place(&mut app, other, -1.0);

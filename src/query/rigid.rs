@@ -4,10 +4,10 @@ use glam::Vec3;
 
 use super::{
     separation::{Cuboid, Separation},
-    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, start, time_of_depth, time_of_impact},
+    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, start, time_of_depth},
 };
 use crate::{
-    constants::{LEAST_GROWTH, MAX_CHORDS, OVERLAP_LIMIT},
+    constants::MAX_CHORDS,
     geometry::{Placement, Sphere, Sweep},
 };
 
@@ -157,10 +157,10 @@ pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, ch
     RigidStart { separation, stay_apart }
 }
 
-/// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by more than `slop` metres beyond an
-/// `overlap`, as they may have had; if they begin the step farther apart than `near`, in metres, the fraction at which they touch.
+/// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by `depth` metres, which is more than they do at the
+/// start.
 ///
-/// Both in the frames of their bodies; the contact is in the frame of the chords. The first side is larger by the chords' deviation, so an
+/// Both are in the frames of their bodies; the contact is in the frame of the chords. The first side is larger by the chords' deviation, so an
 /// impact is early by twice as much at most, and never late.
 pub fn rigid_impact<const N: usize, B: Rigid>(
     first: &[Sphere; N],
@@ -168,56 +168,37 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
     chords: &Chords,
     start: &RigidStart,
     max_fraction: f32,
-    [overlap, slop, near]: [f32; 3],
+    depth: f32,
 ) -> TimeOfImpact {
-    let growth = slop * (1.0 - overlap / (OVERLAP_LIMIT * slop)).max(LEAST_GROWTH);
     let count = chords.count() as f32;
     let max_fraction = max_fraction.min(1.0);
-    if start.distance() > chords.way * count * max_fraction {
+    if start.distance() + depth > chords.way * count * max_fraction {
         let status = TimeOfImpactStatus::Separated;
         return TimeOfImpact { status, fraction: max_fraction, contact: start.separation, rounds: 0 };
     }
-    let along = |i: usize| chords.along(i, first, second);
     let mut chord = 0;
     let mut rounds = 0;
-    let mut found = loop {
-        let (moving1, moving2) = along(chord);
+    loop {
+        let (moving1, moving2) = chords.along(chord, first, second);
         let limit = max_fraction * count - chord as f32;
         let known = (chord == 0).then_some(start.separation);
-        let found = time_of_depth(&moving1, &moving2, limit.min(1.0), [overlap, growth], known);
+        let found = time_of_depth(&moving1, &moving2, limit.min(1.0), depth, known);
         rounds += found.rounds;
         if found.status != TimeOfImpactStatus::Separated {
-            break found;
+            return TimeOfImpact { fraction: (chord as f32 + found.fraction) / count, rounds, ..found };
         }
         // So far apart, they cannot meet for some chords.
         chord += ((found.contact.distance / chords.way) as usize).max(1);
         if chord as f32 >= max_fraction * count {
-            break found;
-        }
-    };
-    if found.status != TimeOfImpactStatus::Separated && start.distance() > near {
-        // Back to where they touch.
-        let (mut touching, mut limit) = (chord, found.fraction);
-        let mut after = None;
-        loop {
-            let (moving1, moving2) = along(touching);
-            let touch = time_of_impact(&moving1, &moving2, limit);
-            rounds += touch.rounds;
-            match touch.status {
-                TimeOfImpactStatus::Hit => (found, chord) = (touch, touching),
-                // By a rounding they touch at the end of this chord, or at the start of the next.
-                TimeOfImpactStatus::Separated => (found, chord) = after.unwrap_or((found, chord)),
-                TimeOfImpactStatus::Overlapping if touching > 0 => {
-                    after = Some((touch, touching));
-                    (touching, limit) = (touching - 1, 1.0);
-                    continue;
-                }
-                TimeOfImpactStatus::Overlapping | TimeOfImpactStatus::IterationLimit => {}
-            }
-            break;
+            return TimeOfImpact { rounds, ..found };
         }
     }
-    TimeOfImpact { fraction: (chord as f32 + found.fraction) / count, rounds, ..found }
+}
+
+/// Distance of two primitives of rigid bodies at the end of their chords, in metres; negative for an overlap.
+pub fn rigid_end<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chords: &Chords) -> f32 {
+    let [end1, end2] = &chords.placements[chords.count()];
+    start(&first.along([end1; 2]), &second.along([end2; 2]), 0.0).0.distance
 }
 
 #[cfg(test)]
@@ -226,36 +207,18 @@ mod tests {
     use crate::geometry::Pose3;
 
     #[test]
-    fn what_begins_near_may_overlap_by_a_slop() {
-        // A centimetre apart, on a way of ten.
-        let (ball, slop) = ([Sphere::new(Vec3::ZERO, 0.1)], 1.0e-3);
+    fn balls_meet_where_they_overlap_by_the_depth() {
+        // A centimetre apart, on a path of ten.
+        let ball = [Sphere::new(Vec3::ZERO, 0.1)];
         let at = |x: f32| Pose3::from_translation(Vec3::X * x);
         let sweep = |from: f32, to: f32| Sweep::between(at(from), at(to), Vec3::ZERO, Vec3::ZERO);
         let mut chords = Chords::default();
         chords.set([&sweep(0.0, 0.1), &sweep(0.21, 0.21)], [0.0; 2], 1.0e-4);
         let start = rigid_start(&ball, &ball, &chords);
-        let fraction = |near: f32| rigid_impact(&ball, &ball, &chords, &start, 1.0, [0.0, slop, near]).fraction;
-        assert!((fraction(0.009) - 0.1).abs() < 1.0e-4, "{}", fraction(0.009));
-        assert!((fraction(0.011) - 0.11).abs() < 1.0e-4, "{}", fraction(0.011));
-    }
-
-    #[test]
-    fn what_is_in_a_large_primitive_goes_on_along_it() {
-        // A marble two millimetres deep in a bar of thirty metres, whose rounding is as much as it may gain.
-        let marble = [Sphere::new(Vec3::ZERO, 0.01)];
-        let bar = [-15.0, 15.0].map(|x| Sphere::new(Vec3::new(x, -0.5, 0.0), 0.5));
-        let at = |x: f32, y: f32| Pose3::from_translation(Vec3::new(x, 0.008 + y, 0.0));
-        let impact = |sinks: f32| {
-            let sweep = Sweep::between(at(0.0, 0.0), at(0.01, -sinks), Vec3::ZERO, Vec3::ZERO);
-            let mut chords = Chords::default();
-            chords.set([&sweep, &Sweep::at_rest(Pose3::IDENTITY)], [0.01; 2], 1.0e-5);
-            let start = rigid_start(&marble, &bar, &chords);
-            assert!((start.overlap() - 2.0e-3).abs() < 1.0e-5);
-            rigid_impact(&marble, &bar, &chords, &start, 1.0, [start.overlap(), 2.5e-4, 0.02])
-        };
-        assert_eq!(impact(0.0).status, TimeOfImpactStatus::Separated);
-        let sinking = impact(1.0e-3);
-        assert!(sinking.status == TimeOfImpactStatus::Hit && sinking.fraction > 0.01, "{sinking:?}");
-        assert!(sinking.fraction < 0.2, "{sinking:?}");
+        let fraction = |depth: f32| rigid_impact(&ball, &ball, &chords, &start, 1.0, depth).fraction;
+        for (depth, expected) in [(0.0, 0.1), (1.0e-3, 0.11), (0.02, 0.3)] {
+            assert!((fraction(depth) - expected).abs() < 1.0e-4, "{} at {depth} m", fraction(depth));
+        }
+        assert_eq!(rigid_impact(&ball, &ball, &chords, &start, 1.0, 0.1).status, TimeOfImpactStatus::Separated);
     }
 }

@@ -387,17 +387,16 @@ pub(super) fn start<const N: usize, B: MovingConvex>(
     (start.separation, start.separation.distance > 0.0 && pair.cleared_until(&start) > max_fraction)
 }
 
-/// First fraction at which an overlap has grown by so much, both in metres, and by more than rounding: what has the overlap at the start has to get away from
-/// there. `known`: the separation that [`start`] has found.
+/// First fraction at which two primitives overlap by so much, in metres, which is more than they do at the start. `known`: the separation that [`start`] has
+/// found.
 pub(super) fn time_of_depth<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
     max_fraction: f32,
-    [overlap, growth]: [f32; 2],
+    depth: f32,
     known: Option<Separation>,
 ) -> TimeOfImpact {
-    let extent = first.extent_at_start().max(second.extent_at_start());
-    let pair = Pair { first, second, target: -(overlap + growth.max(2.0 * TOUCH_ROUNDING * extent)) };
+    let mut pair = Pair { first, second, target: 0.0 };
     let start = match known {
         Some(separation) => {
             let (first, second) = pair.shapes(0.0);
@@ -405,5 +404,7 @@ pub(super) fn time_of_depth<const N: usize, B: MovingConvex>(
         }
         None => pair.at(0.0, 0),
     };
+    let rounding = 2.0 * TOUCH_ROUNDING * first.extent_at_start().max(second.extent_at_start());
+    pair.target = -depth.max(rounding - start.separation.distance);
     pair.advance(start, 1, max_fraction)
 }

@@ -53,7 +53,7 @@ pub(super) struct Context {
 impl ContextReadOnlyItem<'_, '_> {
     fn reach(&self) -> Reach {
         let parameters = &self.simulation.integration_parameters;
-        Reach { prediction: parameters.prediction_distance(), length_unit: parameters.length_unit }
+        Reach::new(parameters.prediction_distance(), parameters.length_unit)
     }
 
     /// True if there is anything medial in it.
@@ -116,25 +116,28 @@ pub(super) fn snapshot(
     table: Res<ContactTable>,
     mode: Res<TimestepMode>,
     time: Res<Time>,
+    owed: Res<OwedTime>,
     contexts: Query<Context>,
 ) {
     let clock = Instant::now();
     let snapshot = snapshot.as_mut();
     let mut paces = HashMap::new();
-    let mut reach = Reach { prediction: 0.0, length_unit: 0.0 };
+    let mut reach = Reach::new(0.0, 0.0);
     snapshot.starts.clear();
     snapshot.leads.clear();
     snapshot.leads.extend(contexts.iter().map(|context| (context.entity, context.lead.diff)));
     snapshot.stepped = false;
     for context in contexts.iter().filter(|context| context.is_medial()) {
-        let Reach { prediction, length_unit } = context.reach();
+        let Reach { prediction, length_unit, .. } = context.reach();
         reach.prediction = reach.prediction.max(prediction);
         reach.length_unit = reach.length_unit.max(length_unit);
         let dt = to_come(&mode, &time);
         for (handle, collider) in context.colliders.colliders.iter() {
             let body = context.body(collider);
             let Some(moving) = body.filter(|body| !body.is_fixed()) else { continue };
-            let pace = pace(collider, moving, dt);
+            let owed = collider.parent().and_then(|parent| owed.0.get(&(context.entity, parent)));
+            let seconds = dt + owed.map_or(0.0, |owed| owed.seconds);
+            let pace = pace(collider, moving, seconds);
             // Of several colliders that share a shape the dispatcher knows no one: the fastest counts, so that none is told of what it only passes.
             let known = paces.entry(SecondKey::of(collider.shape())).or_insert(pace);
             if pace.against(&Pace::REST) > known.against(&Pace::REST) {
@@ -217,10 +220,10 @@ fn types(collider: &RapierCollider, body: Option<&RapierBody>) -> Groups {
     Groups { memberships: 1 << own as u32, filter }
 }
 
-/// The axes along which a body does not go, and those about which it does not turn.
-fn locked(body: &RapierBody) -> [BVec3; 2] {
+/// The axes along which a body does not move.
+fn locked(body: &RapierBody) -> BVec3 {
     let bits = body.locked_axes().bits();
-    [bits, bits >> 3].map(|bits| BVec3::new(bits & 1 != 0, bits & 2 != 0, bits & 4 != 0))
+    BVec3::new(bits & 1 != 0, bits & 2 != 0, bits & 4 != 0)
 }
 
 /// A collider's place in rapier's order.
@@ -279,6 +282,7 @@ pub(super) fn detect<Hooks>(
     settings: Res<MedialSettings>,
     mut contexts: Query<Context>,
     hooks: StaticSystemParam<Hooks>,
+    mut owed: ResMut<OwedTime>,
     mut known: Local<Vec<Fixed>>,
 ) where
     Hooks: 'static + BevyPhysicsHooks,
@@ -298,8 +302,7 @@ pub(super) fn detect<Hooks>(
         .collect();
     step.input.prediction = 0.0;
     step.input.length_unit = 0.0;
-    step.input.allowed_overlap = 0.0;
-    step.input.fall = 0.0;
+    step.input.core_depth = settings.core_depth;
     step.input.apart.clear();
     step.input.bodies.clear();
     step.infos.clear();
@@ -315,12 +318,9 @@ pub(super) fn detect<Hooks>(
         let running = rapier.runs(&context);
         let dt = rapier.simulated(&context);
         worlds.push((context.entity, dt));
-        let Reach { prediction, length_unit } = context.reach();
+        let Reach { prediction, length_unit, .. } = context.reach();
         step.input.prediction = step.input.prediction.max(prediction);
         step.input.length_unit = step.input.length_unit.max(length_unit);
-        let allowed_overlap = context.simulation.integration_parameters.allowed_linear_error();
-        step.input.allowed_overlap = step.input.allowed_overlap.max(allowed_overlap);
-        step.input.fall = step.input.fall.max(context.configuration.gravity.length() * dt * dt);
         let owner = |body| owner(world, body);
         step.input.apart.extend(kept_apart(context.joints).into_iter().map(|pair| {
             let [a, b] = pair.map(owner);
@@ -343,7 +343,6 @@ pub(super) fn detect<Hooks>(
             };
             let Some(solid) = solid(collider.shared_shape()) else { continue };
             let start = rapier.snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
-            let before = start.map_or(Pace::REST, |_| table.pace(SecondKey::of(collider.shape())));
             let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
             let center = end.inverse_transform_point(body.center_of_mass());
             let simulated = running && body.is_enabled();
@@ -357,12 +356,15 @@ pub(super) fn detect<Hooks>(
             // What sleeps is carried along as well by a kinematic body that would be past it before rapier sees them touch.
             let stops = simulated && body.is_dynamic() && !linked;
             let motion = if stops { motion } else { Sweep::between };
-            let sweep = motion(start.pose, end, center, body.angvel() * dt);
+            let mut held = false;
+            let mut sweep = motion(start.pose, end, center, body.angvel() * dt);
+            if let Some(owed) = owed.0.get(&(context.entity, parent)).filter(|_| active && stops) {
+                sweep = owed.longer(&sweep, body);
+                held = owed.is_full;
+            }
             if sweep.end != end {
                 astray.push(step.input.bodies.len() as u32);
             }
-            let gained =
-                if stops { gained(body, start.linear, context.configuration.gravity * dt) } else { Vec3::ZERO };
             // Rapier finds the velocity of what is moved by poses in the step.
             let (linear, angular) = if running && body.is_kinematic() {
                 (sweep.translation / dt, sweep.rotation / dt)
@@ -384,8 +386,9 @@ pub(super) fn detect<Hooks>(
                 passes,
                 sensor,
                 locked: locked(body),
-                paces: Some([before, pace(collider, body, to_come)]),
-                gained: gained * to_come,
+                held,
+                core_depth: ccd.get(entity).ok().and_then(|ccd| ccd.core_depth).unwrap_or(settings.core_depth),
+                pace: Some(pace(collider, body, to_come)),
             });
             step.infos.push(BodyInfo {
                 entity,
@@ -420,9 +423,10 @@ pub(super) fn detect<Hooks>(
         hooks::meeting(&hooks, pair, &context.bodies.bodies, &context.colliders.colliders, narrow_phase)
     });
     let clock = Instant::now();
+    let before = std::mem::take(&mut owed.0);
     for (world, (entity, dt)) in (0..).zip(&worlds) {
         if let Ok(context) = contexts.get_mut(*entity) {
-            stop_bodies(step, &astray, world, *dt, context);
+            stop_bodies(step, &astray, world, *dt, context, &before, &mut owed.0);
         }
     }
     let of_world = |entity| Some(table_entries(step, entity, contexts.get(entity).ok()?.colliders));
@@ -447,11 +451,19 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
 }
 
 /// Moves bodies back to where they stop, with the velocities that they have there: the next step then resolves a true contact at a
-/// true pose. Gravity has not acted on them for the rest of the step: left in, it would feed bodies that rock to and fro.
+/// true pose. What is left of the step is owed to them, with the velocity that gravity has given them for it.
 ///
 /// Those whose motion has ended elsewhere than rapier's are moved there.
-fn stop_bodies(step: &MedialStep, astray: &[u32], world: u32, dt: f32, context: ContextItem) {
-    let ContextItem { mut bodies, colliders, configuration, .. } = context;
+fn stop_bodies(
+    step: &MedialStep,
+    astray: &[u32],
+    world: u32,
+    dt: f32,
+    context: ContextItem,
+    before: &HashMap<BodyKey, Owed>,
+    owed: &mut HashMap<BodyKey, Owed>,
+) {
+    let ContextItem { entity, mut bodies, colliders, configuration, .. } = context;
     // The shapes of one body stop together, and it is moved once.
     let mut last = None;
     let end = |&body: &u32| Stop { body, fraction: 1.0, pose: step.input.bodies[body as usize].sweep.end };
@@ -471,11 +483,55 @@ fn stop_bodies(step: &MedialStep, astray: &[u32], world: u32, dt: f32, context: 
         }
         let Some(collider) = colliders.colliders.get(collider) else { continue };
         let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
-        if let Some(body) = collider.parent().and_then(|parent| bodies.bodies.get_mut(parent)) {
+        let Some(parent) = collider.parent() else { continue };
+        if let Some(body) = bodies.bodies.get_mut(parent) {
             body.set_position(stop.pose * local.inverse(), true);
+            let known = before.get(&(entity, parent)).copied().unwrap_or_default();
             let gained = gained(body, step.infos[stop.body as usize].linear, configuration.gravity * dt);
-            body.set_linvel(body.linvel() - gained * (1.0 - stop.fraction), true);
+            let left = Owed { seconds: dt + known.seconds, velocity: gained + known.velocity, is_full: false };
+            let rest = left.times(1.0 - stop.fraction);
+            body.set_linvel(body.linvel() + known.velocity - rest.velocity, true);
+            if rest.seconds > 0.0 {
+                // At most a step is owed. A body that is held up for longer turns more slowly, or it would gain energy.
+                let kept = (dt / rest.seconds).min(1.0);
+                body.set_angvel(body.angvel() * kept, true);
+                owed.insert((entity, parent), Owed { is_full: kept < 1.0, ..rest.times(kept) });
+            }
         }
+    }
+}
+
+/// Time that bodies have not moved for, as they stopped at an impact: their next step is longer by it.
+///
+/// It belongs to what has to be [saved and restored](super) with a world.
+#[derive(Resource, Clone, Debug, Default, Reflect)]
+#[reflect(Resource, Default, Clone)]
+pub struct OwedTime(#[reflect(ignore, clone)] HashMap<BodyKey, Owed>);
+
+/// The context and the handle of a rigid body.
+type BodyKey = (Entity, RigidBodyHandle);
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Owed {
+    seconds: f32,
+    /// What gravity adds to the velocity in that time, in metres per second.
+    velocity: Vec3,
+    /// True if it would be more than a step.
+    is_full: bool,
+}
+
+impl Owed {
+    fn times(self, factor: f32) -> Self {
+        Self { seconds: self.seconds * factor, velocity: self.velocity * factor, ..self }
+    }
+
+    /// The motion of a body that goes on for that time.
+    fn longer(&self, sweep: &Sweep, body: &RapierBody) -> Sweep {
+        let turn = body.angvel() * self.seconds;
+        let center = sweep.end.transform_point(sweep.local_center) + (body.linvel() + self.velocity) * self.seconds;
+        let rotation = (Quat::from_scaled_axis(turn) * sweep.end.rotation).normalize();
+        let end = Pose3::from_parts(center - rotation * sweep.local_center, rotation);
+        Sweep::between(sweep.start, end, sweep.local_center, sweep.rotation + turn)
     }
 }
 

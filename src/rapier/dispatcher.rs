@@ -79,13 +79,13 @@ impl<'a> Pair<'a> {
     fn manifolds(&self, prediction: f32, table: &ContactTable) -> Vec<Manifold> {
         let second = SecondKey::of(self.other);
         let reach = table.reach(self.first.key, second, prediction);
-        let known = table.get(&PairKey::new(self.first.key, second, &self.pose12, reach.prediction));
+        let known = table.get(&PairKey::new(self.first.key, second, &self.pose12, reach));
         known.unwrap_or_else(|| self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, reach)))
     }
 
     fn nearest(&self, max_distance: f32, table: &ContactTable) -> Option<Contact> {
         let mut contacts = Vec::new();
-        let reach = Reach { prediction: max_distance, length_unit: table.length_unit() };
+        let reach = Reach::new(max_distance, table.length_unit());
         self.with_sides(|first, second| contact::find(first, second, &self.pose12, reach, &mut contacts));
         contacts.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))
     }

@@ -31,11 +31,12 @@ pub(super) fn assemblies(
     joints: &RapierContextJoints,
     bodies: &RigidBodySet,
 ) -> HashMap<RigidBodyHandle, RigidBodyHandle> {
-    let is_dynamic = |body: &RigidBodyHandle| bodies.get(*body).is_some_and(|body| body.is_dynamic());
     // Rapier solves no joint of a disabled body.
+    let is_solved =
+        |body: &RigidBodyHandle| bodies.get(*body).is_some_and(|body| body.is_dynamic() && body.is_enabled());
     let enabled = joints.impulse_joints.iter().filter(|(_, joint)| joint.data.is_enabled());
     let pairs = enabled.map(|(_, joint)| [joint.body1(), joint.body2()]);
-    let pairs: Vec<_> = pairs.filter(|pair| pair.iter().all(is_dynamic)).collect();
+    let pairs: Vec<_> = pairs.filter(|pair| pair.iter().all(is_solved)).collect();
     // Of a body that is there several times one place stands for all.
     let joined = pairs.as_flattened();
     let numbers: HashMap<RigidBodyHandle, u32> = joined.iter().copied().zip(0..).collect();

@@ -25,7 +25,7 @@
 //! A copy of the context in memory replays to the same bits: clone `RapierRigidBodySet`, `RapierContextColliders`, `RapierContextJoints` and, of
 //! `RapierContextSimulation`, which is no `Clone`, the fields `islands`, `broad_phase`, `narrow_phase` and `ccd_solver`; put them back with a new
 //! `PhysicsPipeline`, and the `Transform` and `Velocity` of each body with them; for `TimestepMode::Interpolated` the context's
-//! `SimulationToRenderTime` as well. No entity that has a body may have come or gone in between. Messages of touches go on from what was told last.
+//! `SimulationToRenderTime` as well, and the resource [`OwedTime`]. No entity that has a body may have come or gone in between. Messages of touches go on from what was told last.
 //! A file cannot hold it: parry reads no custom shape back, and a narrow phase that is read back has lost its dispatcher. There, save the
 //! components (`Transform`, `Velocity`, `MedialMesh` by its path) and spawn them again: contacts then start without what the solver knew of
 //! them.
@@ -62,6 +62,7 @@ use bevy_rapier3d::{
 
 use crate::plugin::{MedialMesh, MedialStep, MedialSystems, StaticObb};
 
+pub use detect::OwedTime;
 pub use dispatcher::MedialDispatcher;
 pub use query::MedialQueries;
 pub use shape::MedialShape;
@@ -94,6 +95,8 @@ where
         .init_resource::<attach::Freed>()
         .init_resource::<ContactTable>()
         .register_type::<ContactTable>()
+        .init_resource::<OwedTime>()
+        .register_type::<OwedTime>()
         .init_resource::<detect::Snapshot>()
         .init_resource::<quarantine::Running>()
         .configure_sets(

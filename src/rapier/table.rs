@@ -45,7 +45,8 @@ pub(super) struct PairKey {
     first: u64,
     second: SecondKey,
     pose12: [u32; 7],
-    prediction: u32,
+    /// Both distances of the reach.
+    reach: [u32; 2],
 }
 
 /// The second side of a pair.
@@ -67,10 +68,11 @@ impl SecondKey {
 }
 
 impl PairKey {
-    pub fn new(first: u64, second: SecondKey, pose12: &Pose3, prediction: f32) -> Self {
+    pub fn new(first: u64, second: SecondKey, pose12: &Pose3, reach: Reach) -> Self {
         let [qx, qy, qz, qw] = pose12.rotation.to_array();
         let [x, y, z] = pose12.translation.to_array();
-        Self { first, second, pose12: [qx, qy, qz, qw, x, y, z].map(f32::to_bits), prediction: prediction.to_bits() }
+        let reach = [reach.prediction, reach.in_touch].map(f32::to_bits);
+        Self { first, second, pose12: [qx, qy, qz, qw, x, y, z].map(f32::to_bits), reach }
     }
 }
 
@@ -100,7 +102,7 @@ impl ContactTable {
     }
 
     /// Sets the paces of all that moves in the step to come, and the prediction distance of the worlds. With another length unit nothing is known.
-    pub(super) fn prepare(&self, paces: HashMap<SecondKey, Pace>, Reach { prediction, length_unit }: Reach) {
+    pub(super) fn prepare(&self, paces: HashMap<SecondKey, Pace>, Reach { prediction, length_unit, .. }: Reach) {
         let mut table = self.write();
         table.paces = paces;
         table.prediction = prediction;
@@ -119,11 +121,6 @@ impl ContactTable {
         self.read().paces.contains_key(&SecondKey::Medial(key))
     }
 
-    /// What the colliders of a shape move by in the step to come, the fastest of them.
-    pub(super) fn pace(&self, key: SecondKey) -> Pace {
-        self.read().paces.get(&key).copied().unwrap_or(Pace::REST)
-    }
-
     /// How far contacts of a pair are looked for, with rapier's prediction distance in metres: what it has beyond that of the world are the skins of the
     /// colliders, at whose distance they touch, however slow.
     pub(super) fn reach(&self, first: u64, second: SecondKey, prediction: f32) -> Reach {
@@ -131,9 +128,9 @@ impl ContactTable {
         let skins = (prediction - table.prediction).max(0.0);
         let [pace1, pace2] =
             [SecondKey::Medial(first), second].map(|key| table.paces.get(&key).copied().unwrap_or(Pace::REST));
-        let bare = Reach { prediction: prediction.min(table.prediction), length_unit: table.length_unit };
+        let bare = Reach::new(prediction.min(table.prediction), table.length_unit);
         let reach = bare.of_pair(pace1.against(&pace2));
-        Reach { prediction: reach.prediction + skins, ..reach }
+        Reach { prediction: reach.prediction + skins, in_touch: reach.in_touch + skins, ..reach }
     }
 
     /// Number of pairs.

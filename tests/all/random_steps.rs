@@ -3,6 +3,7 @@
 use std::{f32::consts::TAU, sync::OnceLock};
 
 use bevy_medial::{
+    constants::CORE_DEPTH,
     geometry::{Obb, Pose3, Primitive, Sphere, Sweep},
     medial_axis::MedialAxis,
     pipeline::{Body, Groups, Shape, StaticBody, Statics, StepInput, StepOutput},
@@ -87,7 +88,9 @@ pub fn random_step(
                 Sweep::at_rest(start)
             };
             let stops = random.below(8) > 0;
-            Body { groups: groups(random), active, stops, passes: random.below(12) == 0, ..Body::new(shape, sweep) }
+            let core_depth = [0.0, 0.0, CORE_DEPTH][random.below(3)];
+            let passes = random.below(12) == 0;
+            Body { groups: groups(random), active, stops, passes, core_depth, ..Body::new(shape, sweep) }
         })
         .collect();
     let statics = (0..statics)

@@ -30,7 +30,7 @@ use std::{ptr, time::Instant};
 
 use bevy::tasks::{ParallelSlice, ParallelSliceMut, TaskPool};
 use bevy_medial::{
-    constants::{CHORD_TOLERANCE, CONTACT_ROUNDING, SLIDE_WAY, TOUCH_DISTANCE},
+    constants::{CHORD_TOLERANCE, CONTACT_ROUNDING, TOUCH_DISTANCE},
     geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
     pipeline::{Body, Candidates, Meeting, Shape, Side, Solid, StaticBody, Statics, StepInput, StepOutput, Workspace},
 };
@@ -168,8 +168,7 @@ impl<V: Volume> Trees<V> {
 
     /// The pairs whose roots meet.
     fn body_pairs(&self, input: &StepInput) -> Vec<[Side; 2]> {
-        // A sliding body leaves its path by up to this distance, on either side.
-        let margin = input.prediction * (1.0 + 2.0 * SLIDE_WAY);
+        let margin = input.prediction;
         let boxes: Vec<Aabb> = self.bodies.iter().map(|body| body.tree.root().aabb()).collect();
         let bvh = Bvh::new(&boxes);
         let mut pairs = Vec::new();

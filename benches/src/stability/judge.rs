@@ -19,8 +19,8 @@ use crate::{
 /// The overlap that an engine may leave: 5 mm by the settings of rapier and of avian, per unit of length, and a margin for rounding.
 const ALLOWED_OVERLAP: f32 = 6e-3;
 
-/// Overlap beyond that, in sizes of the smaller body.
-const OVERLAP: f32 = 0.01;
+/// Overlap beyond that, in sizes of the smaller body: bodies that hit each other may overlap by so much for a moment.
+const OVERLAP: f32 = 0.02;
 
 /// The max drift of a body at rest, in its sizes.
 const DRIFT: f32 = 0.01;
@@ -203,7 +203,7 @@ impl World {
         let Some(shape1) = &self.bodies[first].shape else { return 0.0 };
         let pose12 = self.state(first).pose.inv_mul(&self.state(second).pose);
         let mut contacts = Vec::new();
-        let reach = Reach { prediction: 0.0, length_unit: self.setup.unit };
+        let reach = Reach::new(0.0, self.setup.unit);
         match (&self.bodies[second].body.form, &self.bodies[second].shape) {
             (Form::Cuboid(half), _) => {
                 let half = *half * self.bodies[second].body.scale;

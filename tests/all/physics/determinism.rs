@@ -10,6 +10,7 @@ use bevy_medial::{
     medial_axis::MedialAxis,
     pipeline::{Body, Side, Statics, StepInput, StepOutput, step},
     plugin::MedialStep,
+    rapier::OwedTime,
     scenes::{SCENES, Scene, SceneEntity},
 };
 use bevy_rapier3d::{
@@ -271,6 +272,7 @@ struct Saved {
     narrow_phase: NarrowPhase,
     ccd_solver: CCDSolver,
     components: Vec<(Entity, Transform, Option<Velocity>)>,
+    owed: OwedTime,
 }
 
 fn save(app: &mut App) -> Saved {
@@ -290,6 +292,7 @@ fn save(app: &mut App) -> Saved {
         narrow_phase: simulation.narrow_phase.clone(),
         ccd_solver: simulation.ccd_solver.clone(),
         components,
+        owed: app.world().resource::<OwedTime>().clone(),
     }
 }
 
@@ -310,6 +313,7 @@ fn restore(app: &mut App, saved: &Saved) {
     simulation.narrow_phase = saved.narrow_phase.clone();
     simulation.ccd_solver = saved.ccd_solver.clone();
     simulation.pipeline = PhysicsPipeline::new();
+    world.insert_resource(saved.owed.clone());
     for &(entity, transform, velocity) in &saved.components {
         let mut entity = world.entity_mut(entity);
         entity.insert(transform);

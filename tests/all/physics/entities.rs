@@ -232,15 +232,20 @@ fn all_components_and_resources_are_reflected_and_come_back_from_text() {
     let world = app.world_mut();
     let original = world
         .spawn((
-            (mesh, StaticObb::new(1.0, 2.0, 3.0), MedialCcd { enabled: false }, MedialBudget::Metres(0.25)),
+            (mesh, StaticObb::new(1.0, 2.0, 3.0), MedialCcd::DISABLED, MedialBudget::Metres(0.25)),
             (MedialLevel(3), MedialImportance(2.0), MedialFocus::default(), BuildMedialMesh(options)),
             (MedialBuildStatus::Building(0.5), MedialGizmo { enabled: false, color: Some(Color::WHITE) }),
             (MedialPickingCamera, SceneEntity, Projectile, Bullet),
         ))
         .id();
     let copy = world.spawn_empty().id();
-    *world.resource_mut::<MedialSettings>() =
-        MedialSettings { stop_at_impact: false, brute_force: true, backend: MedialBackend::Cpu, pipelined: true };
+    *world.resource_mut::<MedialSettings>() = MedialSettings {
+        stop_at_impact: false,
+        core_depth: 0.5,
+        brute_force: true,
+        backend: MedialBackend::Cpu,
+        pipelined: true,
+    };
 
     let registry = world.resource::<AppTypeRegistry>().clone();
     let registry = registry.read();
@@ -287,7 +292,8 @@ fn all_components_and_resources_are_reflected_and_come_back_from_text() {
         "StaticObb",
     ];
     assert_eq!(components, expected);
-    let expected = ["ContactTable", "GpuCapacity", "MedialPickingSettings", "MedialSettings", "MedialStep", "Monitor"];
+    let expected =
+        ["ContactTable", "GpuCapacity", "MedialPickingSettings", "MedialSettings", "MedialStep", "Monitor", "OwedTime"];
     assert_eq!(resources, expected);
     assert!(registry.get_type_data::<ReflectAsset>(std::any::TypeId::of::<MedialAxis>()).is_some());
 }

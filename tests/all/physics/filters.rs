@@ -164,7 +164,7 @@ fn a_one_way_platform_lets_through_one_way_only() {
                 run(&mut app, 60);
                 let y = position(&mut app, body).y;
                 let what = format!("{speed} m/s, medial {medial}, from {side}: it ends at {y}");
-                // From below it loses the rest of one step at most.
+                // From below it is held up for one step at most.
                 if side > 0.0 {
                     assert!(y > 0.2, "{what}")
                 } else {

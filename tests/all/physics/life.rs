@@ -350,7 +350,7 @@ const CHANGES: [Change; 9] = [
     ),
     (
         "continuous collision",
-        |app, body| _ = app.world_mut().entity_mut(body).insert(MedialCcd { enabled: false }),
+        |app, body| _ = app.world_mut().entity_mut(body).insert(MedialCcd::DISABLED),
         |app, body| _ = app.world_mut().entity_mut(body).remove::<MedialCcd>(),
         false,
     ),

@@ -151,7 +151,7 @@ fn a_sensor_behind_a_wall_is_not_told_of_what_the_wall_stops() {
                 let place = Transform::from_xyz(1.0, 0.0, 0.0);
                 sensor.set(app.world_mut().spawn((StaticObb::new(0.1, 1.0, 1.0), Sensor, place)).id());
                 if !stops {
-                    app.world_mut().entity_mut(body).insert(MedialCcd { enabled: false });
+                    app.world_mut().entity_mut(body).insert(MedialCcd::DISABLED);
                 }
             });
             assert_eq!(record.counts(wall, body)[0], 1, "{kind}, stops {stops}");
@@ -191,7 +191,7 @@ fn a_body_without_continuous_collision_passes_at_speed() {
     for kind in WALLS {
         for on_wall in [false, true] {
             let (mut app, [wall, body], _) = shoot(kind, true, 200.0, |app, wall, body| {
-                app.world_mut().entity_mut(if on_wall { wall } else { body }).insert(MedialCcd { enabled: false });
+                app.world_mut().entity_mut(if on_wall { wall } else { body }).insert(MedialCcd::DISABLED);
             });
             let passes = position(&mut app, body).x > position(&mut app, wall).x + 1.0;
             assert!(passes, "{kind} {on_wall}");
@@ -211,7 +211,7 @@ fn a_slow_body_rests_without_continuous_collision_too() {
     let mut app = app();
     spawn_ground(&mut app);
     let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.3, 0.0));
-    app.world_mut().entity_mut(body).insert(MedialCcd { enabled: false });
+    app.world_mut().entity_mut(body).insert(MedialCcd::DISABLED);
     run(&mut app, 300);
     assert!((position(&mut app, body).y - 0.0525).abs() < 2e-3 && is_at_rest(&mut app, body));
 }

@@ -13,6 +13,7 @@ mod gizmos;
 mod impacts;
 mod interplay;
 mod joined;
+mod kept_time;
 mod levels;
 mod life;
 mod messages;

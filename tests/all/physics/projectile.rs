@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy_medial::{
     geometry::Sweep,
     pipeline::{Body, Side},
-    plugin::MedialStep,
+    plugin::{MedialSettings, MedialStep},
     scenes::{Monitor, Projectile, Scene},
 };
 use glam::DVec3;
@@ -73,6 +73,8 @@ fn the_dinosaur_meets_first_what_its_true_motion_meets_first() {
     let mut certain = 0;
     for seed in 0..20 {
         let mut app = app();
+        // First touches of surfaces, not of cores.
+        app.world_mut().resource_mut::<MedialSettings>().core_depth = 0.0;
         scene.spawn(app.world_mut(), models(), seed);
         let fast = app.world_mut().query_filtered::<Entity, With<Projectile>>().single(app.world()).unwrap();
         let mut steps = 0;

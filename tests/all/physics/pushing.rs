@@ -1,12 +1,7 @@
 //! Kinematic bodies go their way, and what they hit goes along.
 
-use bevy::{prelude::*, tasks::TaskPool};
-use bevy_medial::{
-    geometry::{Pose3, Sweep},
-    medial_axis::MedialAxis,
-    pipeline::{Body, Shape, Statics, StepInput, StepOutput, step},
-    prelude::*,
-};
+use bevy::prelude::*;
+use bevy_medial::{medial_axis::MedialAxis, prelude::*};
 use bevy_rapier3d::prelude::*;
 
 use crate::common::*;
@@ -29,7 +24,7 @@ fn spawn_plate(app: &mut App, medial: bool, kind: RigidBody, at: Vec3) -> Entity
 fn a_thin_plate_takes_along_what_it_hits_at_any_speed() {
     for medial in [false, true] {
         // The farther a step is, the fewer bodies in a row are all kept before the plate.
-        for (speed, most) in [(3.0, 3), (30.0, 4), (300.0, 3)] {
+        for (speed, most) in [(3.0, 3), (30.0, 2), (300.0, 1)] {
             for by_position in [false, true] {
                 for row in 1..=most {
                     let mut app = app();
@@ -220,30 +215,4 @@ fn what_is_pushed_keeps_its_locked_axes() {
             assert!(held.length() < 1e-5, "{locked:?}: {way}");
         }
     }
-}
-
-/// Two bodies in a step of their own; where each stops, and where the second ends.
-fn rolled_over(locked: [BVec3; 2]) -> (StepOutput, Vec3) {
-    let ball = |radius: f32| Shape::new(MedialAxis::sphere(radius).unwrap());
-    let way = Vec3::new(0.03, -0.008, 0.0);
-    let start = Pose3::from_translation(Vec3::Y * 1.1005);
-    let rolling = Sweep::at_rates(start, Vec3::ZERO, way, Vec3::ZERO);
-    let still = Body { locked, ..Body::new(ball(1.0), Sweep::at_rest(Pose3::IDENTITY)) };
-    let bodies = vec![still, Body::new(ball(0.1), rolling)];
-    let input = StepInput { bodies, prediction: 0.02, stop_at_impact: true, ..default() };
-    let output = step(&input, &Statics::default(), &TaskPool::new());
-    let end = output.stop_of(1).map_or(rolling.end, |stop| stop.pose);
-    (output, end.translation)
-}
-
-#[test]
-fn what_rolls_over_a_locked_body_rolls_on() {
-    let free = rolled_over([BVec3::FALSE; 2]);
-    let locked = rolled_over([BVec3::TRUE; 2]);
-    for (output, end) in [&free, &locked] {
-        let stop = output.stop_of(1).map(|stop| stop.fraction);
-        assert_eq!(stop, Some(1.0), "it does not slide, {output:?}");
-        assert!(end.x > 0.029 && end.y > 1.098, "it ends at {end}");
-    }
-    assert_eq!(free.1, locked.1);
 }

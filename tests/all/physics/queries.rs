@@ -295,6 +295,8 @@ fn the_first_impact_ahead_is_the_one_that_comes() {
     let (mut hits, mut spinning, mut misses, mut grazes) = (0, 0, 0, 0);
     for round in 0..60 {
         let mut app = app();
+        // The query asks for surfaces, not for cores.
+        app.world_mut().resource_mut::<MedialSettings>().core_depth = 0.0;
         let mut spawn = |position: Vec3, velocity: Velocity, name| {
             let mesh = mesh(&mut app, model(name));
             let place = Transform::from_translation(position).with_rotation(random.rotation());

@@ -1,5 +1,5 @@
-//! Round bodies roll as far as rapier's own do, and lose no time to stops: a body that turns far in each step sinks where the solver does not
-//! see it.
+//! Round bodies roll as far as rapier's own do: a body that turns far in each step sinks where the solver does not see it, and impacts there
+//! must not cost time.
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
@@ -10,18 +10,11 @@ use crate::common::*;
 /// Seconds that bodies roll.
 const SECONDS: f32 = 3.0;
 
-/// Steps that a body may lose to stops: a fifteenth of its time. Without slides a ball at 10 m/s loses nearly all of it.
-const MOST_LOST: f32 = 12.0;
-
 /// What came of a body that rolls.
 struct Rolled {
     way: f32,
     /// Height of its centre over that of the start, least and greatest.
     heights: [f32; 2],
-    /// Time that it lost to stops, in steps.
-    lost: f32,
-    /// Steps in which it left its way.
-    slides: usize,
 }
 
 /// Lets a body roll along x at a speed in metres per second, without slip to begin with. `late`: rapier has known the ground before, and turns
@@ -35,12 +28,9 @@ fn roll(body: impl FnOnce(&mut App) -> Entity, radius: f32, speed: f32, late: bo
     let velocity = Velocity { linear: Vec3::X * speed, angular: Vec3::Z * (-speed / radius) };
     let body = body(&mut app);
     app.world_mut().entity_mut(body).insert((velocity, Friction::coefficient(0.5)));
-    let mut rolled = Rolled { way: 0.0, heights: [f32::MAX, f32::MIN], lost: 0.0, slides: 0 };
+    let mut rolled = Rolled { way: 0.0, heights: [f32::MAX, f32::MIN] };
     for _ in 0..(SECONDS / DT) as u32 {
         run(&mut app, 1);
-        let stops = &app.world().resource::<MedialStep>().output.stops;
-        rolled.lost += stops.iter().map(|stop| 1.0 - stop.fraction).sum::<f32>();
-        rolled.slides += stops.len();
         let height = position(&mut app, body).y - radius;
         rolled.heights = [rolled.heights[0].min(height), rolled.heights[1].max(height)];
     }
@@ -59,7 +49,6 @@ fn balls_and_rollers_roll_as_far_as_rapiers_own() {
             0.1,
         ),
     ];
-    let mut slides = 0;
     for (name, axis, collider, radius) in shapes {
         for (speed, late) in [1.0, 3.0, 10.0, 30.0].into_iter().flat_map(|speed| [(speed, false), (speed, true)]) {
             let transform = Transform::from_xyz(0.0, radius, 0.0);
@@ -67,17 +56,13 @@ fn balls_and_rollers_roll_as_far_as_rapiers_own() {
             let spawn = |app: &mut App| app.world_mut().spawn((RigidBody::Dynamic, collider.clone(), transform)).id();
             let rapiers = roll(spawn, radius, speed, late);
             println!(
-                "{name} at {speed} m/s, late {late}: {:.2} m, rapier's {:.2}; {} slides, {:.2} steps lost, height {:?}, rapier's {:?}",
-                ours.way, rapiers.way, ours.slides, ours.lost, ours.heights, rapiers.heights
+                "{name} at {speed} m/s, late {late}: {:.2} m, rapier's {:.2}; height {:?}, rapier's {:?}",
+                ours.way, rapiers.way, ours.heights, rapiers.heights
             );
-            let least = 1.0 - MOST_LOST * DT / SECONDS;
-            assert!(ours.way > least * rapiers.way && ours.way < 1.05 * SECONDS * speed);
-            assert!(ours.lost < MOST_LOST, "{}", ours.lost);
+            assert!(ours.way > 0.97 * rapiers.way && ours.way < 1.05 * SECONDS * speed);
             assert!(ours.heights[0] > rapiers.heights[0] - 1e-3 && ours.heights[1] < 0.01);
-            slides += ours.slides;
         }
     }
-    assert!(slides > 300, "{slides}");
 }
 
 /// Of 104 cones: at each corner the next one comes down.
@@ -87,8 +72,7 @@ fn a_tyre_rolls() {
     for speed in [5.0, 10.0, 30.0] {
         let tyre = MedialAxis::torus(0.25, 0.05, 104).unwrap();
         let rolled = roll(|app| spawn_body(app, tyre, upright), 0.3, speed, false);
-        println!("{speed} m/s: {:.2} m, {} slides, {:.2} steps lost", rolled.way, rolled.slides, rolled.lost);
-        assert!(rolled.way > 0.7 * SECONDS * speed && rolled.slides > 20);
-        assert!(rolled.lost < MOST_LOST && rolled.heights[0] > -0.005, "{}", rolled.lost);
+        println!("{speed} m/s: {:.2} m, height {:?}", rolled.way, rolled.heights);
+        assert!(rolled.way > 0.7 * SECONDS * speed && rolled.heights[0] > -0.01, "{:?}", rolled.heights);
     }
 }

@@ -29,9 +29,9 @@ fn accept(name: &str, models: &[Model], bodies: usize, size: f32, seeds: u64) {
         println!("{summary:?}");
         assert_eq!((summary.steps, summary.bodies), (600, bodies));
         assert!(summary.counts.contacts_max > bodies, "nothing touches");
-        assert!(summary.lowest_y >= -0.01 * size, "sunk to {}", summary.lowest_y);
+        assert!(summary.lowest_y >= -0.02 * size, "sunk to {}", summary.lowest_y);
         assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
-        assert!(summary.deepest_overlap_percent < 1.0, "{} %", summary.deepest_overlap_percent);
+        assert!(summary.deepest_overlap_percent < 2.0, "{} %", summary.deepest_overlap_percent);
         // What is round rolls on: rapier has no rolling friction.
         let energy = summary.kinetic_energy_per_kg;
         assert!(summary.asleep == bodies || energy < 5e-3, "{} of {bodies} asleep, {energy} J/kg", summary.asleep);
@@ -66,7 +66,7 @@ fn accept_moving(name: &str, bodies: usize, contacts: usize) {
     assert_eq!((summary.steps, summary.bodies), (240, bodies));
     assert!(summary.counts.contacts_max > contacts, "few contacts");
     assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
-    assert!(summary.lowest_y >= -0.01, "sunk to {}", summary.lowest_y);
+    assert!(summary.lowest_y >= -0.02, "sunk to {}", summary.lowest_y);
     assert!(summary.deepest_overlap_percent < 2.0, "{} %", summary.deepest_overlap_percent);
 }
 

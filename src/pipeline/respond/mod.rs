@@ -1,0 +1,228 @@
+//! Which bodies leave their paths within the step: impacts in the order of time.
+//!
+//! At an impact both bodies stop, unless one of them is a pusher: a kinematic body, or a body that one pushes. What a pusher meets moves along the contact
+//! normal, as far as the pusher does, until an obstacle does not give way.
+//!
+//! A body that has left its path is no longer where others were swept against it, so their impacts with it are searched again from that instant on. A body
+//! goes through a few states and a limited number of pushes, so the loop ends.
+
+mod course;
+mod decision;
+
+use std::{cmp::Ordering, collections::BinaryHeap, time::Duration};
+
+use bevy::tasks::TaskPool;
+use glam::Vec3;
+
+use super::{
+    Body, Impact, Scratch, Statics, StepInput,
+    assemblies::Assemblies,
+    first_impact::{ImpactResult, Question, first_impact},
+    motion::PairMotion,
+    pairs::{BodyPair, PairsOf},
+    parallel::{self, Scratches},
+};
+use crate::{constants::MAX_PUSHES, geometry::Sweep};
+
+pub(super) use course::Courses;
+use course::{Course, State, displaced, displacement_at};
+use decision::{Decision, Obstacle, decide};
+
+/// A pair's impact in the queue. It is outdated if the pair's next impact is at another time by now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Event {
+    impact: Impact,
+    pair: usize,
+}
+
+impl Event {
+    /// When the bodies leave their paths, before the end of the step.
+    fn fraction(&self) -> f32 {
+        self.impact.fraction.min(1.0f32.next_down())
+    }
+}
+
+impl Eq for Event {}
+
+impl PartialOrd for Event {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Event {
+    /// The earliest comes first in a heap, and among those at the same time the first pair.
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.impact.fraction.total_cmp(&self.impact.fraction).then(other.pair.cmp(&self.pair))
+    }
+}
+
+/// What is kept from step to step, so that nothing has to be allocated anew.
+#[derive(Debug, Default)]
+pub(super) struct Buffers {
+    courses: Courses,
+    pairs_of: PairsOf,
+    assemblies: Assemblies,
+    queue: BinaryHeap<Event>,
+    /// When the next impact of each pair is, as a fraction of the step; infinite if there is none.
+    next: Vec<f32>,
+    happened: Vec<bool>,
+    outcomes: Vec<(u32, Course)>,
+    searches: Vec<(usize, f32)>,
+    found: Vec<Option<Impact>>,
+}
+
+/// Lets impacts happen one after the other. `results` then holds those that have happened.
+pub(super) fn run<'b>(
+    input: &StepInput,
+    statics: &Statics,
+    pairs: &[BodyPair],
+    results: &mut [ImpactResult],
+    buffers: &'b mut Buffers,
+    tasks: &Scratches<Scratch>,
+    pool: &TaskPool,
+) -> &'b Courses {
+    let Buffers { courses, pairs_of, assemblies, queue, next, happened, outcomes, searches, found } = buffers;
+    courses.reset(input.bodies.len());
+    queue.clear();
+    queue.extend((0..pairs.len()).filter(|&pair| pairs[pair].stops).filter_map(|pair| {
+        let impact = results[pair].impact.filter(|_| pairs[pair].bodies().any(|body| input.is_stopping(body)))?;
+        Some(Event { impact, pair })
+    }));
+    if queue.is_empty() {
+        return courses;
+    }
+    pairs_of.set(input.bodies.len(), pairs);
+    assemblies.set(input);
+    next.clear();
+    next.extend(results.iter().map(|result| fraction_of(result.impact)));
+    happened.clear();
+    happened.resize(pairs.len(), false);
+    let search = |courses: &Courses, results: &[ImpactResult], searches: &[(usize, f32)], found: &mut Vec<_>| {
+        parallel::map(pool, tasks, searches, 4, found, |scratch, _, &(pair, fraction)| {
+            impact_from(input, statics, &pairs[pair], courses, fraction, &results[pair], scratch)
+        });
+    };
+    while let Some(event) = queue.pop() {
+        if next[event.pair] != event.impact.fraction {
+            continue;
+        }
+        next[event.pair] = f32::INFINITY;
+        happened[event.pair] = true;
+        outcomes.clear();
+        respond(input, courses, assemblies, &pairs[event.pair], &event, outcomes);
+        outcomes.iter().for_each(|&(body, course)| courses.set(body, course));
+        // A pusher that turns meets what it pushes again.
+        let pushes = outcomes.iter().any(|(_, course)| course.state == State::Pushed);
+        let is_searched = |&pair: &usize| (pair != event.pair || pushes) && pairs[pair].stops;
+        let affected = outcomes.iter().flat_map(|(body, _)| pairs_of.of(*body)).filter(is_searched);
+        searches.clear();
+        searches.extend(affected.map(|pair| (pair, event.fraction())));
+        searches.sort_unstable_by_key(|(pair, _)| *pair);
+        searches.dedup();
+        search(courses, results, searches, found);
+        for (&(pair, _), found) in searches.iter().zip(found.drain(..)) {
+            next[pair] = fraction_of(found);
+            if !happened[pair] {
+                results[pair].impact = found;
+            }
+            queue.extend(found.map(|impact| Event { impact, pair }));
+        }
+    }
+    // Impacts at which nobody stops are searched once, when all courses are known.
+    searches.clear();
+    searches.extend(
+        (0..pairs.len())
+            .filter(|&pair| !pairs[pair].stops)
+            .filter_map(|pair| Some((pair, courses.searched_from(&pairs[pair], fraction_of(results[pair].impact))?))),
+    );
+    search(courses, results, searches, found);
+    for (&(pair, _), found) in searches.iter().zip(found.drain(..)) {
+        results[pair].impact = found;
+    }
+    courses
+}
+
+/// Adds the courses on which an impact sends the bodies of a pair, and those that are joined with them.
+fn respond(
+    input: &StepInput,
+    courses: &Courses,
+    assemblies: &Assemblies,
+    pair: &BodyPair,
+    event: &Event,
+    outcomes: &mut Vec<(u32, Course)>,
+) {
+    let (impact, fraction) = (&event.impact, event.fraction());
+    let sides = [(pair.first, pair.second, -impact.normal), (pair.second, pair.first, impact.normal)];
+    for (side, other, away) in sides {
+        let Some(body) = side.body().filter(|&body| input.is_stopping(body)) else { continue };
+        let advance = |body: u32| displacement_at(&courses.sweep_from(input, body, fraction), impact.point).dot(away);
+        let pusher = |other: u32, gives_way: bool| Obstacle::Pusher {
+            approach: advance(other) - advance(body),
+            gives_way,
+            exhausted: courses.pushed(body) >= courses.push_reach(input, other),
+        };
+        let obstacle = match other.body() {
+            None => Obstacle::Fixed,
+            Some(other) if !input.is_stopping(other) => pusher(other, false),
+            Some(other) if courses.state(other) == State::Pushed => pusher(other, true),
+            Some(other) => Obstacle::Stopping(courses.state(other)),
+        };
+        let decision = decide(courses.state(body), obstacle);
+        let mut push = Push { displacement: Vec3::ZERO, pushed: courses.pushed(body), reach: 0.0 };
+        if let (Obstacle::Pusher { approach, .. }, Some(other)) = (obstacle, other.body()) {
+            push.reach = courses.push_reach(input, other);
+            let length = approach.clamp(0.0, (push.reach - push.pushed).max(0.0));
+            push.displacement = away * length;
+            // A push that moves nothing counts as well, so that there are not many.
+            push.pushed += length.max(push.reach / MAX_PUSHES as f32);
+        }
+        outcomes.extend(assemblies.of(input, body).filter_map(|body| {
+            let now = courses.sweep_from(input, body, fraction);
+            Some((body, course(&input.bodies[body as usize], fraction, &now, decision, &push)?))
+        }));
+    }
+}
+
+/// What a pusher does to a body.
+struct Push {
+    /// More displacement until the end of the step, in metres.
+    displacement: Vec3,
+    /// How far the body is pushed in the step by then, and how far it may be, in metres.
+    pushed: f32,
+    reach: f32,
+}
+
+/// The course of a body after a decision; none if it goes on. `now`: its motion from the fraction on.
+fn course(body: &Body, from: f32, now: &Sweep, decision: Decision, push: &Push) -> Option<Course> {
+    let (state, rest) = match decision {
+        Decision::GoOn => return None,
+        Decision::Stop => (State::Stopped, Sweep::at_rest(now.start)),
+        Decision::Wedge => (State::Wedged, Sweep::at_rest(now.start)),
+        Decision::Push => (State::Pushed, displaced(now, body.free_path(push.displacement))),
+    };
+    Some(Course { from, rest, state, pushed: push.pushed, push_reach: push.reach })
+}
+
+/// When an impact is, as a fraction of the step; infinite if there is none.
+fn fraction_of(impact: Option<Impact>) -> f32 {
+    impact.map_or(f32::INFINITY, |impact| impact.fraction)
+}
+
+/// The first impact of a pair from a fraction on. `before`: the result for the whole step, had no body left its path.
+fn impact_from(
+    input: &StepInput,
+    statics: &Statics,
+    pair: &BodyPair,
+    courses: &Courses,
+    fraction: f32,
+    before: &ImpactResult,
+    scratch: &mut Scratch,
+) -> Option<Impact> {
+    let motions = PairMotion::all(input, statics, pair, |body| courses.sweep_from(input, body, fraction));
+    let times = [pair.first, pair.second].map(|side| courses.times(side, fraction));
+    let question = Question { input, statics, pair, known: None, times, normal: before.normal };
+    // The time of searches from impacts on is not split among stages.
+    let found = first_impact(&question, motions, scratch, || Duration::ZERO).impact?;
+    Some(Impact { fraction: fraction + (1.0 - fraction) * found.fraction, ..found })
+}

@@ -1,0 +1,109 @@
+//! Overlaps that impacts leave to the solver: functions of a few lengths of a pair.
+
+use super::{Statics, StepInput, pairs::BodyPair};
+use crate::constants::{CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP, SLOP_OF_SIZE, TOUCH_DISTANCE};
+
+/// Lengths of a pair of bodies, in metres.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tolerances {
+    /// Bounding radius of the smaller body.
+    pub size: f32,
+    /// Distance at which the bodies are in touch.
+    pub touch: f32,
+    /// Overlap that a contact may gain in a step: what the solver leaves at a contact at rest.
+    pub slop: f32,
+    /// By how much the core of either side is smaller, where its primitives are thick.
+    core_depths: [f32; 2],
+    /// Overlap up to which the solver handles contacts that it has already had.
+    known_limit: f32,
+    /// True if one of the bodies has been held up by impacts for a whole step.
+    held: bool,
+}
+
+impl Tolerances {
+    /// The tolerances of a pair whose smaller body has this bounding radius in metres.
+    pub fn new(input: &StepInput, statics: &Statics, pair: &BodyPair, size: f32) -> Self {
+        let slop = LINEAR_SLOP * input.length_unit;
+        Self {
+            size,
+            touch: TOUCH_DISTANCE * input.length_unit,
+            slop: slop.min(SLOP_OF_SIZE * size),
+            core_depths: [pair.first, pair.second].map(|side| size * input.core_depth(statics, side)),
+            known_limit: (10.0 * slop).max(KNOWN_OVERLAP * size),
+            held: pair.bodies().any(|body| input.bodies[body as usize].held),
+        }
+    }
+
+    /// Lets surfaces count instead of cores, and the least growth of an overlap.
+    pub fn use_surfaces(&mut self) {
+        (self.core_depths, self.slop, self.known_limit) = ([0.0; 2], 0.0, f32::INFINITY);
+    }
+
+    /// Overlap at which the cores of two primitives touch. A core has the same centres and smaller radii: by a part of the least radius of the primitive,
+    /// or by the depth of its side. `radii`: the least of either primitive; 0 for a part of another collider, which has no core.
+    pub fn core_overlap(&self, radii: [f32; 2]) -> f32 {
+        let core = |side: usize| (CORE_FRACTION * radii[side]).min(self.core_depths[side]);
+        core(0) + core(1)
+    }
+
+    /// Overlap up to which the solver handles the contact of two primitives of bodies that were in touch at the start of the step.
+    ///
+    /// `thickness`: that of both primitives together. `overlap`: theirs now. `deepest`: that of any primitives of the bodies at the start, as a body that
+    /// slides comes upon the next primitives as deep as that.
+    ///
+    /// The result is a slop more than the deepest overlap, up to a limit. At the limit bodies would stop in every step, although the solver may hold them
+    /// already while they turn about each other. So bodies that were held up for a whole step may gain slops beyond the limit. Bodies that overlap by twice the
+    /// limit were put into each other. They gain as much in each step, so that they can come apart.
+    ///
+    /// Thin primitives would be past each other, so they gain no more than a part of their thickness.
+    pub fn known_overlap(&self, thickness: f32, overlap: f32, deepest: f32) -> f32 {
+        let thin = CORE_FRACTION * thickness;
+        let spawned = 2.0 * self.known_limit;
+        if deepest > spawned {
+            return overlap + spawned.min(thin);
+        }
+        // A little less, as rounding must not let pressed bodies pass for spawned ones.
+        let limit = if self.held { 0.95 * spawned } else { self.known_limit };
+        (deepest + self.slop.min(thin)).min(limit.min(2.0 * thin)).max(overlap)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PAIR: Tolerances =
+        Tolerances { size: 0.5, touch: 1e-3, slop: 1e-3, core_depths: [4e-3; 2], known_limit: 0.01, held: false };
+
+    #[test]
+    fn cores_are_a_part_of_thin_primitives_and_absent_in_other_colliders() {
+        assert_eq!(PAIR.core_overlap([0.1, 0.1]), 8e-3);
+        assert_eq!(PAIR.core_overlap([0.01, 0.1]), CORE_FRACTION * 0.01 + 4e-3);
+        assert_eq!(PAIR.core_overlap([0.1, 0.0]), 4e-3);
+    }
+
+    #[test]
+    fn known_contacts_gain_a_slop_a_step_up_to_a_limit() {
+        let known = |deepest: f32| PAIR.known_overlap(0.2, 0.0, deepest);
+        assert_eq!([0.0, 0.005, 0.0095, 0.015].map(known), [1e-3, 0.005 + 1e-3, 0.01, 0.01]);
+        // No contact is deeper than allowed at the start.
+        assert_eq!(PAIR.known_overlap(0.2, 0.013, 0.013), 0.013);
+        let held = Tolerances { held: true, ..PAIR };
+        assert_eq!(held.known_overlap(0.2, 0.0, 0.015), 0.015 + 1e-3);
+        assert!(held.known_overlap(0.2, 0.0, 0.0199) < 0.0199);
+    }
+
+    #[test]
+    fn bodies_that_were_put_into_each_other_may_come_apart() {
+        assert_eq!(PAIR.known_overlap(0.2, 0.05, 0.05), 0.07);
+        assert_eq!(PAIR.known_overlap(0.2, 0.0, 0.05), 0.02);
+    }
+
+    #[test]
+    fn thin_primitives_gain_less_than_their_thickness() {
+        let thickness = 1e-3;
+        assert!(PAIR.known_overlap(thickness, 0.0, 0.0) < 0.5 * thickness);
+        assert!(PAIR.known_overlap(thickness, 0.0, 5e-3) < thickness);
+        assert!(PAIR.known_overlap(thickness, 0.0, 0.1) < 0.5 * thickness);
+    }
+}
