@@ -1,4 +1,4 @@
-//! The figures of the page on the step, from what a step finds: a rod and a thin wall, and balls that stop at a floor.
+//! Draws the figures of the page on the step with the results of real steps: a rod and a thin wall, and balls that stop at a floor.
 //!
 //! ```text
 //! cargo run --release -p bevy_medial_compare --bin ccd_pictures -- [DIR]
@@ -132,7 +132,7 @@ fn sweep(file: PathBuf) -> Drawn {
         scene.draw_obstacle(&ends)?;
         scene.draw(&ends, start, BODY.filled())?;
         scene.draw(&ends, end, BODY.mix(0.45).filled())?;
-        let way = panel(right, "The way between them", "It meets the wall, and ends the step there.")?;
+        let way = panel(right, "The path between them", "It meets the wall, and ends the step there.")?;
         for i in 1..12 {
             scene.draw(&way, scene.body.sweep.pose_at(i as f32 / 12.0), BODY.mix(0.35).stroke_width(1))?;
         }
@@ -151,11 +151,11 @@ fn sweep(file: PathBuf) -> Drawn {
 /// A ball that stops at the floor with its surface, and one that stops with its core.
 fn cores(file: PathBuf) -> Drawn {
     let (radius, depth, floor) = (0.4, 0.25, 0.93);
-    let [start, end] = [1.8, 0.6].map(|y| Pose3::from_translation(Vec3::new(1.85, y, 0.0)));
+    let [start, end] = [1.8, 0.85].map(|y| Pose3::from_translation(Vec3::new(1.85, y, 0.0)));
     figure(file, |[left, right]| {
         let panels = [
             (left, "First touch of surfaces", "The solver has no overlap to work with.", 0.0),
-            (right, "First touch of cores", "The solver handles the overlap. (The core is exaggerated.)", depth),
+            (right, "First touch of cores", "The solver handles the overlap (exaggerated).", depth),
         ];
         for (area, title, sentence, core_depth) in panels {
             let half_extents = Vec3::new(1.65, 0.08, 1.0);

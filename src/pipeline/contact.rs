@@ -109,7 +109,7 @@ pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Into<Rea
     find_with(shape1, second, pose12, reach.into(), Culling::Hybrid, contacts, &mut Buffers::default());
 }
 
-/// The same with buffers, where contacts is empty.
+/// The same with buffers. `contacts` has to be empty.
 pub(super) fn find_with(
     shape1: &Shape,
     second: Second,
@@ -119,18 +119,18 @@ pub(super) fn find_with(
     contacts: &mut Vec<Contact>,
     buffers: &mut Buffers,
 ) {
-    let mut find = |prediction: f32, contacts: &mut Vec<Contact>| match second {
+    let mut find = |reach: Reach, contacts: &mut Vec<Contact>| match second {
         Second::Shape(shape2) => {
             let all = (culling == Culling::None).then(|| mid_phase::all(shape1.len(), shape2.len()));
-            of_shapes(shape1, shape2, pose12, prediction, reach.length_unit, all, contacts, buffers);
+            of_shapes(shape1, shape2, pose12, reach, all, contacts, buffers);
         }
-        Second::Parts(parts) => of_parts(shape1, parts, pose12, prediction, reach.length_unit, contacts, buffers),
+        Second::Parts(parts) => of_parts(shape1, parts, pose12, reach, contacts, buffers),
     };
-    find(reach.prediction, contacts);
+    find(reach, contacts);
     let touch = reach.touch();
     if reach.in_touch > reach.prediction && contacts.iter().any(|contact| contact.distance <= touch) {
         contacts.clear();
-        find(reach.in_touch, contacts);
+        find(Reach::new(reach.in_touch, reach.length_unit), contacts);
     }
 }
 
@@ -139,8 +139,7 @@ fn of_parts(
     shape1: &Shape,
     parts: &dyn ConvexParts,
     pose12: &Pose3,
-    prediction: f32,
-    length_unit: f32,
+    Reach { prediction, length_unit, .. }: Reach,
     contacts: &mut Vec<Contact>,
     buffers: &mut Buffers,
 ) {
@@ -163,8 +162,7 @@ fn of_shapes(
     shape1: &Shape,
     shape2: &Shape,
     pose12: &Pose3,
-    prediction: f32,
-    length_unit: f32,
+    Reach { prediction, length_unit, .. }: Reach,
     candidates: Option<impl IntoIterator<Item = [u32; 2]>>,
     contacts: &mut Vec<Contact>,
     Buffers { near, settled, taken, seams }: &mut Buffers,

@@ -196,7 +196,7 @@ impl Search<'_> {
         }
         let (result, SearchBuffers { chords: all_chords, approaching, grazes, .. }) =
             (&mut self.result, &mut *self.buffers);
-        // The nearest are likely to meet first, and what is farther off than they leave time for is not looked at.
+        // The nearest primitives are likely to meet first. Later pairs are then searched for a shorter time.
         approaching.sort_unstable_by(|a, b| {
             let order = a.2.distance().total_cmp(&b.2.distance());
             order.then_with(|| (a.0, a.1).cmp(&(b.0, b.1)))

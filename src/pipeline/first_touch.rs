@@ -15,8 +15,8 @@ use super::{
 /// The first impact of two bodies on their ways, with no overlap allowed: where they touch, or where an overlap that they have from the
 /// start on grows. None if neither happens, or if the first is not medial.
 ///
-/// Found as in a step, except that surfaces count instead of cores: no farther than the chords stray from the true motion before it, and never after it but for rounding.
-/// Whether the bodies may collide at all is not asked.
+/// A step searches in the same way for cores instead of surfaces. Chords stray a little from the true motion: the result is early by at most that distance. It
+/// is late only by rounding. The function does not consider collision groups.
 ///
 /// `primitives` of the first and the second, in any order, that may meet, if culling is done elsewhere. The second has to be medial as well then. They count
 /// for a way that is searched at once: a longer one has to be cut into its [parts](search_parts) first.

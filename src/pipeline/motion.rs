@@ -186,7 +186,7 @@ impl<'a> PairMotion<'a> {
         self.shape1.hull(first).max_radius() + second
     }
 
-    /// True if nothing moves so far that an overlap could grow by what counts.
+    /// True if no point moves farther than the slop, so that no overlap can grow by more.
     pub fn is_short(&self) -> bool {
         self.path() <= self.tolerances.slop
     }

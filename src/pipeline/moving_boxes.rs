@@ -215,7 +215,7 @@ mod tests {
     use crate::{geometry::Primitive, medial_axis::MedialAxis, random::Random};
 
     impl MovingBox {
-        /// The box that holds all of its way, at rest.
+        /// The box at rest that holds the whole path.
         fn span(&self) -> Self {
             Self { min: [self.min[0].min(self.min[1]); 2], max: [self.max[0].max(self.max[1]); 2] }
         }

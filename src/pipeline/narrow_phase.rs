@@ -49,7 +49,7 @@ pub(super) fn manifolds(
     pool: &TaskPool,
 ) {
     parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
-        // Of those that sleep, and are not pushed, nobody asks.
+        // Rapier asks for no contacts of sleeping bodies that are not pushed.
         if !pair.bodies().any(|body| input.bodies[body as usize].active || courses.leaves_path(body)) {
             return;
         }

@@ -39,8 +39,8 @@ impl Tolerances {
         (self.core_depths, self.slop, self.known_limit) = ([0.0; 2], 0.0, f32::INFINITY);
     }
 
-    /// Overlap at which the cores of two primitives touch. A core has the same centres and smaller radii: by a part of the least radius of the primitive,
-    /// or by the depth of its side. `radii`: the least of either primitive; 0 for a part of another collider, which has no core.
+    /// Overlap at which the cores of two primitives touch. A core has the same centres and smaller radii: by a part of the primitive's minimum radius,
+    /// or by the depth of its side. `radii`: the minimum radius of either primitive; 0 for a part of another collider, which has no core.
     pub fn core_overlap(&self, radii: [f32; 2]) -> f32 {
         let core = |side: usize| (CORE_FRACTION * radii[side]).min(self.core_depths[side]);
         core(0) + core(1)

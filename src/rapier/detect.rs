@@ -123,6 +123,7 @@ pub(super) fn snapshot(
     let snapshot = snapshot.as_mut();
     let mut paces = HashMap::new();
     let mut reach = Reach::new(0.0, 0.0);
+    let dt = to_come(&mode, &time);
     snapshot.starts.clear();
     snapshot.leads.clear();
     snapshot.leads.extend(contexts.iter().map(|context| (context.entity, context.lead.diff)));
@@ -131,7 +132,6 @@ pub(super) fn snapshot(
         let Reach { prediction, length_unit, .. } = context.reach();
         reach.prediction = reach.prediction.max(prediction);
         reach.length_unit = reach.length_unit.max(length_unit);
-        let dt = to_come(&mode, &time);
         for (handle, collider) in context.colliders.colliders.iter() {
             let body = context.body(collider);
             let Some(moving) = body.filter(|body| !body.is_fixed()) else { continue };
@@ -450,10 +450,10 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
     step.statics = Statics::new(bodies);
 }
 
-/// Moves bodies back to where they stop, with the velocities that they have there: the next step then resolves a true contact at a
-/// true pose. What is left of the step is owed to them, with the velocity that gravity has given them for it.
+/// Moves bodies back to where they stop, with the velocities that they have there, so that the next step solves a true contact at a true pose. The rest
+/// of the step is owed to them, with the velocity that gravity has given them for it.
 ///
-/// Those whose motion has ended elsewhere than rapier's are moved there.
+/// Bodies whose motion ends elsewhere than rapier's are moved there.
 fn stop_bodies(
     step: &MedialStep,
     astray: &[u32],
@@ -503,7 +503,7 @@ fn stop_bodies(
 
 /// Time that bodies have not moved for, as they stopped at an impact: their next step is longer by it.
 ///
-/// It belongs to what has to be [saved and restored](super) with a world.
+/// This resource has to be [saved and restored](super) with a world.
 #[derive(Resource, Clone, Debug, Default, Reflect)]
 #[reflect(Resource, Default, Clone)]
 pub struct OwedTime(#[reflect(ignore, clone)] HashMap<BodyKey, Owed>);
@@ -514,7 +514,7 @@ type BodyKey = (Entity, RigidBodyHandle);
 #[derive(Clone, Copy, Debug, Default)]
 struct Owed {
     seconds: f32,
-    /// What gravity adds to the velocity in that time, in metres per second.
+    /// The velocity that gravity adds in that time, in metres per second.
     velocity: Vec3,
     /// True if it would be more than a step.
     is_full: bool,

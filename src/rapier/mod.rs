@@ -25,7 +25,8 @@
 //! A copy of the context in memory replays to the same bits: clone `RapierRigidBodySet`, `RapierContextColliders`, `RapierContextJoints` and, of
 //! `RapierContextSimulation`, which is no `Clone`, the fields `islands`, `broad_phase`, `narrow_phase` and `ccd_solver`; put them back with a new
 //! `PhysicsPipeline`, and the `Transform` and `Velocity` of each body with them; for `TimestepMode::Interpolated` the context's
-//! `SimulationToRenderTime` as well, and the resource [`OwedTime`]. No entity that has a body may have come or gone in between. Messages of touches go on from what was told last.
+//! `SimulationToRenderTime` as well, and the resource [`OwedTime`]. No entity that has a body may have come or
+//! gone in between. Messages of touches continue from the last one that was sent.
 //! A file cannot hold it: parry reads no custom shape back, and a narrow phase that is read back has lost its dispatcher. There, save the
 //! components (`Transform`, `Velocity`, `MedialMesh` by its path) and spawn them again: contacts then start without what the solver knew of
 //! them.

@@ -7,7 +7,7 @@ use crate::{
     pipeline::{Side, StepInput, pairs::BodyPair},
 };
 
-/// What has happened to a body within the step. A body only ever goes on to a later state.
+/// The state of a body within the step. A body only ever changes to a later state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::pipeline) enum State {
     /// It follows its own path.
@@ -27,7 +27,7 @@ pub(super) struct Course {
     pub from: f32,
     /// The motion over the rest of the step.
     pub rest: Sweep,
-    /// What the impact has made of the body.
+    /// The state of the body from then on.
     pub state: State,
     /// How far the body has been pushed in the step, in metres.
     pub pushed: f32,

@@ -1,8 +1,8 @@
-//! What an impact does to a body: a pure function of both bodies' states.
+//! Decides how an impact changes a body's state: a pure function of both bodies' states.
 
 use super::course::State;
 
-/// What an impact makes of a body.
+/// The effect of an impact on a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Decision {
     /// It goes on as before.
@@ -15,7 +15,7 @@ pub(super) enum Decision {
     Wedge,
 }
 
-/// What a body meets.
+/// The other side of an impact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Obstacle {
     /// A body that no impact moves: a static, or one that is at rest for the rest of the step.

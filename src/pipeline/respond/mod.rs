@@ -1,7 +1,7 @@
 //! Which bodies leave their paths within the step: impacts in the order of time.
 //!
-//! At an impact both bodies stop, unless one of them is a pusher: a kinematic body, or a body that one pushes. What a pusher meets moves along the contact
-//! normal, as far as the pusher does, until an obstacle does not give way.
+//! At an impact both bodies stop, unless one of them is a pusher: a kinematic body, or a body that one pushes. A pusher moves the other body along the
+//! contact normal, and no farther than it moves itself, until it meets an obstacle that cannot be pushed.
 //!
 //! A body that has left its path is no longer where others were swept against it, so their impacts with it are searched again from that instant on. A body
 //! goes through a few states and a limited number of pushes, so the loop ends.
@@ -57,14 +57,14 @@ impl Ord for Event {
     }
 }
 
-/// What is kept from step to step, so that nothing has to be allocated anew.
+/// Buffers that are reused from step to step.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     courses: Courses,
     pairs_of: PairsOf,
     assemblies: Assemblies,
     queue: BinaryHeap<Event>,
-    /// When the next impact of each pair is, as a fraction of the step; infinite if there is none.
+    /// The fraction of the step at which the next impact of each pair is; infinite without one.
     next: Vec<f32>,
     happened: Vec<bool>,
     outcomes: Vec<(u32, Course)>,
@@ -129,7 +129,7 @@ pub(super) fn run<'b>(
             queue.extend(found.map(|impact| Event { impact, pair }));
         }
     }
-    // Impacts at which nobody stops are searched once, when all courses are known.
+    // Impacts that stop no body are searched once, when all courses are known.
     searches.clear();
     searches.extend(
         (0..pairs.len())
@@ -184,7 +184,7 @@ fn respond(
     }
 }
 
-/// What a pusher does to a body.
+/// The displacement of a body by a pusher.
 struct Push {
     /// More displacement until the end of the step, in metres.
     displacement: Vec3,
@@ -204,7 +204,7 @@ fn course(body: &Body, from: f32, now: &Sweep, decision: Decision, push: &Push) 
     Some(Course { from, rest, state, pushed: push.pushed, push_reach: push.reach })
 }
 
-/// When an impact is, as a fraction of the step; infinite if there is none.
+/// The fraction of the step at which an impact is; infinite without one.
 fn fraction_of(impact: Option<Impact>) -> f32 {
     impact.map_or(f32::INFINITY, |impact| impact.fraction)
 }
