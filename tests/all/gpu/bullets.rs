@@ -55,7 +55,7 @@ fn check(app: fn(f32) -> App, cells: Range<usize>) {
 #[test]
 fn bullets_hit_where_the_gpu_is_waited_for() {
     if device().is_some() {
-        check(waiting, 0..6);
+        check(waiting, 0..4);
     }
 }
 
@@ -70,7 +70,7 @@ fn exhaustive_bullets_hit_where_the_gpu_is_waited_for() {
 #[test]
 fn bullets_hit_where_the_gpu_looks_ahead() {
     if device().is_some() {
-        check_ahead(6..12, 30);
+        check_ahead(8..12, 20);
     }
 }
 

@@ -47,7 +47,7 @@ pub fn compare(
 
 #[test]
 fn nothing_is_lost() {
-    check_random_steps(60);
+    check_random_steps(30);
 }
 
 #[test]

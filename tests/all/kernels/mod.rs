@@ -150,7 +150,7 @@ impl Separations {
 
 #[test]
 fn separation_agrees_with_reference() {
-    check_separation(setting("KERNEL_PAIRS", 400));
+    check_separation(setting("KERNEL_PAIRS", 150));
 }
 
 #[test]

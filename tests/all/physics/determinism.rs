@@ -58,20 +58,20 @@ fn a_step_of_a_scene_does_not_depend_on_the_number_of_threads() {
         for number in 0..120 {
             app.update();
             let medial = app.world().resource::<MedialStep>();
-            if number % 3 == 0 {
+            if number % 6 == 0 {
                 check(&medial.input, &medial.statics, &pools);
                 total.iter_mut().zip(tally(&medial.output)).for_each(|(sum, count)| *sum += count);
             }
         }
     }
     println!("impacts, contacts, stops, pairs {total:?}");
-    assert!(total[0] > 100 && total[1] > 5000 && total[2] > 100);
+    assert!(total[0] > 50 && total[1] > 2500 && total[2] > 50);
 }
 
 #[test]
 fn a_random_step_does_not_depend_on_the_number_of_threads() {
     let pools = pools();
-    for seed in 0..100 {
+    for seed in 0..40 {
         let (input, statics) = random_step(&mut Random(seed), 60, 30, 4.0, Vec3::ZERO);
         check(&input, &statics, &pools);
     }
