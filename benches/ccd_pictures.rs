@@ -1,10 +1,10 @@
-//! Draws the figures of the page on the step with the results of real steps: a rod and a thin wall, and balls that stop at a floor.
+//! Draws the figures of `docs/step.md` from the results of real steps: a rod at a thin wall, and balls that stop at a floor.
 //!
 //! ```text
 //! cargo run --release -p bevy_medial_compare --bin ccd_pictures -- [DIR]
 //! ```
 //!
-//! Writes `step_sweep.svg` and `step_core.svg`, into `docs/images` if no folder is named.
+//! Writes `step_sweep.svg` and `step_core.svg`. Default folder: `docs/images`.
 
 use std::{env, error::Error, f32::consts::TAU, path::PathBuf};
 
@@ -25,16 +25,16 @@ use plotters::{
 type Panel<'a> = DrawingArea<SVGBackend<'a>, Cartesian2d<RangedCoordf32, RangedCoordf32>>;
 type Drawn = Result<(), Box<dyn Error>>;
 
-/// Of a figure, in pixels; it has two panels.
+/// Size of a figure of two panels, in pixels.
 const SIZE: (u32, u32) = (760, 250);
-/// Of a panel, in metres of the scene.
+/// Size of a panel, in metres of the scene.
 const WIDTH: f32 = 3.8;
 const HEIGHT: f32 = 2.5;
 const BODY: RGBColor = RGBColor(217, 130, 43);
 const FIXED: RGBColor = RGBColor(119, 119, 119);
 const INK: RGBColor = RGBColor(34, 34, 34);
 
-/// A body, its motion, and a box in its way.
+/// A body, its motion, and a box as an obstacle.
 struct Scene {
     body: Body,
     obstacle: Obb,
@@ -48,7 +48,7 @@ impl Scene {
         Self { body: Body::new(shape, sweep), obstacle }
     }
 
-    /// Where the step ends.
+    /// The pose of the body at the end of the step.
     fn stop(&self) -> Pose3 {
         let statics = Statics::new(vec![StaticBody::solid_box(self.obstacle)]);
         let input = StepInput {
@@ -71,7 +71,7 @@ impl Scene {
                 .spheres()
                 .iter()
                 .map(|sphere| pose.transform_point(sphere.center) + direction * sphere.radius);
-            // The hull of its spheres: the farthest point each way.
+            // The outline of the hull of the spheres: the farthest point in each direction.
             ends.max_by(|a, b| a.dot(direction).total_cmp(&b.dot(direction))).map(|point| (point.x, point.y))
         });
         let (style, outline): (ShapeStyle, Vec<_>) = (style.into(), outline.collect());
@@ -148,7 +148,7 @@ fn sweep(file: PathBuf) -> Drawn {
     })
 }
 
-/// A ball that stops at the floor with its surface, and one that stops with its core.
+/// Two balls at a floor: one stops at the first touch of its surface, the other at the first touch of its core.
 fn cores(file: PathBuf) -> Drawn {
     let (radius, depth, floor) = (0.4, 0.25, 0.93);
     let [start, end] = [1.8, 0.85].map(|y| Pose3::from_translation(Vec3::new(1.85, y, 0.0)));

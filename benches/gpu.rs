@@ -1,14 +1,15 @@
-//! The GPU back end by itself: time of each pass, as the device reports it, and of a whole call with upload, wait and readback.
+//! Times of the GPU back end alone: each pass, as reported by the device, and a whole call with upload, wait and readback.
 //!
 //! ```text
 //! cargo run --release -p bevy_medial_compare --bin gpu -- [--quick] [--out DIR]
 //! ```
 //!
-//! - the scenes: the inputs of a run's active steps, culled again on the GPU and on the CPU (with all its threads); medians;
-//! - the round trip of a call for two bodies, then 10 to 10,000 tori of 180 primitives in a heap, and from where on the GPU is faster;
-//! - times of impact of 2.1 million primitive pairs, the paper's brute force.
+//! - scenes: medians over the active steps of a run, whose inputs are culled again on the GPU and on all threads of the CPU;
+//! - heaps: the round trip of a call for two bodies, heaps of 10 to 10,000 tori of 180 primitives, and the size from which the GPU is faster;
+//! - brute force: times of impact of 2.1 million primitive pairs, as in the paper.
 //!
-//! Each is done for a second before it is measured, as a device that has been idle is slower. The built program needs nothing but a graphics driver; a software one will do.
+//! A warm-up of one second precedes each measurement, because an idle device is slower. The built program needs only a graphics driver. A software
+//! driver is enough.
 
 use std::{
     path::PathBuf,
@@ -40,13 +41,13 @@ use serde::Serialize;
 
 #[derive(Parser)]
 struct Args {
-    /// Few steps and small heaps, to try it.
+    /// Few steps and small heaps: a short test of the program.
     #[arg(long)]
     quick: bool,
     /// Folder for `gpu.csv`.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Folder of other models than the crate's own.
+    /// Folder of models to use instead of the models of the crate.
     #[arg(long)]
     models: Option<PathBuf>,
 }
@@ -57,16 +58,16 @@ macro_rules! models {
     };
 }
 
-/// The crate's models, in the program itself.
+/// The models of the crate, embedded in the program.
 const MODELS: [(&str, &[u8]); 10] =
     models!["armadillo" "bear" "bug" "bunny" "cow" "deer" "dinosaur" "dolphin" "spider" "torus"];
 
 /// The passes, in order.
 const PASSES: [&str; 7] = ["place", "sort", "tree", "broad", "chords", "mid", "narrow"];
 
-/// For so long a thing is done before it is measured.
+/// Duration of the warm-up before a measurement.
 const WARM_UP: Duration = Duration::from_secs(1);
-/// After so long no other step is begun.
+/// Time limit of a measurement. After it, no further step is started.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Cost of a step. Times are in milliseconds.
@@ -76,9 +77,9 @@ struct Row {
     gpu: String,
     what: String,
     bodies: usize,
-    /// Those that brute force would test.
+    /// Primitive pairs that brute force would test.
     primitive_pairs: usize,
-    /// Those whose time of impact the GPU computed.
+    /// Primitive pairs whose time of impact the GPU computed.
     tested: usize,
     place_ms: f64,
     sort_ms: f64,
@@ -87,11 +88,11 @@ struct Row {
     chords_ms: f64,
     mid_ms: f64,
     narrow_ms: f64,
-    /// With upload, wait and readback.
+    /// Time of a call with upload, wait and readback.
     call_ms: f64,
-    /// Broad and mid phase on the CPU; of brute force the same as on the GPU, on one thread.
+    /// Broad and mid phase on the CPU. For brute force: the times of impact on one thread.
     cpu_ms: f64,
-    /// That the narrow phase tests in a second of the GPU's time.
+    /// Primitive pairs that the narrow phase tests per second of GPU time.
     pairs_per_second: f64,
 }
 
@@ -146,7 +147,7 @@ fn models(args: &Args) -> Result<Vec<Model>, Box<dyn std::error::Error>> {
 /// The input of a step.
 type Given = (StepInput, Statics);
 
-/// The active steps of a scene.
+/// The inputs of the active steps of a scene.
 fn scene(models: &[Model], name: &str, steps: usize) -> Result<Vec<Given>, Box<dyn std::error::Error>> {
     let mut app = headless_app(1.0 / 60.0);
     Scene::by_name(name).ok_or("no such scene")?.spawn(app.world_mut(), models, 1);
@@ -187,7 +188,7 @@ impl Row {
         self.cpu_ms = milliseconds(cpu.times.broad + cpu.times.mid);
     }
 
-    /// Prints the row, with its subject and the device.
+    /// Completes the row with the date, its subject and the device, and prints it.
     fn told(mut self, gpu: &GpuDevice, what: &str) -> Self {
         (self.date, self.gpu, self.what) = (today(), gpu.name().into(), what.into());
         if self.narrow_ms > 0.0 {
@@ -208,7 +209,7 @@ impl Row {
     }
 }
 
-/// The medians of some steps, or of as many as there is time for.
+/// Measures the steps until [`PATIENCE`] is over, and returns the medians. `None` if there are no steps.
 fn measure(gpu: &GpuDevice, what: &str, steps: &[Given]) -> Result<Option<Row>, GpuError> {
     let mut culling = GpuCulling::new(gpu, GpuCapacity::default())?;
     let clock = Instant::now();
@@ -237,7 +238,7 @@ fn measure(gpu: &GpuDevice, what: &str, steps: &[Given]) -> Result<Option<Row>, 
 
 /// Falling tori in layers on a ground, each near its neighbours.
 fn heap(bodies: usize) -> Given {
-    let axis = MedialAxis::torus(0.2, 0.05, 180).expect("it has proper radii");
+    let axis = MedialAxis::torus(0.2, 0.05, 180).expect("the radii are valid");
     let side = (bodies as f32).cbrt().ceil() as usize;
     let body = |index: usize| {
         let cell = [index % side, index / (side * side), index / side % side].map(|i| i as f32);
@@ -253,7 +254,7 @@ fn heap(bodies: usize) -> Given {
     (input, Statics::new(vec![StaticBody::solid_box(ground)]))
 }
 
-/// Times of impact of moving cones, in as many parts as the device wants.
+/// Times of impact of moving cones, in calls of at most 2^17 pairs.
 fn brute_force(gpu: &GpuDevice, count: usize) -> Result<Row, GpuError> {
     let mut impacts = GpuImpacts::new(gpu)?;
     let cone = |i: usize, x: f32| {

@@ -1,11 +1,11 @@
-//! Kernels, and the hierarchies that lead to them.
+//! Benchmarks of kernels, and of hierarchies over primitives:
 //!
-//! - separation and time of impact, one by one and many at once, for each kind of pair, over random pairs; the share of hits is printed;
-//! - time of impact of the pairs of a file, for each of its kinds and categories, where the file is there:
-//!   `../shared/pairs/moving_pairs.txt`, or the file that `MOVING_PAIRS` names, in the format of `examples/pairs.rs`;
+//! - separation and time of impact of random pairs of each kind, one at a time and many at once; the share of hits is printed;
+//! - time of impact of the pairs of a file, for each kind and category in it. The default is `../shared/pairs/moving_pairs.txt`, if it exists.
+//!   The environment variable `MOVING_PAIRS` selects another file. `examples/pairs.rs` documents the format;
 //! - rays against each kind of primitive; the share of hits is printed;
-//! - building a hierarchy over the primitives of each model, and two of it against each other;
-//! - products and sums of f32, as many as a core can do.
+//! - construction of a hierarchy over the primitives of each model, and a search for overlaps between two copies of it;
+//! - the max rate of products and sums of f32 of a core.
 
 use std::{collections::BTreeMap, hint::black_box, path::Path, time::Duration};
 
@@ -99,10 +99,10 @@ fn kernels(criterion: &mut Criterion) {
     bench_pair::<3, _>(criterion, "slab-box", cuboid);
 }
 
-/// A way to find the answers of many pairs.
+/// A function that solves many pairs.
 type Solve = Box<dyn Fn() -> Vec<Touch>>;
 
-/// One by one, and many at once where that can be, for pairs of one kind.
+/// Solvers for pairs of one kind: one pair at a time, and many at once if the kind supports it.
 fn solvers(pairs: &[Pair]) -> (Solve, Option<Solve>) {
     fn touch(found: TimeOfImpact) -> Touch {
         Touch { status: found.status, fraction: found.fraction }
@@ -133,7 +133,7 @@ fn file(criterion: &mut Criterion) {
     let named = std::env::var("MOVING_PAIRS");
     let path = named.as_deref().unwrap_or(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/pairs/moving_pairs.txt"));
     let Ok(text) = std::fs::read_to_string(path) else {
-        return println!("{path}: not there, so none of its pairs is timed; MOVING_PAIRS names another");
+        return println!("{path}: not found, so no pairs of a file are timed; set MOVING_PAIRS to another file");
     };
     let mut groups: BTreeMap<[String; 2], Vec<Pair>> = BTreeMap::new();
     for pair in pairs::read(&text) {
@@ -148,7 +148,7 @@ fn file(criterion: &mut Criterion) {
         println!("{kind}, {category}: {} % of {} pairs hit", 100 * hits / pairs.len(), pairs.len());
         let mut group = criterion.benchmark_group(format!("file {kind}"));
         group.throughput(Throughput::Elements(pairs.len() as u64));
-        // There are a hundred of them.
+        // Short times, because there are about a hundred groups.
         group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1)).sample_size(20);
         group.bench_function(BenchmarkId::from_parameter(category), |bencher| bencher.iter(&single));
         if let Some(at_once) = at_once {
@@ -184,7 +184,7 @@ fn rays(criterion: &mut Criterion) {
     bench_rays::<3>(criterion, "slab");
 }
 
-/// Two of a model, turned against each other and pushed together by a third of their size.
+/// Hierarchies of two copies of each model. The second copy is rotated, and overlaps the first by a third of its size.
 fn hierarchies(criterion: &mut Criterion) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/models");
     let models = match load_models(&folder) {
@@ -220,10 +220,11 @@ fn hierarchies(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The max rate of a core with sixteen numbers side by side. Products and sums are apart: fused, their bits would depend on the machine.
+/// The max rate of a core with vectors of sixteen numbers. Products and sums are separate operations, because the bits of fused ones would depend on
+/// the machine.
 fn rate(criterion: &mut Criterion) {
     const ROUNDS: usize = 1000;
-    /// So many that none waits for the one before, and few enough for the registers.
+    /// Number of independent chains: enough to hide the latency of an operation, and few enough for the registers.
     const CHAINS: usize = 6;
     #[inline(always)]
     fn chains<S: Simd>(simd: S, start: f32) -> f32 {

@@ -4,15 +4,14 @@
 //! cargo run --release -p bevy_medial_compare --bin scale -- [--quick] [--out DIR]
 //! ```
 //!
-//! - **rain**: 100, 1,000 and 10,000 deer of about 180 primitives, a metre in size, fall on a ground with boxes, as many of each to the square metre; medians
-//!   over the steps from the first touches on, on one thread;
-//! - **fall**: 10,000 such bodies that fall and are near nothing;
-//! - **threads**: the steps of 1,000 bodies in the rain once more, on one thread and on two, in turns; the min of several runs;
-//! - **stops**: what it adds to a step of the scene `dinosaur` that bodies stop at impacts, on one thread: the same steps with and without, in turns;
-//! - **view**: what an update takes beside physics, which stands still, with 1,000 bodies of the rain in touch: with the debug view off, with the shapes, with all
-//!   layers but the candidates, with all. On the CPU, without a renderer;
-//! - **memory**: bytes of a step's input for each body, bytes kept from step to step besides the output, and allocations of a step, from a counting
-//!   allocator.
+//! - **rain**: 100, 1,000 and 10,000 deer of about 180 primitives and 1 m in size fall on a ground with boxes. The numbers per square metre are constant.
+//!   Medians on one thread, over the steps with at least one pair in contact per two bodies;
+//! - **fall**: 10,000 such bodies fall without coming near each other;
+//! - **threads**: steps of 1,000 bodies in the rain run again on one thread and on two, alternately; the min of several runs;
+//! - **stops**: the time that stops at impacts add to a step of the scene `dinosaur`, on one thread. The same steps run with and without stops;
+//! - **view**: the time of an update while physics is paused, with 1,000 bodies of the rain in contact: with the debug view off, with shapes, with all
+//!   layers except the candidates, and with all layers. On the CPU, without a renderer;
+//! - **memory**: bytes of a step's input per body, bytes kept between steps without the output, and allocations of a step, from a counting allocator.
 
 use std::{
     ops::ControlFlow,
@@ -42,7 +41,7 @@ use serde::Serialize;
 
 #[derive(Parser)]
 struct Args {
-    /// Few bodies and steps, to try it.
+    /// Few bodies and steps: a short test of the program.
     #[arg(long)]
     quick: bool,
     /// Folder for `scale.csv`.
@@ -50,7 +49,7 @@ struct Args {
     out: Option<PathBuf>,
 }
 
-/// A figure.
+/// A measured value.
 #[derive(Serialize)]
 struct Row {
     what: &'static str,
@@ -64,7 +63,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
-    // The thread that waits for a pool works as well.
+    // The thread that waits for a pool executes its tasks as well, so a pool of 0 threads has one thread.
     let (one, two) = (pool(0), pool(1));
     let deer = deer()?;
     println!("a deer of {} primitives", deer.axis.primitives().len());
@@ -125,7 +124,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
             }
             let [Stepper { output: first, .. }, Stepper { output: second, .. }] = &steppers;
             if first.pairs != second.pairs || first.manifolds != second.manifolds || first.stops != second.stops {
-                return Err("two threads find something else than one".into());
+                return Err("two threads and one thread give different results".into());
             }
         }
         totals = [0, 1].map(|i: usize| totals[i] + least[i]);
@@ -177,7 +176,7 @@ fn deer() -> Result<Shape, Box<dyn std::error::Error>> {
     Ok(Shape { axis, scale })
 }
 
-/// Steps in the same memory.
+/// Runs steps in the same memory.
 #[derive(Default)]
 struct Stepper {
     workspace: Workspace,
@@ -191,7 +190,7 @@ impl Stepper {
     }
 }
 
-/// So many threads besides the one that waits.
+/// A pool with the given number of threads besides the one that waits.
 fn pool(threads: usize) -> TaskPool {
     TaskPoolBuilder::new().num_threads(threads).build()
 }
@@ -203,19 +202,19 @@ struct Step {
 }
 
 struct Rain {
-    /// From the first touches on.
+    /// The steps with at least one pair in contact per two bodies.
     steps: Vec<Step>,
-    /// Some of the inputs, if they are to be recorded.
+    /// The inputs of some of these steps, if they are recorded.
     recorded: Vec<(StepInput, Statics)>,
     /// The input of the last step.
     last: (StepInput, Statics),
 }
 
-/// Of a shape of about 180 primitives.
+/// Number of spheres of the deer, which then has about 180 primitives.
 const SPHERES: usize = 170;
-/// Bodies of a layer lie so far apart, in metres.
+/// Distance between neighbours in a layer, in metres.
 const SPACING: f32 = 1.0;
-/// Of bodies above each other.
+/// Number of bodies above each other.
 const LAYERS: usize = 5;
 
 /// An app with the bodies above the ground.
@@ -245,7 +244,7 @@ fn rainy(deer: &Shape, count: usize) -> App {
     app
 }
 
-/// The app's steps once more, on a pool.
+/// Runs the app, and repeats its steps on a pool.
 fn rain(deer: &Shape, count: usize, steps: usize, record: bool, pool: &TaskPool) -> Rain {
     let mut app = rainy(deer, count);
     let mut stepper = Stepper::default();
@@ -280,7 +279,7 @@ fn kept_by((input, statics): &(StepInput, Statics), pool: &TaskPool) -> f64 {
     kept as f64 - told as f64
 }
 
-/// Median of an update in milliseconds while physics stands still, with more and more of the debug view.
+/// Median time of an update in milliseconds while physics is paused, with more and more layers of the debug view.
 fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 4] {
     let shapes = ["spheres", "cones", "slabs"];
     let mut app = rainy(deer, count);
@@ -290,14 +289,14 @@ fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 4] {
         layers.layers_mut().into_iter().for_each(|(name, layer)| layer.enabled = is_on(name));
         group.enabled = layers.layers_mut().iter().any(|(_, layer)| layer.enabled);
     };
-    // Candidates are kept by steps that are to be drawn.
+    // Steps keep their candidates only if a layer draws them.
     switch(&mut app, &|_| true);
     (0..steps).for_each(|_| app.update());
     let mut contexts = app.world_mut().query::<&mut RapierConfiguration>();
     contexts.iter_mut(app.world_mut()).for_each(|mut rapier| rapier.physics_pipeline_active = false);
     let mut updates = |is_on: &dyn Fn(&str) -> bool| {
         switch(&mut app, is_on);
-        // The lines of shapes are made once.
+        // The first updates create the lines of the shapes.
         app.update();
         app.update();
         median((0..30).map(|_| {
@@ -314,7 +313,7 @@ fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 4] {
     ]
 }
 
-/// Additional time of the steps of `dinosaur` because bodies stop, in milliseconds: the min of several runs.
+/// Additional time of stops in the steps of `dinosaur`, in milliseconds: the min of several runs.
 fn stops(steps: u32, pool: &TaskPool) -> Result<Vec<f64>, Box<dyn std::error::Error>> {
     let models = load_models(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/models"))?;
     let scene = Scene::by_name("dinosaur").ok_or("there is no scene `dinosaur`")?;

@@ -1,15 +1,15 @@
-//! How well shapes stand for triangle meshes: medial meshes beside rapier's convex decomposition, as a Markdown table.
+//! Errors of shapes that approximate triangle meshes: medial meshes and rapier's convex decomposition, as a Markdown table.
 //!
 //! ```text
 //! cargo run --release -p bevy_medial_compare --bin shape_errors -- [MESH ...] [--spheres N] [--fine]
 //! ```
 //!
-//! Coarse is the coarsest level of detail that has as many parts as the decomposition, better the coarsest of which the greatest and the mean
-//! error from the mesh are both less.
+//! `coarse medial` is the coarsest level of detail with at least as many parts as the decomposition. `better medial` is the coarsest level with a
+//! smaller max and a smaller mean error from the mesh.
 //!
-//! Errors are two-sided, in percent of the diagonal of the mesh's bounding box, as `medial measure` states them: greatest and mean distance
-//! from the mesh's surface to the shape's, and back. Of a decomposition only the first is told: its parts have cuts, which are no surface of
-//! the whole. Without a mesh, those in `assets/models` are taken.
+//! Errors are two-sided, in percent of the diagonal of the mesh's bounding box, as in `medial measure`: max and mean distance from the
+//! surface of the mesh to that of the shape, and back. For a decomposition only the first is printed, because the cuts between its parts are
+//! not part of the surface. Default: the meshes in `assets/models`.
 
 use std::{ops::ControlFlow, path::PathBuf, process::ExitCode, time::Instant};
 
@@ -23,14 +23,14 @@ use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 
 #[derive(Parser)]
-#[command(about = "Errors of medial meshes beside those of convex decomposition")]
+#[command(about = "Errors of medial meshes and of convex decomposition")]
 struct Args {
     /// Triangle meshes: .obj, .gltf, .glb, .stl, .ply.
     meshes: Vec<PathBuf>,
-    /// Spheres of the medial meshes.
+    /// Number of spheres of the medial meshes.
     #[arg(long, default_value_t = 60)]
     spheres: usize,
-    /// Also decompose at resolution 128 and concavity 0.005, which takes long.
+    /// Also decompose at resolution 128 and concavity 0.005, which is slow.
     #[arg(long)]
     fine: bool,
 }

@@ -1,4 +1,4 @@
-//! A mesh becomes a `.medial` file, with levels of detail and their errors: what the program `medial build` does, by the library.
+//! Converts a mesh to a `.medial` file with levels of detail and their errors. The program `medial build` does the same on the command line.
 //!
 //! ```text
 //! cargo run --release --example bake [MESH [OUT]]
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mesh = load::load(&mesh_file)?;
     println!("{}: {} triangles", mesh_file.display(), mesh.triangles.len());
     let options = FitOptions { spheres: Some(40), levels: true, ..FitOptions::default() };
-    // A callback is told how far it is, and may break off.
+    // The callback receives the part of the work that is done, from 0 to 1, and can cancel the build.
     let levels = fit(&mesh, &options, &|_part| ControlFlow::Continue(()))?;
     for (number, level) in levels.levels.iter().enumerate() {
         let (axis, error) = (&level.axis, level.error.max());
@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::write(&out, levels.to_bytes())?;
     println!("{}: {} bytes", out.display(), fs::metadata(&out)?.len());
 
-    // As an asset: `assets.load("baked.medial")`. The budget of a body picks the level.
+    // An app loads the file with `assets.load("baked.medial")`. The budget of a body selects the level.
     let axis = levels.into_medial_axis().ok_or("there are no levels")?;
     println!("within 2 % of the diagonal: level {}", MedialBudget::Percent(2.0).level(&axis, 1.0));
     Ok(())

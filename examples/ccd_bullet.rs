@@ -1,4 +1,4 @@
-//! Two rings fly at a wall of 2 cm at 200 m/s: more than 3 m a step. One stops at its impact, the other has that switched off.
+//! Two rings fly at 200 m/s, more than 3 m per step, at a wall of 2 cm. One stops at its impact. The other has `MedialCcd` disabled, and passes through.
 //!
 //! ```text
 //! cargo run --release --example ccd_bullet
@@ -11,7 +11,7 @@ use bevy_medial::{medial_axis::MedialAxis, prelude::*};
 use bevy_rapier3d::prelude::{GravityScale, RigidBody, Velocity};
 use common::stage::Stage;
 
-/// Where the wall is, along x.
+/// Position of the wall along x, in metres.
 const WALL: f32 = 2.0;
 
 fn main() -> AppExit {
@@ -34,7 +34,7 @@ fn setup(mut commands: Commands, mut axes: ResMut<Assets<MedialAxis>>) -> Result
                 Transform::from_xyz(-6.0, 1.0, z),
                 Velocity::linear(Vec3::X * 200.0),
                 GravityScale(0.0),
-                // Without this component it is enabled.
+                // Stops are also enabled without this component.
                 MedialCcd { enabled, ..default() },
             ))
             .observe(tell_impact);

@@ -1,4 +1,4 @@
-//! Own systems around a step: wind before it, a look at what the pipeline has found within it, and a reaction behind it.
+//! Systems of an app around a step: wind before the step, a list of the impacts within it, and a reaction after it.
 //!
 //! ```text
 //! cargo run --release --example custom_ordering
@@ -20,22 +20,22 @@ fn main() -> AppExit {
         .add_systems(
             FixedUpdate,
             (
-                // Rapier takes over transforms, velocities and forces in this set: what comes before it counts in this step.
+                // Rapier reads transforms, velocities and forces in this set. Changes made before it take effect in this step.
                 blow.before(PhysicsSet::SyncBackend),
-                // Impacts and contacts are known, bodies have stopped; transforms are not written yet. In a frame without a step the last one's are still there.
+                // Impacts, contacts and stops are known, but transforms are not yet written. In a frame without a step, `MedialStep` holds the previous step.
                 tell_impacts
                     .run_if(resource_changed::<MedialStep>)
                     .after(MedialSystems::Detect)
                     .before(PhysicsSet::Writeback),
-                // Transforms and velocities are those of the step's end, messages are written. What despawns bodies belongs here: rapier still
-                // writes back what it knows of them before.
+                // Transforms and velocities are those of the end of the step, and messages are written. Systems that despawn bodies belong here,
+                // because rapier writes its results to the bodies before.
                 bring_back.after(MedialSystems::Report),
             ),
         )
         .run()
 }
 
-/// Blows at every body.
+/// Marks a body that the wind accelerates.
 #[derive(Component)]
 struct InTheWind;
 
@@ -70,7 +70,7 @@ fn tell_impacts(step: Res<MedialStep>, names: Query<NameOrEntity>) {
 fn bring_back(mut bodies: Query<(&Name, &mut Transform), With<InTheWind>>) {
     for (name, mut transform) in &mut bodies {
         if transform.translation.y < -2.0 {
-            println!("{name} has been blown off the ground, and comes back");
+            println!("{name} has been blown off the ground and is put back");
             transform.translation = Vec3::Y * 2.0;
         }
     }

@@ -1,4 +1,4 @@
-//! Who touches whom: messages tell of all bodies, observers of one. A rubber ring jumps from whatever it touches.
+//! Contact events: messages report the contacts of all bodies, an observer those of one body. A rubber ring jumps off every body that it touches.
 //!
 //! ```text
 //! cargo run --release --example events
@@ -40,14 +40,14 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>, mut axes: ResMut<Asse
     Ok(())
 }
 
-/// To an observer, its own entity is the first, and the normal points away from it. What it changes holds in the next step.
+/// In an observer, `entity1` is the observed entity, and the normal points away from it. Changes take effect in the next step.
 fn jump(hit: On<MedialContactStarted>, mut bodies: Query<&mut Velocity>) {
     if let Ok(mut velocity) = bodies.get_mut(hit.entity1) {
         velocity.linear -= hit.touch.normal * (1.8 * hit.touch.approach_speed);
     }
 }
 
-/// When a message is read, an entity that it names may be gone.
+/// An entity of a message may be despawned before the message is read.
 fn tell_started(mut started: MessageReader<MedialContactStarted>, names: Query<NameOrEntity>) {
     for MedialContactStarted { entity1, entity2, touch, .. } in started.read() {
         if let [Ok(name1), Ok(name2)] = [entity1, entity2].map(|entity| names.get(*entity)) {

@@ -1,4 +1,4 @@
-//! A server: no window and no renderer, sixty steps a second, and once a second the state that it would send.
+//! A server without a window and a renderer. It runs sixty steps per second, and prints once a second the state that it would send to its clients.
 //!
 //! ```text
 //! cargo run --release --example headless_server [SECONDS]
@@ -22,7 +22,7 @@ fn main() -> AppExit {
             AssetPlugin::default(),
             TransformPlugin,
             DiagnosticsPlugin,
-            // Steps of one length, whatever the frames take.
+            // Steps have a constant length, regardless of the time of a frame.
             MedialPhysicsPlugin::default().in_fixed_schedule(),
         ))
         .insert_resource(Time::<Fixed>::from_hz(STEPS_PER_SECOND))

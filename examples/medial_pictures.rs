@@ -1,11 +1,11 @@
-//! Pictures of models: the triangle mesh, its medial mesh, and how far the one is from the other.
+//! Pictures of models: the triangle mesh, its medial mesh, and the distance between them as colour.
 //!
 //! ```text
 //! cargo run --release --example medial_pictures [NAME ...]
 //! ```
 //!
-//! Reads `assets/models/NAME.obj` and `.ma`, writes `docs/images/medial_NAME.png`. Needs a graphics adapter, software
-//! will do, and no display.
+//! Reads `assets/models/NAME.obj` and `.ma`, and writes `docs/images/medial_NAME.png`. Needs a graphics adapter (a software
+//! adapter is enough), but no display.
 
 mod common;
 
@@ -24,16 +24,16 @@ use bevy_medial::{
 };
 use common::studio::Studio;
 
-/// Of a picture, in pixels.
+/// Size of a picture, in pixels.
 const SIZE: UVec2 = UVec2::new(1200, 400);
-/// Room for a model, in widths of a panel.
+/// Max size of a model, in widths of a panel.
 const FRAME: Vec2 = Vec2::new(0.86, 0.8);
-/// How far models stand above the middle, to make room for captions.
+/// Height of models above the middle, in widths of a panel. Leaves space for captions.
 const RAISED: f32 = 0.06;
 /// Models that are shown if none is named.
 const NAMES: [&str; 4] = ["bear", "deer", "spider", "dinosaur"];
 
-/// What goes with a picture.
+/// Marks an entity of the current picture. It is despawned after the picture.
 #[derive(Component)]
 struct Shown;
 
@@ -74,7 +74,7 @@ fn studio() -> Studio {
         app.world_mut().spawn((
             Camera3d::default(),
             IsDefaultUiCamera,
-            // Plain colors, as in the legend, and none of the noise that makes large files.
+            // Colors as in the legend, and no dithering, because its noise makes large files.
             (Tonemapping::None, DebandDither::Disabled),
             target,
             Projection::Orthographic(OrthographicProjection { scaling_mode, ..OrthographicProjection::default_3d() }),
@@ -96,7 +96,7 @@ fn show(world: &mut World, mesh: &TriangleMesh, axis: &MedialAxis) {
     let shades: Vec<[f32; 4]> =
         errors.iter().map(|error| shade(error.abs() / most).to_linear().to_f32_array()).collect();
     let colored = solid.with_computed_area_weighted_normals().with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, shades);
-    // A little larger, spheres cover their part of the envelope.
+    // Spheres are drawn 1 % larger, so that they cover their part of the envelope.
     let balls: Vec<_> = axis.spheres().iter().map(|s| geometry::Sphere::new(s.center, 1.01 * s.radius)).collect();
     let each: Vec<_> = (0..balls.len() as u32).map(|i| Primitive::Sphere([i])).collect();
 
@@ -122,7 +122,7 @@ fn show(world: &mut World, mesh: &TriangleMesh, axis: &MedialAxis) {
     world.spawn((Shown, captions));
 }
 
-/// What stands below the panels. `most` is the greatest error of a vertex in percent.
+/// The captions below the panels. `most` is the largest error of a vertex, in percent of the diagonal.
 fn captions(mesh: &TriangleMesh, axis: &MedialAxis, most: f32) -> impl Bundle {
     let mut kinds = [0; 3];
     axis.primitives().iter().for_each(|primitive| kinds[primitive.indices().len() - 1] += 1);
@@ -165,7 +165,7 @@ fn drawn(spheres: &[geometry::Sphere], primitives: &[Primitive]) -> Mesh {
     triangulate(spheres, primitives, 48).into()
 }
 
-/// Of an error, as a part of the greatest.
+/// The colour of an error. `error` is relative to the largest error, from 0 to 1.
 fn shade(error: f32) -> Color {
     let [r, g, b] = colorous::VIRIDIS.eval_continuous(f64::from(error)).as_array();
     Color::srgb_u8(r, g, b)

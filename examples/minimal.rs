@@ -1,4 +1,4 @@
-//! A bear tumbles down stairs of your own.
+//! A bear tumbles down stairs that the app builds from static boxes.
 //!
 //! ```text
 //! cargo run --release --example minimal
@@ -12,7 +12,7 @@ use bevy_rapier3d::prelude::{RigidBody, Velocity};
 use common::stage::Stage;
 
 fn main() -> AppExit {
-    // `DefaultPlugins`, a camera and light.
+    // `Stage` adds `DefaultPlugins`, a camera and a light.
     App::new().add_plugins((Stage { steps: 300 }, MedialPhysicsPlugin::default())).add_systems(Startup, setup).run()
 }
 

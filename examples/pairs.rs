@@ -1,10 +1,10 @@
-//! Times of impact of moving primitive pairs, from a file: one answer per line, then nanoseconds per pair for each kind.
+//! Computes times of impact of moving primitive pairs from a file. Prints one answer per line, then the nanoseconds per pair of each kind.
 //!
 //! ```text
 //! cargo run --release --example pairs -- FILE [--repeat N] [--method advancement|single|alternating] [--backend cpu|gpu]
 //! ```
 //!
-//! A line of the file is `category kindA kindB | A | B | ...`; what follows the third `|` is ignored, `#` starts a comment.
+//! A line of the file is `category kindA kindB | A | B | ...`. Text after the third `|` is ignored, and `#` starts a comment.
 //! Kinds are `sphere`, `cone`, `slab` and, for B, `box`. A and B give `x y z r vx vy vz` per sphere (position and displacement
 //! over the step), a box `cx cy cz qx qy qz qw hx hy hz`. Answers: a fraction of the step, `none`, or `overlap`.
 
@@ -25,13 +25,13 @@ use clap::{Parser, ValueEnum};
 struct Args {
     /// The pairs.
     file: PathBuf,
-    /// How often each kind's pairs are computed for the timing; the fastest pass counts.
+    /// Number of passes over the pairs of each kind. The time is that of the fastest pass.
     #[arg(long, default_value_t = 1)]
     repeat: u32,
     /// The kernel.
     #[arg(long, value_enum, default_value_t = Method::Advancement)]
     method: Method,
-    /// Where it runs; on the GPU by advancement only. Times there are those of upload, kernel and readback.
+    /// Processor of the kernel. The GPU supports advancement only, and its times include upload, kernel and readback.
     #[arg(long, value_enum, default_value_t = Backend::Cpu)]
     backend: Backend,
 }
@@ -40,7 +40,7 @@ struct Args {
 enum Method {
     /// Conservative advancement, all pairs of a kind at once; boxes one by one.
     Advancement,
-    /// The same one by one.
+    /// Conservative advancement, one pair at a time.
     Single,
     /// The published alternation of nearest spheres and their contact: a baseline.
     Alternating,
@@ -71,7 +71,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let mut gpu = match (args.backend, args.method) {
         (Backend::Cpu, _) => None,
         (Backend::Gpu, Method::Advancement) => Some(GpuImpacts::new(&GpuDevice::request()?)?),
-        (Backend::Gpu, _) => return Err("the GPU knows no other method than advancement".into()),
+        (Backend::Gpu, _) => return Err("the GPU supports no method except advancement".into()),
     };
     let mut answers = vec![String::new(); count];
     let mut timings = Vec::new();
@@ -168,7 +168,7 @@ fn touch(found: &TimeOfImpact) -> Touch {
     Touch { status: found.status, fraction: found.fraction }
 }
 
-/// What each pass gives, and the seconds of the fastest.
+/// Runs the passes. Returns the answers, which are the same in each pass, and the seconds of the fastest pass.
 fn fastest(args: &Args, mut pass: impl FnMut() -> Vec<Touch>) -> (Vec<Touch>, f64) {
     let mut best = f64::INFINITY;
     let mut touches = Vec::new();

@@ -1,4 +1,5 @@
-//! Questions about medial bodies: what a ray hits, which point is nearest, what is in a box, how far a shape can go, what a body is about to hit; and picking with the mouse.
+//! Queries on medial bodies: ray cast, nearest point, bodies in a box, shape cast, and the first impact of a moving body. Bodies are also picked with the
+//! mouse.
 //!
 //! ```text
 //! cargo run --release --example queries
@@ -32,7 +33,7 @@ fn setup(mut commands: Commands, assets: Res<AssetServer>) {
                 MedialMesh(assets.load(format!("models/{name}.medial"))),
                 Transform::from_xyz(x, 1.0, 0.0),
             ))
-            // The pointer's own place in the world comes with it.
+            // The event contains the point that was hit, in world coordinates.
             .observe(move |click: On<Pointer<Click>>| println!("{name} was clicked at {:?}", click.hit.position));
     }
 }
@@ -46,8 +47,8 @@ fn ask_once(
     if std::mem::replace(&mut *asked, true) {
         return Ok(());
     }
-    let name = |entity: Entity| names.get(entity).map_or("nobody", Name::as_str);
-    // All of rapier's filters hold: groups, predicates, excluded entities.
+    let name = |entity: Entity| names.get(entity).map_or("an entity without a name", Name::as_str);
+    // All filters of rapier are supported: groups, predicates, excluded entities.
     let filter = QueryFilter::only_dynamic();
     let rapier = rapier.single()?;
     rapier.with_medial_queries(filter, |queries| {
@@ -70,7 +71,7 @@ fn ask_once(
             println!("a ball of 20 cm goes {:.2} m until it hits {}", hit.time_of_impact, name(entity));
         }
     });
-    // As all of them move now, turning as they go.
+    // Impacts are predicted for the current linear and angular velocities of all bodies.
     let within = 5.0;
     for body in &bodies {
         if let Some((entity, impact)) = rapier.first_impact(body, within, QueryFilter::default()) {

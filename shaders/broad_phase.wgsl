@@ -1,7 +1,7 @@
-// Pass 4, broad phase: which bodies may touch within the step. As src/pipeline/broad_phase.rs.
+// Pass 4, broad phase: finds the bodies that may touch within the step. Counterpart: src/pipeline/broad_phase.rs.
 //
-// The sphere around a moving body sweeps a medial cone. Two bodies are a pair if their cones meet (paper, section 4), a body and a static if
-// the cone meets the static's box (section 4.1).
+// The bounding sphere of a moving body sweeps a medial cone. Two bodies are a pair if their cones meet (paper, section 4). A body and a static are a
+// pair if the cone meets the static's box (section 4.1).
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> bodies: array<Body>;
@@ -11,7 +11,7 @@
 @group(0) @binding(5) var<storage, read> static_nodes: array<BvhNode>;
 @group(0) @binding(6) var<storage, read_write> counters: Counters;
 @group(0) @binding(7) var<storage, read_write> pairs: array<Pair>;
-// Chords of pairs: the pair, then which of how many.
+// Chords of pairs: index of the pair, index of the chord in the pair, number of chords.
 @group(0) @binding(8) var<storage, read_write> pair_chords: array<vec3u>;
 
 fn overlap(low1: vec3f, high1: vec3f, low2: vec3f, high2: vec3f) -> bool {
@@ -26,7 +26,7 @@ fn are_strangers(owner1: vec2u, owner2: vec2u) -> bool {
     return all(owner1 == NO_OWNER) || any(owner1 != owner2);
 }
 
-// The cone that a body's sphere sweeps, with a place near it as the origin.
+// Returns the cone that a body's sphere sweeps, relative to `origin`, a point near it.
 fn cone(index: u32, origin: vec3f) -> Hull {
     let sphere = swept[index].sphere;
     let start = sphere.xyz - origin;
@@ -122,7 +122,7 @@ fn broad_phase(@builtin(global_invocation_id) id: vec3u) {
     let low = nodes[own].low;
     let high = nodes[own].high;
 
-    // Those whose leaves come later.
+    // Tests only later leaves, so that each pair is tested once.
     let depth = firstLeadingBit(params.leaves);
     var node = 1u;
     while node != 0u {
@@ -135,14 +135,14 @@ fn broad_phase(@builtin(global_invocation_id) id: vec3u) {
             }
             between(index, nodes[node].body);
         }
-        // What follows the subtree.
+        // Continues with the node after the subtree.
         node >>= firstTrailingBit(~node);
         if node != 0u {
             node += 1u;
         }
     }
 
-    // The sphere has half of the prediction distance already.
+    // The margin of the sphere contains half of the prediction distance already.
     let reach = vec3f(0.5 * params.prediction);
     for (var i = 0u; i < params.static_nodes;) {
         let link = static_nodes[i].link;

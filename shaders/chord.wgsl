@@ -1,39 +1,51 @@
-// A chord of a pair's motion, as pass 5 writes it and later ones read it.
+// A chord of a pair's motion, which pass 5 writes and later passes read. Lengths are in metres.
 
 struct Chord {
-    // Where both sides are at its ends, relative to the first body's place at the start of the step; facing a box, in the box's frame.
+    // Poses of both sides at the ends of the chord. They are relative to the first body's position at the start of the step, or, if the second side
+    // is static, in its frame.
     start1: Pose,
     end1: Pose,
     start2: Pose,
     end2: Pose,
-    // Half the size of the box.
+    // Half extents of the static's box.
     half: vec3f,
-    // Primitives that come as near to each other may meet.
+    // Primitives that come within this distance of each other may meet.
     reach: f32,
+    // Index of the pair.
     pair: u32,
+    // Indices of the shapes; the second one may be `BOX_SHAPE`.
     shape1: u32,
     shape2: u32,
+    // Factors on the lengths of the shapes.
     scale1: f32,
     scale2: f32,
 }
 
-// A shape's place in the buffers of all shapes.
+// Place of a shape in the buffers of all shapes.
 struct Shape {
+    // Index of its first sphere.
     spheres: u32,
+    // Index of its first primitive.
     primitives: u32,
+    // Number of its primitives.
     primitive_count: u32,
+    // Index of the first node of the hierarchy over its primitives.
     nodes: u32,
+    // Number of nodes in that hierarchy.
     node_count: u32,
 }
 
-// What tells the kinds of primitives by their first number; of a slab it is an index.
+// Kinds of primitives, in their first number. For a slab that number is an index.
 const SPHERE: i32 = -2;
 const CONE: i32 = -1;
 
-// As the generalized medial mesh has them (paper, section 4.2).
+// A primitive of the generalized medial mesh (paper, section 4.2).
 struct Primitive {
+    // `SPHERE` or `CONE`, or the first sphere of a slab.
     a: i32,
+    // The sphere, the first sphere of a cone, or the second of a slab.
     b: i32,
+    // The second sphere of a cone, or the third of a slab.
     c: i32,
 }
 
@@ -41,7 +53,7 @@ fn sphere_count(primitive: Primitive) -> u32 {
     return select(select(3u, 2u, primitive.a == CONE), 1u, primitive.a == SPHERE);
 }
 
-// The `i`-th sphere of a primitive.
+// Returns the index of the `i`-th sphere of a primitive.
 fn sphere_index(primitive: Primitive, i: u32) -> u32 {
     if i == 0u {
         return u32(select(primitive.a, primitive.b, primitive.a < 0));
@@ -52,9 +64,12 @@ fn sphere_index(primitive: Primitive, i: u32) -> u32 {
     return u32(primitive.c);
 }
 
-// Primitives of a chord's pair that may meet.
+// Two primitives of a chord's pair that may meet.
 struct Candidate {
+    // Index of the chord.
     chord: u32,
+    // Primitive of the first side, as an index within its shape.
     first: u32,
+    // Primitive of the second side, as an index within its shape; 0 for a box.
     second: u32,
 }

@@ -1,4 +1,4 @@
-// Pass 5: where the bodies of each pair are at both ends of each of its chords. As src/query/rigid.rs.
+// Pass 5: computes the poses of the bodies of each pair at both ends of each of its chords. Counterpart: src/query/rigid.rs.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> bodies: array<Body>;
@@ -8,7 +8,7 @@
 @group(0) @binding(5) var<storage, read> pair_chords: array<vec3u>;
 @group(0) @binding(6) var<storage, read_write> chords_out: array<Chord>;
 
-// The pose in the frame of a static.
+// Returns a pose in the frame of a static. The pose is relative to the origin of that frame.
 fn seen_from(wall: Static, pose: Pose) -> Pose {
     let turn = reversed(wall.rotation);
     return Pose(times(turn, pose.rotation), rotate(turn, pose.translation));
@@ -62,9 +62,9 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         smaller = min(smaller, body2.bound.w);
         ways += way(body2);
     }
-    // What rounding may take: a few times that of coordinates as large as these.
+    // Allowance for rounding: a few times the rounding error of coordinates as large as these.
     let rounding = CONTACT_ROUNDING * (4.0 * size + ways + length(chord.start1.translation) + length(chord.start2.translation));
-    // What the CPU looks at, along chords of its own.
+    // Deviation of both sides from the CPU's own chords, along which it searches.
     let stray = 2.0 * FINE_CHORD_TOLERANCE * smaller;
     chord.reach = max(params.prediction, max(params.touch, stray) + stray) + strays + rounding;
     chords_out[index] = chord;

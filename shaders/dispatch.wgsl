@@ -1,11 +1,11 @@
-// Between the passes: how many workgroups the next ones need. No dimension has more than 65535.
+// Between the passes: computes the number of workgroups of the next ones. No dimension has more than 65535.
 
-// Invocations in a workgroup of those that have one for each chord or candidate.
+// Invocations in a workgroup of passes with one invocation for each chord or candidate.
 const WORKGROUP: u32 = 64u;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> counters: Counters;
-// Three numbers for each of: placing chords, mid phase, narrow phase.
+// Numbers of workgroups along three dimensions, for each of: placing chords, mid phase, narrow phase.
 @group(0) @binding(2) var<storage, read_write> groups: array<u32, 9>;
 
 fn need(pass_index: u32, count: u32) {

@@ -1,17 +1,25 @@
-// Times of impact of a list of moving pairs: one invocation each.
+// Times of impact of a list of moving pairs: one invocation for each pair. Lengths are in metres.
 
 struct Pair {
     first: Moving,
     second: Moving,
 }
 
+// Counterpart of `TimeOfImpact` in src/query/time_of_impact.rs.
 struct Result {
+    // Unit normal from the first side to the second.
     normal: vec3f,
+    // Distance along the normal, negative for an overlap.
     distance: f32,
+    // Point of the first surface.
     point1: vec3f,
+    // Time as a fraction of the step.
     fraction: f32,
+    // One of the constants of time_of_impact.wgsl.
     status: u32,
+    // Number of iterations.
     rounds: u32,
+    // Index of the nearest pair of features.
     feature: u32,
 }
 

@@ -1,25 +1,27 @@
-// Pass 6, mid phase: which primitives of a pair may come near each other along a chord: those whose moving boxes meet. A workgroup for each
-// chord, an invocation for each primitive of the first side, which traverses the hierarchy of the second. As src/pipeline/mid_phase.rs.
+// Pass 6, mid phase: finds the primitives of a pair whose moving boxes meet along a chord. Each chord has a workgroup. Each invocation takes
+// primitives of the first side and traverses the hierarchy of the second side. Counterpart: src/pipeline/mid_phase.rs.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> shapes: array<Shape>;
 @group(0) @binding(2) var<storage, read> spheres: array<vec4f>;
 @group(0) @binding(3) var<storage, read> primitives: array<Primitive>;
-// Of the hierarchies over the shapes' primitives, without scale.
+// Nodes of the hierarchies over the shapes' primitives, without scale.
 @group(0) @binding(4) var<storage, read> nodes: array<BvhNode>;
 @group(0) @binding(5) var<storage, read> chords_in: array<Chord>;
 @group(0) @binding(6) var<storage, read_write> counters: Counters;
 @group(0) @binding(7) var<storage, read_write> candidates: array<Candidate>;
 
-// A box whose sides move steadily from a start to an end.
+// A box whose sides move at a constant speed from a start to an end.
 struct MovingBox {
+    // Corners at the start of the chord, in metres.
     start_low: vec3f,
     start_high: vec3f,
+    // Corners at the end of the chord, in metres.
     end_low: vec3f,
     end_high: vec3f,
 }
 
-// True if the boxes come within `reach` of each other along each axis, all at the same time.
+// Returns true if the boxes come within `reach` metres of each other along all axes at the same time.
 fn meets(a: MovingBox, b: MovingBox, reach: f32) -> bool {
     var first_time = 0.0;
     var last_time = 1.0;
@@ -58,7 +60,7 @@ fn primitive_box(chord: u32, shape: Shape, index: u32) -> MovingBox {
     return found;
 }
 
-// Columns of a rotation.
+// Returns the matrix of a rotation.
 fn matrix(q: vec4f) -> mat3x3f {
     return mat3x3f(
         rotate(q, vec3f(1.0, 0.0, 0.0)),

@@ -1,7 +1,8 @@
-// Poses and rigid motions. As src/geometry/sweep.rs and src/pipeline/motion.rs.
+// Poses and rigid motions. Counterparts: src/geometry/sweep.rs and src/pipeline/motion.rs. Lengths are in metres.
 
-// Rotation as a unit quaternion `x y z w`, then translation.
+// A pose: a rotation, then a translation.
 struct Pose {
+    // Unit quaternion `x y z w`.
     rotation: vec4f,
     translation: vec3f,
 }
@@ -23,13 +24,13 @@ fn point_at(pose: Pose, point: vec3f) -> vec3f {
     return rotate(pose.rotation, point) + pose.translation;
 }
 
-// The rotation by a vector, axis times angle. Sine and cosine of WGSL are too coarse; the sign of a quaternion does not matter.
+// Returns the rotation by a vector, axis times angle in radians. Sine and cosine of WGSL are not accurate enough. The sign of a quaternion does not matter.
 fn rotation_by(vector: vec3f) -> vec4f {
     let angle = length(vector);
     if angle == 0.0 {
         return vec4f(0.0, 0.0, 0.0, 1.0);
     }
-    // Half the angle, less as many half turns as leave at most a quarter. The first part of pi has few digits: the product is exact.
+    // Half of the angle, reduced by half turns to at most a quarter turn. The first part of pi has few digits, so the product is exact.
     let half_turns = round(0.5 * angle * 0.31830987);
     let x = (0.5 * angle - half_turns * 3.140625) - half_turns * 9.6765359e-4;
     let s = x * x;
@@ -39,77 +40,92 @@ fn rotation_by(vector: vec3f) -> vec4f {
     return vec4f(vector * (sine / angle), cosine);
 }
 
-// No shape that the GPU knows: the CPU finds its primitives.
+// Shape of a collider that the GPU cannot represent: the CPU finds its primitives.
 const OTHER_SHAPE: u32 = 0xffffffffu;
-// A plain box.
+// Shape of a plain box.
 const BOX_SHAPE: u32 = 0xfffffffeu;
+// Owner of a body with a single shape.
 const NO_OWNER: vec2u = vec2u(0xffffffffu);
 
+// A body and its motion. Vectors are in the world unless a comment names another frame.
 struct Body {
-    // At the start of the step.
+    // Origin of its frame at the start of the step.
     position: vec3f,
+    // Index of its shape, or `OTHER_SHAPE`.
     shape: u32,
+    // Unit quaternion of its frame at the start of the step.
     rotation: vec4f,
     // Displacement of the centre of mass over the step.
     translation: vec3f,
     // Factor on the lengths of the shape.
     scale: f32,
-    // Rotation over the step, axis times angle.
+    // Rotation over the step, axis times angle in radians.
     turn: vec3f,
-    // Distance from the centre of mass to the farthest point that turns with the body.
+    // Distance from the centre of mass to the farthest sphere centre, or to the farthest point of a collider that is not medial.
     arm: f32,
     // Centre of mass in the body's frame.
     local_center: vec3f,
-    // How far outside of its bounding sphere it may meet something.
+    // Distance from its bounding sphere within which it may meet others, with `slack`.
     margin: f32,
-    // Bounding sphere in the body's frame.
+    // Bounding sphere `x y z radius` in the body's frame.
     bound: vec4f,
+    // Collision groups of the body.
     memberships: u32,
+    // Collision groups that it collides with.
     collides_with: u32,
-    // The rigid body that it is a shape of, or `NO_OWNER`.
+    // The rigid body to which the shape belongs, or `NO_OWNER`.
     owner: vec2u,
+    // Index of the physics world. Bodies of different worlds do not meet.
     world: u32,
-    // 1 if it is awake and moves.
+    // 1 if it is awake and moves, otherwise 0.
     is_active: u32,
-    // How far it may leave its way.
+    // Largest deviation from its path.
     slack: f32,
 }
 
+// A static body. Vectors are in the world.
 struct Static {
     // Middle of its box.
     center: vec3f,
+    // Index of its shape, `BOX_SHAPE` or `OTHER_SHAPE`.
     shape: u32,
+    // Unit quaternion of its box and of its frame.
     rotation: vec4f,
-    // Half the size of its box, without rounding.
+    // Half extents of its box, without rounding.
     half: vec3f,
+    // Radius of the rounded edges of a plain box.
     rounding: f32,
-    // Origin of its shape.
+    // Origin of its frame.
     position: vec3f,
     // Factor on the lengths of the shape.
     scale: f32,
     // Radius of its bounding sphere.
     radius: f32,
+    // Collision groups of the static.
     memberships: u32,
+    // Collision groups that it collides with.
     collides_with: u32,
+    // Index of the physics world.
     world: u32,
+    // The rigid body to which the shape belongs, or `NO_OWNER`.
     owner: vec2u,
 }
 
-// Where a body is at a fraction of the step, relative to a place of the world.
+// Returns the pose of a body at a fraction of the step, relative to `origin`, a point in the world.
 fn pose_at(body: Body, fraction: f32, origin: vec3f) -> Pose {
     let start = (body.position - origin) + rotate(body.rotation, body.local_center);
     let rotation = normalize(times(rotation_by(body.turn * fraction), body.rotation));
     return Pose(rotation, start + body.translation * fraction - rotate(rotation, body.local_center));
 }
 
-// How far a point at the distance `radius` from the centre of mass strays from the chord of its arc at most, if the step is split into so
-// many equal parts.
+// Returns the largest deviation of a point from the chord of its arc, if the step is split into `chords` equal parts. `radius`: distance of the point
+// from the centre of mass.
 fn sagitta(body: Body, radius: f32, chords: u32) -> f32 {
     let quarter_angle = min(length(body.turn) / (4.0 * f32(chords)), 1.0);
     return 2.0 * radius * quarter_angle * quarter_angle;
 }
 
-// Into how many chords to split the step so that no point strays from its chord by more than `tolerance`: a power of two.
+// Returns the number of chords, a power of two, with which no point deviates from its chord by more than `tolerance`, or `MAX_CHORDS`.
 fn chords(body: Body, tolerance: f32) -> u32 {
     var count = 1u;
     while count < MAX_CHORDS && sagitta(body, body.arm, count) > tolerance {
@@ -118,7 +134,7 @@ fn chords(body: Body, tolerance: f32) -> u32 {
     return count;
 }
 
-// Longest way of any point of the body over the step.
+// Returns the longest path of any point of the body over the step, or more.
 fn way(body: Body) -> f32 {
     return length(body.translation) + length(body.turn) * body.arm;
 }

@@ -1,10 +1,13 @@
-// Pass 7, narrow phase: which candidates come near each other indeed: those with a time of impact along the chord, at the distance up to which
-// contacts are wanted. One invocation for each candidate. As src/query/rigid.rs.
+// Pass 7, narrow phase: keeps the candidates that come within the reach of their chord at some time. One invocation for each candidate. Counterpart:
+// src/query/rigid.rs.
 
-// Primitives that meet.
+// Two primitives that meet.
 struct Survivor {
+    // Index of the pair.
     pair: u32,
+    // Primitive of the first side, as an index within its shape.
     first: u32,
+    // Primitive of the second side, as an index within its shape; 0 for a box.
     second: u32,
 }
 
@@ -17,7 +20,7 @@ struct Survivor {
 @group(0) @binding(6) var<storage, read_write> counters: Counters;
 @group(0) @binding(7) var<storage, read_write> survivors: array<Survivor>;
 
-// A primitive along a chord.
+// Returns the motion of a primitive along a chord.
 fn moving(shape: Shape, index: u32, scale: f32, start: Pose, end: Pose) -> Moving {
     let primitive = primitives[shape.primitives + index];
     var found: Moving;

@@ -1,11 +1,11 @@
-// Closed forms: which sphere of a primitive is nearest to a point, or to a sphere of another primitive. As src/query/nearest.rs.
+// Closed forms for the sphere of a primitive that is nearest to a point, or to a sphere of another primitive. Counterpart: src/query/nearest.rs.
 
-// Distance of a point to a sphere's surface.
+// Distance of a point to a sphere's surface, in metres.
 fn gap(point: vec3f, sphere: vec4f) -> f32 {
     return distance(sphere.xyz, point) - sphere.w;
 }
 
-// The sphere on the way from `a` (`t = 0`) to `b` (`t = 1`).
+// The interpolated sphere between `a` (`t = 0`) and `b` (`t = 1`).
 fn between_spheres(a: vec4f, b: vec4f, t: f32) -> vec4f {
     return a * (1.0 - t) + b * t;
 }
@@ -66,7 +66,7 @@ fn on_slab(point: vec3f, hull: ptr<function, Hull>) -> vec4f {
             }
         }
     }
-    // Nearest on those edges that lie opposite to the vertices of which it is outside.
+    // The nearest sphere on edges opposite to vertices with a negative weight, or on all edges if the face is degenerate or ill-conditioned.
     var best = inside;
     var least = select(MAX, gap(point, inside), is_inside);
     for (var vertex = 0u; vertex < 3u; vertex++) {
@@ -121,7 +121,7 @@ fn between_cones(cone1: SpherePair, cone2: SpherePair) -> SpherePair {
             }
         }
     }
-    // An end of the first axis against the second cone, then the other way round.
+    // Each end of the first axis against the second cone, then each end of the second axis against the first cone.
     for (var side = 0u; side < 4u; side++) {
         if facing[side] {
             var end = cone1;
@@ -143,7 +143,7 @@ fn between_cones(cone1: SpherePair, cone2: SpherePair) -> SpherePair {
     return best;
 }
 
-// Derivative of the distance between a cone's sphere and the box, growing along the axis.
+// Derivative of the distance between a cone's sphere and the box along the axis.
 fn cone_to_cuboid_slope(point: vec3f, axis: vec3f, growth: f32, half: vec3f) -> f32 {
     let outside = point - clamp(point, -half, half);
     let length = length(outside);
@@ -175,7 +175,7 @@ fn cone_to_cuboid(cone: SpherePair, half: vec3f) -> SpherePair {
             }
         }
     }
-    // Between these the same coordinates lie outside: their part of the distance is that to a point in a subspace.
+    // Between `low` and `high` the same coordinates are outside of the box. Their part of the distance is that to a point in a subspace.
     let middle = a.xyz + axis * ((low + high) * 0.5);
     let clamped = clamp(middle, -half, half);
     let outside = select(vec3f(0.0), vec3f(1.0), middle != clamped);

@@ -1,12 +1,12 @@
-// Pass 1: the sphere around each body and where it goes, and a key by which bodies that are near each other come one after the other. The
-// spheres are those of src/pipeline/broad_phase.rs.
+// Pass 1: computes the bounding sphere of each body and its displacement, and a key that orders bodies along a space-filling curve. The spheres are
+// those of src/pipeline/broad_phase.rs.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> bodies: array<Body>;
 @group(0) @binding(2) var<storage, read_write> swept: array<Swept>;
 @group(0) @binding(3) var<storage, read_write> keys: array<vec2u>;
 
-// Two zero bits after each of ten.
+// Inserts two zero bits after each of the lower ten bits.
 fn spread(x: u32) -> u32 {
     var v = x & 0x3ffu;
     v = (v | (v << 16u)) & 0x030000ffu;
@@ -30,7 +30,7 @@ fn place(@builtin(global_invocation_id) id: vec3u) {
     let start = body.position + rotate(body.rotation, center);
     let end = point_at(pose_at(body, 1.0, vec3f(0.0)), center);
     let radius = body.bound.w + sagitta(body, distance(center, body.local_center), 1u) + body.margin;
-    // What rounding may take.
+    // Allowance for rounding.
     let slack = CONTACT_ROUNDING * (radius + way(body) + length(start));
     swept[index] = Swept(vec4f(start, radius + slack), end - start);
     let cell = vec3u(clamp((0.5 * (start + end) - params.low) * params.cells, vec3f(0.0), vec3f(1023.0)));

@@ -1,16 +1,17 @@
-// Medial primitives and boxes. As src/query/separation.rs.
+// Medial primitives and boxes. Counterpart: src/query/separation.rs. Lengths are in metres.
 
-// The second side of a pair may be a box instead of a primitive: `count` of its hull.
+// `count` of a hull that is a box. Only the second side of a pair may be a box.
 const BOX: u32 = 0u;
 
-// The convex hull of one to three spheres `x y z radius`, or a box around the origin whose half size is the first entry.
+// The convex hull of one to three spheres, or a box around the origin.
 struct Hull {
+    // Spheres `x y z radius`. For a box the first entry is its half extents.
     spheres: array<vec4f, 3>,
     // Number of spheres, or `BOX`.
     count: u32,
 }
 
-// Least of `n . x` over the hull.
+// Minimum of `n . x` over the hull.
 fn low(hull: ptr<function, Hull>, n: vec3f) -> f32 {
     let first = (*hull).spheres[0];
     if (*hull).count == BOX {
@@ -24,7 +25,7 @@ fn low(hull: ptr<function, Hull>, n: vec3f) -> f32 {
     return least;
 }
 
-// Greatest of `n . x` over a hull of spheres.
+// Maximum of `n . x` over a hull of spheres.
 fn high(hull: ptr<function, Hull>, n: vec3f) -> f32 {
     var greatest = dot((*hull).spheres[0].xyz, n) + (*hull).spheres[0].w;
     for (var i = 1u; i < (*hull).count; i++) {
@@ -34,7 +35,7 @@ fn high(hull: ptr<function, Hull>, n: vec3f) -> f32 {
     return greatest;
 }
 
-// Largest distance of a point of the hull from its first centre, or from the middle of the box, roughly.
+// Returns approximately the largest distance of a point of the hull from its first centre, or from the middle of the box.
 fn extent(hull: ptr<function, Hull>) -> f32 {
     let first = (*hull).spheres[0];
     if (*hull).count == BOX {
@@ -50,7 +51,7 @@ fn extent(hull: ptr<function, Hull>) -> f32 {
     return spread + radius;
 }
 
-// A point of the hull.
+// Returns a point inside of the hull.
 fn origin_of(hull: ptr<function, Hull>) -> vec3f {
     if (*hull).count == BOX {
         return vec3f(0.0);
@@ -67,13 +68,13 @@ fn edges(count: u32) -> u32 {
     return select(select(0u, 1u, count == 2u), 3u, count == 3u);
 }
 
-// A sphere of each side.
+// A sphere of each side, or both ends of an edge.
 struct SpherePair {
     first: vec4f,
     second: vec4f,
 }
 
-// The `k`-th edge of a primitive.
+// Returns the `k`-th edge of a primitive.
 fn edge(hull: ptr<function, Hull>, k: u32) -> SpherePair {
     return SpherePair((*hull).spheres[k], (*hull).spheres[(k + 1u) % (*hull).count]);
 }

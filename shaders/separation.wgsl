@@ -1,24 +1,29 @@
-// Distance of two hulls, with witness points and normal, and overlap depth. As src/query/separation.rs.
+// Distance of two hulls, with witness points and normal, or depth of their overlap. Counterpart: src/query/separation.rs.
 
 struct Separation {
     // Distance of the surfaces in metres, negative for an overlap.
     distance: f32,
     // Unit direction from the first to the second.
     normal: vec3f,
-    // Which pair of features is nearest.
+    // Index of the nearest pair of features.
     feature: u32,
-    // Point of the first surface. That of the second is `distance` along the normal from there.
+    // Point of the first surface, in metres. The point of the second surface is `distance` metres away along the normal.
     point1: vec3f,
-    // How much the normal, tilted by rounding, takes from the distance.
+    // Error of the distance due to rounding of the normal, in metres.
     loss: f32,
 }
 
-// The search so far: `lower <= distance <= upper`.
+// State of the search: `lower <= distance <= upper`.
 struct Best {
+    // Smallest distance of the features tested so far, in metres.
     upper: f32,
+    // Largest gap along the directions tested so far, in metres.
     lower: f32,
+    // Direction of that gap, a unit vector.
     normal: vec3f,
+    // Index of the pair of features with the smallest distance.
     feature: u32,
+    // Nearest spheres of that pair of features.
     spheres: SpherePair,
 }
 
@@ -39,7 +44,7 @@ fn separation(first: ptr<function, Hull>, second: ptr<function, Hull>, hint: u32
             best.feature = k;
             best.spheres = spheres;
             if length > 0.0 {
-                // Far apart, gaps along directions are no more exact than that: those of other features only seem larger.
+                // Gaps between distant sides are no more accurate than this. The gaps of other features could seem larger, so they are discarded.
                 let far = DISTANCE_ROUNDING * length;
                 if far > rounding {
                     best.lower = -MAX;
@@ -58,14 +63,14 @@ fn separation(first: ptr<function, Hull>, second: ptr<function, Hull>, hint: u32
     let length = length(apart);
     look_along(&best, select(vec3f(0.0, 1.0, 0.0), apart / length, length > 0.0), first, second);
     look_along_normals(&best, first, second, apart);
-    // Apart, the centres do not cross.
+    // Centres of separate sides do not cross.
     if best.lower > 0.0 || best.lower >= best.upper - 2.0 * rounding {
         return witness(&best);
     }
     return crossing(&best);
 }
 
-// The same along the best of the features' own directions too, which do not tilt by rounding.
+// Also tests the features' own directions, which rounding does not tilt.
 fn refined(first: ptr<function, Hull>, second: ptr<function, Hull>, found: Separation) -> Separation {
     let sphere1 = (*first).spheres[0];
     var best = Best(MAX, found.distance, found.normal, found.feature, SpherePair(sphere1, sphere1));
@@ -88,14 +93,14 @@ fn witness(best: ptr<function, Best>) -> Separation {
     return Separation((*best).lower, normal, (*best).feature, sphere1.xyz + normal * sphere1.w, loss);
 }
 
-// The centres cross: the points lie either side of the place where they do.
+// The centres cross. The points are on both sides of the crossing.
 fn crossing(best: ptr<function, Best>) -> Separation {
     let middle = ((*best).spheres.first.xyz + (*best).spheres.second.xyz) * 0.5;
     let normal = (*best).normal;
     return Separation((*best).lower, normal, (*best).feature, middle - normal * (0.5 * (*best).lower), 0.0);
 }
 
-// How many spheres of either side have to be held against the whole other side. An edge's ends are covered by its cones.
+// Number of spheres of either side that are tested against the whole other side. The cones of an edge cover its ends.
 fn vertex_features(n: u32, m: u32) -> vec2u {
     if n == 1u {
         return vec2u(1u, 0u);
@@ -114,11 +119,11 @@ fn features(first: ptr<function, Hull>, second: ptr<function, Hull>) -> u32 {
     return vertices.x + vertices.y + edges(n) * edges(m);
 }
 
-// Nearest spheres of the `k`-th pair of features; one pair of them is nearest of all unless the centres cross.
+// Returns the nearest spheres of the `k`-th pair of features. One pair of them is nearest of all unless the centres cross.
 fn feature(first: ptr<function, Hull>, second: ptr<function, Hull>, k: u32) -> SpherePair {
     let n = (*first).count;
     let m = (*second).count;
-    // A sphere, or the corner of a box, and the side that it is held against.
+    // A sphere, or a corner of the box, and the side against which it is tested.
     var sphere: vec4f;
     var hull = *first;
     var is_first = false;
@@ -158,7 +163,7 @@ fn feature(first: ptr<function, Hull>, second: ptr<function, Hull>, k: u32) -> S
     return SpherePair(other, sphere);
 }
 
-// The sphere of a primitive that is nearest to a point.
+// Returns the sphere of a primitive that is nearest to a point.
 fn nearest(point: vec3f, hull: ptr<function, Hull>) -> vec4f {
     switch (*hull).count {
         case 1u: {
@@ -173,14 +178,15 @@ fn nearest(point: vec3f, hull: ptr<function, Hull>) -> vec4f {
     }
 }
 
-// Two unit directions, if they exist.
+// Two unit directions.
 struct Normals {
     front: vec3f,
     back: vec3f,
+    // False if there are no such directions.
     exist: bool,
 }
 
-// `part` and, at a right angle to it, as much of `across` as makes a unit vector of them.
+// Returns the two unit vectors with the part `part`, which differ in the sign of their component along `across`, at a right angle to it.
 fn unit_normals(across: vec3f, part: vec3f) -> Normals {
     let height_squared = 1.0 - dot(part, part);
     let length_squared = dot(across, across);
@@ -191,7 +197,7 @@ fn unit_normals(across: vec3f, part: vec3f) -> Normals {
     return Normals(part + height, part - height, true);
 }
 
-// Outward directions in which three spheres reach equally far: the normals of a slab's faces.
+// Returns the outward directions in which three spheres reach equally far: the normals of a slab's faces.
 fn face_normals(a: vec4f, b: vec4f, c: vec4f) -> Normals {
     let u = b - a;
     let v = c - a;
@@ -200,11 +206,11 @@ fn face_normals(a: vec4f, b: vec4f, c: vec4f) -> Normals {
     if !(det > 0.0) {
         return Normals(vec3f(0.0), vec3f(0.0), false);
     }
-    // Outward: n . u = -growth, so that centre and radius together stay level.
+    // Outward: n . u = -growth, so that `n . center + radius` is the same for all spheres.
     return unit_normals(normal, -(cross(v.xyz, normal) * u.w + cross(normal, u.xyz) * v.w) / det);
 }
 
-// The same for a cone: those of its mantle nearest to `towards` and away from it.
+// Returns the same for a cone: the normals of its mantle nearest to `towards` and to the opposite direction.
 fn mantle_normals(cone: SpherePair, towards: vec3f) -> Normals {
     let u = cone.second - cone.first;
     let length_squared = dot(u.xyz, u.xyz);
@@ -213,7 +219,7 @@ fn mantle_normals(cone: SpherePair, towards: vec3f) -> Normals {
     }
     var across = towards - u.xyz * (dot(towards, u.xyz) / length_squared);
     if dot(across, across) < 1.0e-2 * dot(towards, towards) {
-        // Of what is all but along the axis, little but rounding is left the first time.
+        // For a vector almost along the axis, the first subtraction leaves little except rounding errors.
         across -= u.xyz * (dot(across, u.xyz) / length_squared);
     }
     if dot(across, across) <= 1.0e-12 * dot(towards, towards) {
@@ -223,7 +229,7 @@ fn mantle_normals(cone: SpherePair, towards: vec3f) -> Normals {
     return unit_normals(across, -u.xyz * (u.w / length_squared));
 }
 
-// The two directions, from first to second, in which the mantles of two cones are both level. `u` and `v`: axis and growth of the radius.
+// Returns the two directions, from first to second, that are normal to the mantles of both cones. `u` and `v`: axis and growth of the radius.
 fn edge_normals(u: vec4f, v: vec4f) -> Normals {
     let normal = cross(u.xyz, v.xyz);
     let det = dot(normal, normal);
@@ -233,8 +239,9 @@ fn edge_normals(u: vec4f, v: vec4f) -> Normals {
     return unit_normals(normal, (cross(v.xyz, normal) * -u.w + cross(normal, u.xyz) * v.w) / det);
 }
 
-// Unit directions of the features themselves, which stay exact where centres meet: the best one gives the depth of a deep overlap. Both ways
-// each: those of a primitive's faces, of its edges' mantles towards `apart` and away from it, the axes of a box, and across pairs of edges.
+// Tests the unit directions of the features themselves, and the opposite ones. They stay accurate where centres meet, and the best one gives the
+// depth of a deep overlap. They are the normals of a primitive's faces, those of its edges' mantles towards `apart` and away from it, the axes of a
+// box, and the normals of pairs of edges.
 fn look_along_normals(
     best: ptr<function, Best>,
     first: ptr<function, Hull>,

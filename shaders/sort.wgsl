@@ -1,11 +1,12 @@
-// Pass 2: sorts the keys (bitonic sort). What lies within a block is sorted in a workgroup's own memory.
+// Pass 2: sorts the keys (bitonic sort). Each block is sorted in the memory of a workgroup.
 
 const BLOCK: u32 = 512u;
 
+// A merge step between keys of different blocks.
 struct Exchange {
-    // Length of the sequences that this step is part of making.
+    // Length of the sequences that this merge makes, in keys.
     size: u32,
-    // Distance of the keys that are compared.
+    // Distance of the keys that are compared, in keys.
     distance: u32,
 }
 
@@ -36,12 +37,12 @@ fn store(start: u32, thread: u32) {
     }
 }
 
-// The first of the two keys that a thread compares.
+// Returns the index of the first of the two keys that a thread compares.
 fn first_of(thread: u32, distance: u32) -> u32 {
     return 2u * thread - (thread & (distance - 1u));
 }
 
-// Merges within the block, from the farthest distance on.
+// Merges within the block, beginning with the largest distance.
 fn merge(start: u32, thread: u32, size: u32, farthest: u32) {
     for (var distance = farthest; distance > 0u; distance /= 2u) {
         let i = first_of(thread, distance);
@@ -82,7 +83,7 @@ fn sort_far(@builtin(global_invocation_id) id: vec3u) {
     }
 }
 
-// All steps that are left within the blocks.
+// All remaining steps within the blocks.
 @compute @workgroup_size(256)
 fn sort_near(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
     let start = group.x * BLOCK;

@@ -1,21 +1,26 @@
-// What the passes of a step share.
+// Types that the passes of a step share. Lengths are in metres.
 
-// Marks statics among the sides of pairs.
+// Flag of statics among the sides of pairs.
 const STATIC: u32 = 0x80000000u;
-// Marks the second side of pairs whose primitives the CPU finds.
+// Flag of the second side of pairs whose primitives the CPU finds.
 const UNKNOWN: u32 = 0x40000000u;
 
 struct Params {
+    // Number of bodies.
     bodies: u32,
-    // The least power of two that is no less.
+    // Number of leaves of the tree over the bodies: the smallest power of two that is not less than the number of bodies.
     leaves: u32,
+    // Number of nodes of the hierarchy over the statics.
     static_nodes: u32,
-    // Contacts are wanted up to this distance.
+    // Distance up to which contacts are needed.
     prediction: f32,
-    // Space as the bodies' order divides it: least corner, and cells per metre.
+    // Lower corner of the grid that defines the order of bodies, in the world.
     low: vec3f,
+    // Capacity of the buffer of pairs, in elements.
     max_pairs: u32,
+    // Cells of that grid per metre, along each axis.
     cells: vec3f,
+    // Capacities of the buffers of chords, candidates and survivors, in elements.
     max_chords: u32,
     max_candidates: u32,
     max_survivors: u32,
@@ -23,43 +28,54 @@ struct Params {
     touch: f32,
 }
 
-// Where counters stop: more than there is ever room for, and far enough from the end of their range for all that is added meanwhile.
+// Value at which counters stop. It exceeds every capacity, and is far enough from the largest value for all increments in the meantime.
 const MANY: u32 = 0x80000000u;
 
-// How many there are of each. They count on where a buffer is full.
+// Number of elements in each buffer. Counters continue to count when a buffer is full.
 struct Counters {
+    // Body pairs.
     pairs: atomic<u32>,
+    // Chords of their motions.
     chords: atomic<u32>,
+    // Primitive pairs that the mid phase leaves.
     candidates: atomic<u32>,
+    // Primitive pairs that the narrow phase leaves.
     survivors: atomic<u32>,
 }
 
-// Two sides that may meet: indices of bodies, or of statics with `STATIC`. The first is medial.
+// Two sides that may meet. The first one is medial.
 struct Pair {
+    // Index of a body.
     first: u32,
+    // Index of a body, or of a static with `STATIC`, and perhaps `UNKNOWN`.
     second: u32,
 }
 
-// What a body sweeps, as a medial cone.
+// The medial cone that the bounding sphere of a body sweeps.
 struct Swept {
-    // Bounding sphere at the start of the step, as large as what the body may reach.
+    // Sphere `x y z radius` at the start of the step, in the world, enlarged by the body's margin.
     sphere: vec4f,
+    // Displacement of its centre over the step.
     motion: vec3f,
 }
 
-// Of the tree over the bodies.
+// Node of the tree over the bodies.
 struct TreeNode {
+    // Lower corner of its box, in the world.
     low: vec3f,
-    // Of a leaf.
+    // Index of the body, for a leaf.
     body: u32,
+    // Upper corner of its box, in the world.
     high: vec3f,
 }
 
-// Of a hierarchy that the CPU has built, in depth-first order.
+// Node of a hierarchy that the CPU has built, in depth-first order.
 struct BvhNode {
+    // Lower corner of its box, in the world for statics, in the shape's frame for primitives.
     low: vec3f,
-    // The node that follows the subtree; of a leaf its item, with `LEAF`.
+    // Index of the node after the subtree. For a leaf: index of its item, with `LEAF`.
     link: u32,
+    // Upper corner of its box.
     high: vec3f,
 }
 

@@ -1,39 +1,46 @@
-// Time of impact of two primitives whose spheres move on lines: conservative advancement along the separating direction.
-// As src/query/time_of_impact.rs, in f32 alone: all is relative to the first sphere of the first side, which moves.
+// Time of impact of two primitives whose spheres move on lines: conservative advancement along the separating direction. Counterpart:
+// src/query/time_of_impact.rs. This version uses f32 only, with all coordinates relative to the first sphere of the first side, which moves.
 
-// They stay apart.
+// The primitives stay apart.
 const SEPARATED: u32 = 0u;
-// They touch first at the fraction.
+// The primitives first touch at the fraction.
 const HIT: u32 = 1u;
-// They touch or overlap at the start.
+// The primitives touch or overlap at the start.
 const OVERLAPPING: u32 = 2u;
-// The search ran out of rounds: the fraction is before the first touch, if there is one.
+// The search reached the iteration limit: the fraction is before the first touch, if there is one.
 const ITERATION_LIMIT: u32 = 3u;
 
 // A hull whose spheres move on lines over the step. A box is at rest.
 struct Moving {
+    // Hull at the start of the step.
     hull: Hull,
     // Displacement of the centres over the step, in metres.
     motion: array<vec3f, 3>,
 }
 
 struct TimeOfImpact {
+    // One of the constants above.
     status: u32,
+    // Time as a fraction of the step.
     fraction: f32,
+    // Number of iterations.
     rounds: u32,
+    // Distance and normal at that time.
     separation: Separation,
 }
 
-// A pair at an instant, relative to where the origin is then.
+// A pair at an instant, relative to the origin at that instant.
 struct Instant {
+    // Time as a fraction of the step.
     fraction: f32,
+    // Both hulls at that time.
     first: Hull,
     second: Hull,
+    // Distance and normal at that time.
     separation: Separation,
 }
 
-// Product of a vector and a fraction, added to another vector: its greatest part is an exact product, so that where the sum is small
-// little is lost.
+// Returns `start + motion * fraction`. The largest part of the product is exact, so that little accuracy is lost where the sum is small.
 fn along(start: vec3f, motion: vec3f, fraction: f32) -> vec3f {
     let coarse = bitcast<vec3f>(bitcast<vec3u>(motion) & vec3u(0xfffff000u));
     let early = bitcast<f32>(bitcast<u32>(fraction) & 0xfffff000u);
@@ -48,7 +55,7 @@ fn hull_at(moving: ptr<function, Moving>, fraction: f32) -> Hull {
     return hull;
 }
 
-// Makes the first side's first sphere the origin, unless the second is a box, whose middle it is.
+// Makes the first side's first sphere the origin, unless the second side is a box, whose middle is the origin.
 fn make_relative(first: ptr<function, Moving>, second: ptr<function, Moving>) {
     if (*second).hull.count == BOX {
         return;
@@ -72,7 +79,7 @@ fn instant(first: ptr<function, Moving>, second: ptr<function, Moving>, fraction
     return Instant(fraction, hull1, hull2, found);
 }
 
-// Until when the gap along the instant's normal stays above the target: until then nothing touches.
+// Returns the fraction until which the gap along the instant's normal stays above `distance`. Nothing touches until then.
 fn cleared_until(
     first: ptr<function, Moving>,
     second: ptr<function, Moving>,
@@ -81,7 +88,7 @@ fn cleared_until(
 ) -> f32 {
     let n = (*now).separation.normal;
     var root = MAX;
-    // Only variables can be pointed to.
+    // Pointers can only refer to variables.
     var other = (*now).second;
     for (var j = 0u; j < max(other.count, 1u); j++) {
         var least: f32;
@@ -104,14 +111,14 @@ fn cleared_until(
     return (*now).fraction + root;
 }
 
-// The product of a point and a direction, both on their way from the first to the second, as coefficients of 1, t and t squared.
+// Returns the dot product of a point and a direction, as coefficients of 1, t and t squared. The point moves from `p` to `q`, the direction from `m` to `n`.
 fn quadratic(p: vec3f, q: vec3f, m: vec3f, n: vec3f) -> vec3f {
     let dp = q - p;
     let dn = n - m;
     return vec3f(dot(p, m), dot(p, dn) + dot(dp, m), dot(dp, dn));
 }
 
-// True if a quadratic function is positive from 0 to 1.
+// Returns true if a quadratic function is positive from 0 to 1.
 fn is_positive(c: vec3f) -> bool {
     var lowest = 0.0;
     if c.z > 0.0 {
@@ -120,7 +127,7 @@ fn is_positive(c: vec3f) -> bool {
     return c.x > 0.0 && c.x + c.y + c.z > 0.0 && (c.z * lowest + c.y) * lowest + c.x > 0.0;
 }
 
-// True if nothing touches between two instants: their normals, interpolated, stay between the two sides.
+// Returns true if nothing touches between two instants: their normals, interpolated, separate the two sides.
 fn clear_between(here: ptr<function, Instant>, there: ptr<function, Instant>, distance: f32) -> bool {
     let m = (*here).separation.normal;
     let n = (*there).separation.normal;
@@ -147,7 +154,7 @@ fn clear_between(here: ptr<function, Instant>, there: ptr<function, Instant>, di
     return true;
 }
 
-// Greatest displacement of a sphere of one side relative to one of the other.
+// Returns the largest displacement of a sphere of one side relative to one of the other, in metres.
 fn fastest(first: ptr<function, Moving>, second: ptr<function, Moving>) -> f32 {
     var most = 0.0;
     for (var i = 0u; i < (*first).hull.count; i++) {
@@ -161,10 +168,10 @@ fn fastest(first: ptr<function, Moving>, second: ptr<function, Moving>) -> f32 {
     return most;
 }
 
-// First fraction of the step at which two moving hulls come as near to each other as `distance`. Both in one frame, in which a box is at rest
-// at the origin.
+// Returns the first fraction of the step at which two moving hulls are within `distance` metres of each other. Both are in one frame, in which a box
+// is at rest at the origin.
 //
-// All rounds look at the pair at one place of the code, which is long.
+// All iterations evaluate the pair at one place of the code, because that code is long.
 fn time_of_impact(given1: Moving, given2: Moving, distance: f32) -> TimeOfImpact {
     var first = given1;
     var second = given2;
@@ -172,10 +179,10 @@ fn time_of_impact(given1: Moving, given2: Moving, distance: f32) -> TimeOfImpact
     var extents = 0.0;
     var touching = 0.0;
     var shortest = 0.0;
-    // The last instant at which nothing touches, and until when nothing does.
+    // The last instant at which nothing touches, and the fraction until which nothing touches.
     var here: Instant;
     var cleared = 0.0;
-    // Next trial step, once there are any, and whether it is to be halved if it is in vain.
+    // Length of the next trial step as a fraction, and whether it is halved if it fails.
     var step = 0.0;
     var halve = false;
     var next = 0.0;
@@ -193,7 +200,7 @@ fn time_of_impact(given1: Moving, given2: Moving, distance: f32) -> TimeOfImpact
             }
         } else if abs(now.separation.distance - distance) <= NEAR_TOUCH * extents
             && now.separation.loss > TILT_ROUNDING * extents {
-            // So near, a tilted normal would end the search too early.
+            // Near the target, a tilted normal would end the search too early.
             var hull1 = now.first;
             var hull2 = now.second;
             now.separation = refined(&hull1, &hull2, now.separation);
@@ -207,7 +214,7 @@ fn time_of_impact(given1: Moving, given2: Moving, distance: f32) -> TimeOfImpact
             here = now;
             cleared = cleared_until(&first, &second, &here, distance);
         } else {
-            // The part of the step after which the distance is the one aimed at, were it to go on steadily.
+            // The part of the trial step after which the distance would be the target, if it changed linearly.
             let part = (before - 0.5 * (distance + touching)) / (before - after);
             let clear = after > distance && clear_between(&here, &now, distance);
             if clear && after <= touching {

@@ -1,5 +1,5 @@
-// Pass 3: the boxes around what bodies sweep, as a complete binary tree over the sorted bodies. The children of node `i` are `2 i` and
-// `2 i + 1`, the root is 1, the leaves follow the inner nodes.
+// Pass 3: builds a complete binary tree of boxes around the swept spheres, over the sorted bodies. The children of node `i` are `2 i` and `2 i + 1`,
+// the root is 1, and the leaves follow the inner nodes.
 
 const BLOCK: u32 = 256u;
 
@@ -24,7 +24,7 @@ fn join(index: u32) {
     nodes[index] = TreeNode(min(a.low, b.low), 0u, max(a.high, b.high));
 }
 
-// The leaves, and all that is above a block of them.
+// Builds the leaves, and all nodes above a block of leaves.
 @compute @workgroup_size(256)
 fn tree_bottom(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
     let first = group.x * BLOCK + thread;
@@ -41,7 +41,7 @@ fn tree_bottom(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_in
     }
 }
 
-// What is above the blocks, in one workgroup.
+// Builds the nodes above the blocks, in one workgroup.
 @compute @workgroup_size(256)
 fn tree_top(@builtin(local_invocation_index) thread: u32) {
     for (var level = params.leaves / (2u * BLOCK); level > 0u; level /= 2u) {

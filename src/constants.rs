@@ -1,219 +1,224 @@
-//! Every tolerance and limit: unit, reason, effect of a change.
+//! Every tolerance and limit, with its unit, its reason and the effect of a change.
 
 use glam::Vec3;
 
-/// Rounding allowance of the f32 kernels, per metre of a pair's extent: gaps below it count as contact.
+/// Rounding allowance of the f32 kernels, per metre of a pair's extent. Gaps below it count as contact.
 ///
-/// A gap is a sum of a few products of coordinates of the pair's size, each rounded to 6e-8 of it. Smaller, and pairs
-/// that overlap by a hair at the start are missed; larger, and grazing hits come early.
+/// A gap is a sum of a few products of coordinates, which are as large as the pair. Each product has a relative rounding error of 6e-8. With a
+/// smaller value, pairs with a tiny overlap at the start are missed; with a larger one, grazing hits are reported early.
 pub const CONTACT_ROUNDING: f32 = 3.0e-6;
 
-/// The same once the pair is on its way, when coordinates are relative to the place of contact. Twice the rounding that is left: a graze
-/// of depth `d` comes early by as much as it takes to sink by this, which grows as `d` shrinks.
+/// [`CONTACT_ROUNDING`] after the start of the step, when coordinates are relative to the place of contact. It is twice the remaining rounding error.
+/// A graze of depth `d` is reported early by the time in which the pair closes this gap. That time grows as `d` shrinks.
 pub const TOUCH_ROUNDING: f32 = 7.0e-7;
 
-/// The same of a distance itself, per metre of it: far apart, a gap along a direction is no more exact. Smaller, and directions of other features than
-/// the nearest are taken.
+/// Rounding error of a distance, per metre of it. When primitives are far apart, a gap along a direction is no more accurate than this. With a
+/// smaller value, the direction of a feature that is not the nearest one may be chosen.
 pub const DISTANCE_ROUNDING: f32 = 2.0 * f32::EPSILON;
 
-/// How near to the distance looked for, per metre of the extent, a search makes sure of its normal: the distance along one that rounding has tilted is
-/// too small, and would end it early. Larger, and more looks cost twice.
+/// Range around the target distance, per metre of the extent, in which a search checks its normal. Rounding can tilt a normal. The distance along a
+/// tilted normal is too small and would end the search early. With a larger value, more evaluations cost twice as much.
 pub const NEAR_TOUCH: f32 = 4.0 * CONTACT_ROUNDING;
 
-/// How much, per metre of the extent, a tilted normal may take from the distance there: less than what counts as touching.
+/// Largest error of the distance, per metre of the extent, that a tilted normal may cause near the target distance. It is less than the gap that counts
+/// as contact.
 pub const TILT_ROUNDING: f32 = 0.5 * TOUCH_ROUNDING;
 
-/// Shortest trial step of the time of impact, in extents travelled by the fastest vertex: grazing hits are early by less.
+/// Shortest trial step of the time of impact, as the displacement of the fastest vertex in extents. Grazing hits are reported early by less than this step.
 pub const TIME_TOLERANCE: f32 = 2.0e-5;
 
-/// Squared sine of the angle between two edges below which a closed form inside is not trusted alone: the boundary is searched too.
+/// Squared sine of the angle between two edges. Below it, a closed-form solution inside is not accurate enough, so the boundary is searched too.
 pub const ILL_CONDITIONED: f32 = 1.0e-3;
 
-/// Rounds of conservative advancement before the search takes trial steps. Most pairs are done by then; those that graze or slide come near by
-/// ever smaller steps.
+/// Iterations of conservative advancement before the search takes trial steps. Most pairs are done by then. Pairs that graze or slide approach each
+/// other by ever smaller steps.
 pub const MAX_ADVANCES: u32 = 6;
 
-/// The first trial step, in steps of the last advance. Too long, and it is shortened at the cost of a round.
+/// Length of the first trial step, as a multiple of the last advance. A step that is too long is shortened, which costs an iteration.
 pub const FIRST_TRIAL: f32 = 16.0;
 
-/// A trial step is no shorter than so many of [`TIME_TOLERANCE`], unless a longer one was in vain.
+/// Smallest length of a trial step after a successful one, as a multiple of [`TIME_TOLERANCE`]. Only a failed step is followed by a shorter one.
 pub const SHORTEST_TRIAL: f32 = 4.0;
 
-/// [`MAX_ADVANCES`] where many pairs are searched side by side, and a round costs less.
+/// [`MAX_ADVANCES`] for batches of pairs that are searched side by side, where an iteration costs less.
 pub const MAX_LANE_ADVANCES: f32 = 20.0;
 
-/// The square of a direction's length, in square metres, below which it leads nowhere: products of so small numbers are lost.
+/// Smallest squared length of a usable direction, in square metres. Products of smaller numbers underflow.
 pub const LEAST_SQUARE: f32 = 1.0e-30;
 
-/// Rounds after which the search gives up and says so.
+/// Iterations after which the search stops and reports the iteration limit.
 pub const MAX_ROUNDS: u32 = 1024;
 
-/// Greatest number of chords for a turning body's step. At 1024 ten turns stray by 0.05 % of the radius. Fewer, and bodies that an impact
-/// has set spinning stop too early in every step.
+/// Largest number of chords for the step of a turning body. With 1024 chords, ten turns deviate from their path by 0.05 % of the radius. With fewer
+/// chords, bodies that an impact has set spinning stop too early in every step.
 pub const MAX_CHORDS: u32 = 1024;
 
-/// Primitive pairs of a step from which on a GPU is tried. Fewer are culled on the CPU in less than a millisecond: little more than a call of a GPU
-/// takes in which there is nothing to do. From there on both are timed. Lower, and small scenes have slow steps for the trial's sake; higher, and
-/// steps are left to the CPU in which a GPU is faster.
+/// Smallest number of primitive pairs in a step for which a GPU is tried. The CPU culls smaller steps in less than a millisecond, which is little
+/// more than the overhead of a GPU call. For larger steps both are timed. With a smaller value, trials slow down steps of small scenes; with a larger
+/// one, steps stay on the CPU although a GPU is faster.
 pub const LEAST_GPU_PAIRS: usize = 1 << 18;
 
-/// How many steps the GPU looks ahead, where nobody waits for it: its answer is there two or three steps later. More, and bodies have left their way.
+/// Number of steps that the GPU looks ahead in pipelined mode. Its answer arrives two or three steps later. With more steps, bodies have left their
+/// predicted path by then.
 pub const LOOK_AHEAD_STEPS: u32 = 4;
 
-/// How far a body may have left its way by then, per metre of its bounding radius, besides the prediction distance. Larger, and more primitive
-/// pairs are looked at; smaller, and more bodies are culled once more on the CPU.
+/// Largest deviation of a body from its predicted path, per metre of its bounding radius, in addition to the prediction distance. With a larger
+/// value, more primitive pairs are tested; with a smaller one, more bodies are culled again on the CPU.
 pub const LOOK_AHEAD_SLACK: f32 = 0.1;
 
-/// The same as [`CHORD_TOLERANCE`] where pairs are only culled. Smaller, and there are more chords of spinning bodies to look at; larger, and more
-/// primitives are left that do not meet.
+/// [`CHORD_TOLERANCE`] for culling on the GPU. With a smaller value, spinning bodies have more chords to test; with a larger one, culling leaves more
+/// primitives that do not meet.
 pub const CULLING_CHORD_TOLERANCE: f32 = 1.0e-2;
 
-/// The same as [`MAX_CHORDS`] where pairs are only culled: what they stray farther widens what is looked at.
+/// [`MAX_CHORDS`] for culling on the GPU. The deviation that exceeds the tolerance enlarges the search distance.
 pub const MAX_CULLING_CHORDS: u32 = 128;
 
-/// Greatest number of chords along which many primitives are looked at at once. Along more, the look takes longer than what it saves.
+/// Largest number of chords for which one direction is tested on many primitives. With more chords, the test takes longer than it saves.
 pub const MAX_PARTING_CHORDS: usize = 16;
 
-/// How many primitives are looked at one by one. Fewer, and looking at all at once takes longer than what it saves.
+/// Number of primitive pairs up to which each pair is tested by itself. With fewer pairs, a test of all along one direction takes longer than it saves.
 pub const FEW_PRIMITIVES: usize = 8;
 
-/// Angle in radians through which the bodies of a pair turn, together, before their step is searched in parts of that length: within each of
-/// them only few primitives are near each other.
+/// Rotation in radians, of both bodies together, per part of a step that is searched in parts. Few primitives are near each other within one part.
 pub const PART_ANGLE: f32 = 0.5;
 
-/// The same for their way, per metre of the smaller body's bounding radius, where there are more than [`PART_PRIMITIVES`] pairs of primitives. With 0.25 what
-/// has four hundred primitives takes a sixth longer, with 0.125 what has a hundred or two.
+/// Relative displacement per part, in the same search, per metre of the smaller body's bounding radius. It applies to body pairs with more than
+/// [`PART_PRIMITIVES`] primitive pairs. With 0.25, bodies with four hundred primitives take a sixth longer; with 0.125, bodies with one or two
+/// hundred primitives do.
 pub const PART_WAY: f32 = 0.18;
 
-/// Pairs of primitives up to which looking at all of a long way at once takes no longer.
+/// Number of primitive pairs up to which a search of the whole displacement takes no longer than a search in parts.
 pub const PART_PRIMITIVES: usize = 256;
 
-/// Greatest number of such parts.
+/// Largest number of such parts.
 pub const MAX_STEP_PARTS: usize = 256;
 
-/// Sine of the angle from the axis that a body spins about to that which its poses tell, from which on these are not believed. Larger, and
-/// a rod of a metre is looked for a millimetre and more beside its way; smaller, and rounding counts as well.
+/// Sine of the angle between a body's spin axis and the rotation axis that follows from its poses. Above it, that rotation axis is not used. With a
+/// larger value, a rod of one metre is searched a millimetre or more beside its path; with a smaller one, rounding reaches the limit.
 pub const AXIS_ASTRAY: f32 = 2.0e-3;
 
-/// Largest deviation of a chord from the arc it stands for, per metre of the body's bounding radius.
+/// Largest deviation of a chord from its arc, per metre of the smaller body's bounding radius.
 pub const CHORD_TOLERANCE: f32 = 1.0e-3;
 
-/// Cosine of the angle up to which the contact of a sphere counts as part of its primitive's flat or straight contact (25 degrees).
+/// Cosine of the largest angle (25 degrees) at which the contact of a sphere belongs to the flat or straight contact of its primitive.
 pub const VERTEX_NORMAL_COSINE: f32 = 0.9;
 
-/// Least sine of the angle at which edges cross in a point: of those closer to parallel the ends tell as much.
+/// Smallest sine of the angle between edges whose crossing is a contact. For edges closer to parallel, contacts at their ends are sufficient.
 pub const CROSSING_SINE: f32 = 0.1;
 
-/// Least distance of such a point from the ends of both edges, in lengths of the shorter one.
+/// Smallest distance of a crossing from the ends of both edges, in lengths of the shorter edge.
 pub const CROSSING_END: f32 = 0.02;
 
-/// Cosine of the angle up to which contacts share a manifold (5 degrees): rapier solves one normal per manifold.
+/// Cosine of the largest angle between contact normals in one manifold (5 degrees). Rapier solves one normal per manifold.
 pub const MANIFOLD_NORMAL_COSINE: f32 = 0.996;
 
-/// Greatest number of manifolds of a body pair. A body wedged between many others still has one or two per neighbour.
+/// Largest number of manifolds of a body pair. A body that is wedged between many others still has one or two manifolds per neighbour.
 pub const MAX_MANIFOLDS: usize = 8;
 
-/// Contacts nearer to each other than this are one. In length units, as all lengths here that no shape tells: metres, unless rapier is told another
-/// unit (`IntegrationParameters::length_unit`).
+/// Contacts nearer to each other than this count as one. In length units, like all lengths here that do not depend on a shape: metres, unless rapier
+/// has another unit (`IntegrationParameters::length_unit`).
 pub const DUPLICATE_CONTACT: f32 = 1.0e-3;
 
-/// Distance in length units at which two bodies begin to touch, for messages. Rapier lets resting bodies overlap by about as much.
+/// Distance in length units at which two bodies begin to touch, for messages. Rapier leaves about as much overlap between resting bodies.
 pub const TOUCH_DISTANCE: f32 = 1.0e-3;
 
-/// How much farther than bodies go in a step the solver is told of contacts, in prediction distances: it accelerates them, and so does gravity. Larger,
-/// and more contacts are found that carry nothing; smaller, and bodies stop for one step at what it was not told of.
+/// Margin of the contact search beyond the displacement of a pair in a step, in prediction distances. It allows for accelerations by the solver and
+/// by gravity. With a larger value, more contacts are found that carry no load; with a smaller one, bodies stop for one step at surfaces without a
+/// contact in the solver.
 pub const REST_REACH: f32 = 0.2;
 
-/// The core of a primitive has radii that are smaller by this part, or by [`CORE_DEPTH`] if that is less. While cores are apart, the direction
-/// between them separates the primitives, so the solver pushes to the right side. Larger, and the solver sees thin primitives past each other.
+/// Relative difference between the radii of a primitive and of its core, unless [`CORE_DEPTH`] is less. While cores are apart, the direction between
+/// them separates the primitives, so the solver pushes to the correct side. With a larger value, thin primitives may have passed each other before
+/// the solver sees them.
 pub const CORE_FRACTION: f32 = 0.3;
 
-/// How much smaller the core of a body is by default, per metre of its bounding radius. Larger, and bodies that collide overlap more; smaller, and
-/// more of them stop within the step.
+/// Default depth of a body's core below its surface, per metre of the smaller body's bounding radius. With a larger value, colliding bodies overlap
+/// more; with a smaller one, more of them stop within the step.
 pub const CORE_DEPTH: f32 = 0.0075;
 
-/// The unit of small lengths, in length units: rapier's solver leaves this overlap at resting contacts.
+/// Unit of small lengths, in length units: the overlap that rapier's solver leaves at resting contacts.
 pub const LINEAR_SLOP: f32 = 1.0e-3;
 
-/// The most that [`LINEAR_SLOP`] may be for small bodies, per metre of the smaller one's bounding radius.
+/// Upper limit of [`LINEAR_SLOP`] for small bodies, per metre of the smaller body's bounding radius.
 pub const SLOP_OF_SIZE: f32 = 0.02;
 
-/// Overlap up to which the solver handles a contact that it has already had, per metre of the smaller body's bounding radius. At least ten
-/// [`LINEAR_SLOP`]: a ball that rolls at 10 m/s sinks by 8 mm. Larger, and bodies in piles overlap more; smaller, and piles and hoppers stop in step after step.
+/// Overlap up to which the solver handles contacts of bodies that are already in touch, per metre of the smaller body's bounding radius. The overlap
+/// is at least ten [`LINEAR_SLOP`], because a ball that rolls at 10 m/s sinks by 8 mm. With a larger value, bodies in piles overlap more; with a
+/// smaller one, bodies in piles and hoppers stop in step after step.
 pub const KNOWN_OVERLAP: f32 = 0.02;
 
-/// Contacts within this many length units of the deepest, or of half of its depth, carry the body: they go to the solver before those farther off.
+/// Contacts within this many length units of the deepest contact, or of half of its depth, carry the body. They go to the solver before contacts farther off.
 pub const CARRYING_DEPTH: f32 = 2.0e-3;
 
-/// How much farther out a contact has to be to come before one that is deeper, per metre of depth, down to [`TOUCH_DISTANCE`]. Larger, and rounding chooses
-/// among contacts of a body at rest; smaller, and one that is deeper may be left out.
+/// Weight of depth when the outermost contacts are chosen: metres farther out that equal one metre of depth. Depth beyond [`TOUCH_DISTANCE`] does not
+/// count. With a larger value, rounding chooses among the contacts of a body at rest; with a smaller one, a deeper contact may be left out.
 pub const DEPTH_WEIGHT: f32 = 50.0;
 
-/// How many length units deeper than those that lie farther out a contact has to be to come into the place of one of them. Smaller, and a pile loses
-/// one support for another from step to step.
+/// Smallest difference in depth to the outermost contacts, in length units, at which a deeper contact replaces one of them. With a smaller value, a
+/// pile changes its supports from step to step.
 pub const DEEPER: f32 = 2.0e-3;
 
-/// Contacts nearer to each other than this part of what they span carry a body as one.
+/// Contacts nearer to each other than this fraction of the extent of all contacts carry a body as one contact.
 pub const CLOSE_CONTACT: f32 = 0.1;
 
-/// An axis that is none of a shape's own, as a rule: of contacts that mirror each other one is farther out across it.
+/// A direction that is usually not an axis of a shape. One of two mirrored contacts is then farther out across it.
 pub const OBLIQUE_AXIS: Vec3 = Vec3::new(0.48, 0.6, 0.64);
 
-/// How often a body may be pushed on within a step before it is wedged. Fewer, and those in a row before a fast plate end up behind it; more, and
-/// those between two plates take longer.
+/// Number of pushes of a body within a step before the body is wedged. With fewer pushes, bodies in a row before a fast plate end up behind the
+/// plate; with more, bodies between two plates take longer.
 pub const MAX_PUSHES: u32 = 16;
 
-/// Distance in metres up to which contacts are reported without rapier, whose own setting counts otherwise.
+/// Distance in metres up to which contacts are reported without rapier. With rapier, its own setting applies.
 pub const DEFAULT_PREDICTION: f32 = 0.02;
 
-/// Rounds of the search for the nearest point of a shape's surface from inside. Few are needed but where surfaces meet at a sharp angle.
+/// Iterations of the search for the surface point that is nearest to a point inside a shape. Few are needed unless surfaces meet at a sharp angle.
 pub const WAY_OUT_ROUNDS: usize = 32;
 
-/// Rounds of each round's own search, for the nearest point beyond planes.
+/// Iterations of the inner search, for the nearest point beyond planes, within each iteration of that search.
 pub const NEAREST_BEYOND_ROUNDS: usize = 1000;
 
-/// What the search must gain in a round to go on, per metre of the shape's bounding radius.
+/// Smallest improvement by an iteration that continues that search, per metre of the shape's bounding radius.
 pub const WAY_OUT_ACCURACY: f32 = 1.0e-6;
 
-/// How far bodies in contact may move relative to each other within a substep of the solver, per metre of the smaller one's bounding
-/// radius. Larger, and fast impacts transfer too little or too much; smaller, and they cost more.
+/// Largest relative displacement of bodies in contact within a substep of the solver, per metre of the smaller body's bounding radius. With a larger
+/// value, fast impacts transfer too little or too much momentum; with a smaller one, they cost more time.
 pub const SUBSTEP_WAY: f32 = 0.1;
 
-/// Greatest number of substeps.
+/// Largest number of substeps.
 pub const MAX_SUBSTEPS: usize = 1000;
 
-/// Largest coordinate of a place, a velocity or an angular velocity, in SI units, that a body may have and be simulated: fourth powers, of which
-/// distances of cones and slabs are made, are finite up to here.
+/// Largest coordinate of a position, velocity or angular velocity of a simulated body, in SI units. The distances of cones and slabs contain fourth
+/// powers, which are finite up to this limit.
 pub const MAX_MAGNITUDE: f32 = 1.0e9;
 
-/// Scales that went through a rotation are the same but for this, relatively.
+/// Relative rounding error of scales that went through a rotation.
 pub const SCALE_ROUNDING: f32 = 1.0e-4;
 
-/// Largest number of contacts of a pair that the reduction looks at. Larger, and fine shapes that lie on each other cost more; smaller, and what is
-/// covered by what is told less well.
+/// Largest number of contacts of a pair that the reduction processes. With a larger value, fine shapes that lie on each other cost more; with a
+/// smaller one, covered contacts are detected less reliably.
 pub const MANY_CONTACTS: usize = 96;
 
-/// Cells to the extent of a pair's contacts, each way, into which they are sorted first where there are more; then half as many, until there are
-/// no more. A power of two.
+/// Number of cells per axis over the extent of a pair's contacts, if there are more than [`MANY_CONTACTS`]. One contact per cell and direction is
+/// kept. The number is halved until few enough contacts are left. A power of two.
 pub const THIN_CELLS: f32 = 32.0;
 
-/// Steps of a normal's coordinates that tell contacts of a cell apart: about 15 degrees each.
+/// Resolution of a normal's coordinates that distinguishes contacts in one cell, in steps per unit: about 15 degrees each.
 pub const THIN_NORMALS: f32 = 4.0;
 
-/// How far around a contact, in length units, the surfaces of other parts are looked at: several times what rapier lets bodies overlap.
+/// Distance around a contact, in length units, within which the surfaces of other parts are tested. It is several times the overlap that rapier leaves.
 pub const SEAM_REACH: f32 = 4.0e-3;
 
-/// Height in length units up to which a part that goes on from another one makes no step.
+/// Height in length units up to which an adjacent part is flush, so that there is no step between the parts.
 pub const FLUSH: f32 = 1.0e-4;
 
-/// How far from a sphere, in its radii, nearest points may be that have been found on it, but for rounding.
+/// Largest distance from a sphere, in its radii, of a nearest point that lies on the sphere up to rounding.
 pub const SAME_SPHERE: f32 = 1.0e-4;
 
-/// Distance in length units up to which contacts are at the same place, but for rounding.
+/// Distance in length units up to which contacts are at the same place, up to rounding.
 pub const SAME_PLACE: f32 = 1.0e-5;
 
-/// Cosine of the angle up to which contacts push the same way (a quarter of a degree).
+/// Cosine of the largest angle between the normals of contacts that push in the same direction (a quarter of a degree).
 pub const SEAM_COSINE: f32 = 1.0 - 1.0e-5;
 
-/// The golden section: steps of that part of a turn, or of a list, fill it evenly however many they are.
+/// The golden section. Steps of this fraction of a turn, or of a list, are evenly distributed for any number of steps.
 pub const GOLDEN_TURN: f64 = 0.381_966_011_250_105_1;

@@ -1,8 +1,8 @@
 //! Collision of **concave dynamic bodies** for Bevy: accurate, tunnel-free, joined with rapier.
 //!
-//! A body's shape is a *medial mesh*: a few dozen to a few hundred spheres, joined into medial cones (convex hull of two spheres)
-//! and medial slabs (of three), which fill its volume and fit it closely. Collision is found by hybrid culling and by continuous collision
-//! detection between these primitives; response is rapier's.
+//! A body's shape is a *medial mesh*: a few dozen to a few hundred spheres, joined into medial cones (the convex hull of two spheres) and medial
+//! slabs (of three). They fill the body's volume and fit it closely. Hybrid culling and continuous collision detection between these primitives find
+//! the collisions; rapier computes the response.
 //!
 //! ```no_run
 //! use bevy::prelude::*;
@@ -19,31 +19,31 @@
 //! }
 //! ```
 //!
-//! Camera, light and what is drawn are Bevy's as ever: the README's *ten minutes* have a whole program, from `cargo add` on, and the folder `docs` of
-//! the repository is a guide.
+//! Cameras, lights and rendering are Bevy's own. The *quick start* of the README has a whole program, beginning with `cargo add`. The folder `docs`
+//! of the repository contains a guide.
 //!
-//! # The story of a step
+//! # Stages of a step
 //!
 //! | | stage | file | from | to |
 //! |---|---|---|---|---|
 //! | 1 | snapshot | `rapier/detect.rs` | rapier's poses before and after its step | [`StepInput`](pipeline::StepInput) |
 //! | 2 | broad | `pipeline/broad_phase.rs` | swept bounding spheres, BVH of static boxes | body pairs |
 //! | 3 | mid | `pipeline/mid_phase.rs` | primitive BVH against primitive BVH or box | candidate primitive pairs |
-//! | 4 | narrow | `pipeline/narrow_phase.rs`, `first_impact.rs`, `stop.rs` | time of impact, distance | impacts, stops, raw contacts |
+//! | 4 | narrow | `pipeline/narrow_phase.rs`, `first_impact.rs`, `respond/` | time of impact, distance | impacts, stops, raw contacts |
 //! | 5 | reduce | `pipeline/seams.rs`, `reduce.rs` | raw contacts | a few manifolds per pair |
 //! | 6 | write back | `rapier/table.rs`, `plugin/report.rs` | [`StepOutput`](pipeline::StepOutput) | contact table, messages and events, diagnostics |
 //! | 7 | response | rapier | the table, by `rapier/dispatcher.rs` | new poses |
 //!
-//! Stages 2 to 5 are one function on plain data, [`pipeline::step`]. It runs once a step, right *after* rapier's solver: the motion of each body is
-//! known then, so impacts are those of the motion that happens, and the contacts at its end are those that the next solve starts from.
-//! A body that would pass through another stops at the first touch of their cores and keeps its velocity. The next step solves a true contact there,
-//! and is longer for the body by the time that it has not moved.
+//! Stages 2 to 5 are one function on plain data, [`pipeline::step`]. It runs once per step, right *after* rapier's solver. The motion of each body is
+//! known then, so its impacts are those of the actual motion. The next solve starts from the contacts at the end of that motion. A body that would
+//! pass through another one stops at the first touch of their cores and keeps its velocity. The next step solves a true contact there. For the body,
+//! that step is longer by the time that it has not moved.
 //!
-//! # Rooms
+//! # Modules
 //!
-//! A room uses only those above it; [`plugin`] alone also adds the systems of [`rapier`].
+//! A module uses only modules above it. Only [`plugin`] also adds the systems of [`rapier`].
 //!
-//! | module | what |
+//! | module | content |
 //! |---|---|
 //! | [`constants`] | every tolerance and limit, with unit and reason |
 //! | [`geometry`] | spheres, primitives, boxes, sweeps, the BVH |
@@ -58,29 +58,29 @@
 //!
 //! # Plugins
 //!
-//! | plugin | feature | what | added |
+//! | plugin | feature | purpose | added |
 //! |---|---|---|---|
-//! | [`MedialPhysicsPlugin`](plugin::MedialPhysicsPlugin) | | collision, and with `rapier` response | after `DefaultPlugins`, or at least `AssetPlugin`; after rapier's plugin, if you add that yourself |
+//! | [`MedialPhysicsPlugin`](plugin::MedialPhysicsPlugin) | | collision; response with `rapier` | after `DefaultPlugins` or `AssetPlugin`, and after the app's own rapier plugin |
 //! | `MedialBuildPlugin` | `bevy_mesh` | builds the shapes of entities with a `BuildMedialMesh` | after `AssetPlugin` |
-//! | `MedialGizmosPlugin` | `debug` | the debug view | by the first; by yourself in an app without physics |
+//! | `MedialGizmosPlugin` | `debug` | the debug view | by `MedialPhysicsPlugin`; by the app if it has no physics |
 //! | `MedialPickingPlugin` | `picking` | pointers pick medial bodies | after `DefaultPlugins` |
 //!
 //! # Units and frames
 //!
 //! SI units: metres, seconds, radians, kilograms. A *fraction* is time within a step, from 0 to 1. `pose12` is the pose of body 2 in the frame of
-//! body 1, as in parry; names that end in 1 or 2 belong to that side, normals point from 1 to 2. Kernels work in coordinates relative to the
-//! pair, so a scene may be kilometres from the origin as far as its f32 poses allow.
+//! body 1, as in parry. Names that end in 1 or 2 belong to that side of a pair, and normals point from side 1 to side 2. Kernels use coordinates
+//! relative to the pair, so a scene may be kilometres from the origin if the resolution of its f32 poses is sufficient.
 //!
 //! # Features
 //!
-//! | feature | default | what |
+//! | feature | default | content |
 //! |---|---|---|
-//! | `rapier` | yes | response through `bevy_rapier3d`; without it bodies move as their transforms say, and messages tell what they hit |
+//! | `rapier` | yes | response through `bevy_rapier3d`; without it transforms move the bodies, and messages report impacts and contacts |
 //! | `debug` | no | `MedialGizmos` and `MedialGizmo`: shapes, boxes, swept cones, candidates, contacts and stops as lines |
 //! | `picking` | no | `MedialPickingPlugin`: pointers pick medial bodies |
 //! | `gpu` | no | culling on the GPU |
-//! | `serialize` | no | serde for components but `MedialMesh`, settings, messages, layers of the debug view and geometry |
-//! | `bevy_mesh` | no | triangle meshes from Bevy's, and medial meshes built of them while the app runs |
+//! | `serialize` | no | serde for all components except `MedialMesh`, for settings, messages, layers of the debug view and geometry |
+//! | `bevy_mesh` | no | conversion of Bevy's meshes to triangle meshes, and building of medial meshes while the app runs |
 //! | `mesh_files` | no | triangle meshes from OBJ, glTF, STL and PLY files |
 //! | `cli` | no | the program `medial` |
 //!
@@ -90,7 +90,7 @@
 //! |---|---|---|---|
 //! | 0.1 | 0.19.1 | 0.36 | 1.95 |
 //!
-//! Built and tested on Linux. `wasm32` is neither built nor tested; waiting for the GPU cannot work there.
+//! Built and tested on Linux. `wasm32` is neither built nor tested. Waiting for the GPU cannot work there.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -112,7 +112,7 @@ pub mod rapier;
 pub mod scenes;
 mod whole_file;
 
-/// What an app needs.
+/// Common imports for apps.
 pub mod prelude {
     #[cfg(feature = "debug")]
     pub use crate::plugin::{MedialGizmo, MedialGizmoLayer, MedialGizmos, MedialGizmosPlugin};
@@ -135,7 +135,7 @@ pub mod prelude {
     };
 }
 
-/// The programs of the README and of the guide compile.
+/// Compiles the programs of the README and of the guide.
 #[cfg(doctest)]
 mod pages {
     macro_rules! compile {

@@ -1,6 +1,6 @@
 //! Seeded random numbers.
 //!
-//! The demo scenes and the builder draw from this generator. The tests and benchmarks of the repository use it as well. It is no part of the promised API.
+//! The demo scenes and the builder use this generator, as do the tests and benchmarks of the repository. It is not part of the stable API.
 
 use std::f64::consts::TAU;
 
@@ -81,12 +81,12 @@ impl Random {
         }
     }
 
-    /// A rotation about a random direction by 0 to a full turn.
+    /// A rotation about a random direction by up to a full turn.
     pub fn direction_rotation(&mut self) -> DQuat {
         DQuat::from_axis_angle(self.direction(), self.range(0.0, TAU))
     }
 
-    /// A rotation by 0 to half a turn.
+    /// A rotation by up to half a turn.
     pub fn rotation(&mut self) -> Quat {
         Quat::from_scaled_axis(self.in_ball().normalize_or(Vec3::X) * self.unit() * std::f32::consts::PI)
     }

@@ -1,4 +1,4 @@
-//! Files of which nobody sees a part.
+//! Atomic replacement of files.
 
 use std::{
     fs,
@@ -7,12 +7,12 @@ use std::{
     path::Path,
 };
 
-/// Writes a file, which gets its name when it is whole: until then what was there before is there.
+/// Writes a file under a temporary name and renames it when it is complete. Until then an existing file stays as it is.
 pub(crate) fn write(path: &Path, content: &[u8]) -> io::Result<()> {
-    // Nobody else writes one of that name, on whatever machine.
+    // The random hash makes the name unique, even if another machine writes to the same folder.
     let temporary = path.with_extension(format!("{:016x}.tmp", RandomState::new().hash_one(path)));
     fs::write(&temporary, content).and_then(|()| fs::rename(&temporary, path)).inspect_err(|_| {
-        // What is left of it does no harm if this fails too.
+        // If this fails too, the temporary file stays, which does no harm.
         let _ = fs::remove_file(&temporary);
     })
 }

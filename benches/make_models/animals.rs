@@ -1,19 +1,19 @@
-//! What the models are made of, in any unit of length.
+//! The limbs of the models, in an arbitrary unit of length.
 //!
-//! An animal looks along +x with its feet down -y. Limbs on its right side, z > 0, come in pairs.
+//! An animal looks along +x, and its feet point along -y. Limbs on its right side, z > 0, have a mirror image on the left.
 
 use crate::limbs::{Limb, Solid, leaf, tube};
 
-/// A model and how to make it.
+/// A model and its parameters.
 pub struct Animal {
     pub name: &'static str,
     /// Length of the longest side in metres.
     pub size: f32,
-    /// Of its surface.
+    /// Number of triangles of its surface.
     pub triangles: usize,
-    /// Spheres of the finest medial mesh.
+    /// Number of spheres of the finest medial mesh.
     pub spheres: usize,
-    /// How often each of its medial meshes is sought.
+    /// Number of searches for each of its medial meshes.
     pub searches: usize,
     limbs: fn() -> Vec<Limb>,
 }
@@ -210,7 +210,7 @@ fn bug() -> Vec<Limb> {
     ]
 }
 
-/// In a leap.
+/// A leaping dolphin.
 fn dolphin() -> Vec<Limb> {
     vec![
         tube([
@@ -263,7 +263,7 @@ fn spider() -> Vec<Limb> {
     limbs
 }
 
-/// Sitting up.
+/// A sitting bunny.
 fn bunny() -> Vec<Limb> {
     vec![
         tube([[-1.2, 1.6, 0., 1.4], [-0.6, 2.0, 0., 1.4], [0.3, 2.4, 0., 1.2], [1.05, 3.0, 0., 0.95]]),

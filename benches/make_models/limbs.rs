@@ -1,4 +1,4 @@
-//! The signed distance to limbs that flow into each other.
+//! The signed distance to limbs that are joined by fillets.
 
 use bevy_medial::{
     geometry::{Aabb, Sphere},
@@ -14,16 +14,16 @@ pub struct Limb {
     cones: Vec<[Sphere; 2]>,
     slabs: Vec<[Sphere; 3]>,
     is_pair: bool,
-    /// Around both sides.
+    /// Bounds of the limb and of its mirror image.
     aabb: Aabb,
-    /// How wide a fillet to the rest is.
+    /// Width of the fillet to other limbs.
     blend: f32,
 }
 
-/// Width of a limb's fillets, in its mean radius.
+/// Width of a limb's fillets, relative to its mean radius.
 const BLEND: f32 = 0.7;
 
-/// Cones of a tube from a ball to the next.
+/// Number of cones of a tube between two balls.
 const STEPS: usize = 4;
 
 /// Cones along the smooth curve through `balls`.
@@ -67,7 +67,7 @@ impl Limb {
     }
 }
 
-/// Limbs that flow into each other.
+/// Limbs that are joined by fillets.
 pub struct Solid(pub Vec<Limb>);
 
 impl Solid {
@@ -76,7 +76,7 @@ impl Solid {
         self.0.iter().map(|limb| limb.aabb).fold(Aabb::EMPTY, Aabb::merge)
     }
 
-    /// The signed distance near the surface; elsewhere its sign is right.
+    /// The signed distance near the surface. Elsewhere only its sign is exact.
     pub fn distance(&self, point: Vec3) -> f32 {
         self.0.iter().fold(f32::INFINITY, |rest, limb| {
             let is_far = limb.aabb.distance(point) > rest + limb.blend;
@@ -84,14 +84,14 @@ impl Solid {
         })
     }
 
-    /// Of the distance, by differences over two `step`s.
+    /// The gradient of the distance, by central differences over two `step`s.
     pub fn gradient(&self, point: Vec3, step: f32) -> Vec3 {
         let along = |axis: Vec3| self.distance(point + axis * step) - self.distance(point - axis * step);
         Vec3::new(along(Vec3::X), along(Vec3::Y), along(Vec3::Z)) / (2.0 * step)
     }
 }
 
-/// The lesser of two distances, with a fillet where they differ by less than `blend`.
+/// The smaller of two distances, with a fillet where they differ by less than `blend`.
 fn smooth_min(a: f32, b: f32, blend: f32) -> f32 {
     let near = (1.0 - (a - b).abs() / blend).max(0.0);
     a.min(b) - 0.25 * blend * near * near
@@ -105,13 +105,13 @@ fn sphere(ball: Vec4) -> Sphere {
     Sphere::new(ball.xyz(), ball.w)
 }
 
-/// The Catmull-Rom curve through `points`, at `t` points from the first.
+/// The Catmull-Rom curve through `points`. The parameter `t` is 0 at the first point, and grows by 1 from point to point.
 fn curve(points: &[Vec4], t: f32) -> Vec4 {
     let last = points.len() - 1;
     let from = (t as usize).min(last - 1);
     let t = t - from as f32;
     let (p1, p2) = (points[from], points[from + 1]);
-    // Beyond the ends the curve goes straight on.
+    // Beyond its ends, the curve is continued by a straight line.
     let p0 = if from > 0 { points[from - 1] } else { p1 * 2.0 - p2 };
     let p3 = if from + 2 <= last { points[from + 2] } else { p2 * 2.0 - p1 };
     let (a, b, c) = (p2 - p0, p0 * 2.0 - p1 * 5.0 + p2 * 4.0 - p3, p1 * 3.0 - p0 - p2 * 3.0 + p3);

@@ -4,8 +4,8 @@
 //! cargo run --release -p bevy_medial_compare --bin make_models -- [FOLDER]
 //! ```
 //!
-//! For each it writes the triangles (`.obj`), levels of detail down to one sphere (`.medial`) and the finest of them
-//! (`.ma`). The same program writes the same bytes.
+//! For each model it writes the triangles (`.obj`), levels of detail down to one sphere (`.medial`) and the finest level
+//! (`.ma`). All runs write the same bytes.
 
 mod animals;
 mod limbs;
@@ -21,13 +21,13 @@ use bevy_medial::{
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Of the bar, for each model.
+/// Ticks of the progress bar for each model.
 const TICKS: u64 = 1000;
 
 #[derive(Parser)]
 #[command(about = "Makes the demo models and fits medial meshes to them")]
 struct Args {
-    /// Where to write them.
+    /// Output folder.
     #[arg(default_value = "assets/models")]
     folder: PathBuf,
 }
@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let obj = path.with_extension("obj");
         let surface = surface::surface(&animal.solid(), animal.triangles, animal.size);
         fs::write(&obj, to_obj(&surface.map_err(|error| format!("{}: {error}", animal.name))?))?;
-        // What is fitted is what the file says.
+        // The medial mesh is fitted to the positions in the file, which are rounded.
         let mesh = load::load(&obj)?;
         let report = MeshReport::new(&mesh);
         if !report.flaws().is_empty() || report.components != 1 {
@@ -65,12 +65,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             ControlFlow::Continue(())
         })?;
         chain.save(&path.with_extension("medial"))?;
-        let finest = chain.levels.first().ok_or("no level")?;
+        let finest = chain.levels.first().ok_or("the model has no level")?;
         let file = MaFile::from(&finest.axis);
         fs::write(path.with_extension("ma"), ma::write(&file))?;
 
         let counts = [file.spheres.len(), file.edges.len(), file.faces.len()];
-        // By Euler, as a closed mesh has three edges for two triangles.
+        // By Euler's formula: a closed mesh has three edges per two triangles.
         let genus = (report.triangles / 2 + 2 - report.vertices) / 2;
         write!(table, "{:10} {:9}  {genus:5}", animal.name, report.triangles)?;
         write!(table, "  {:7}  {:5}  {:5}", counts[0], counts[1], counts[2])?;
@@ -84,7 +84,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The text of an OBJ file, to a hundredth of a millimetre.
+/// The text of an OBJ file. Coordinates are rounded to a hundredth of a millimetre.
 fn to_obj(mesh: &TriangleMesh) -> String {
     let vertices = mesh.positions.iter().map(|p| format!("v {:.5} {:.5} {:.5}\n", p.x, p.y, p.z));
     let faces = mesh.triangles.iter().map(|t| t.map(|i| i + 1)).map(|[a, b, c]| format!("f {a} {b} {c}\n"));

@@ -20,19 +20,19 @@ use glam::Vec3;
 
 use crate::limbs::Solid;
 
-/// Vertices, and three of them per triangle.
+/// Vertices, and the three vertex indices of each triangle.
 type Triangles = (Vec<Vec3>, Vec<[u32; 3]>);
 
-/// The surface as so many triangles, with its middle at the origin and its longest side `size` metres long.
+/// The surface as a mesh with the given number of triangles. The middle of its bounds is the origin, and their longest side is `size` metres long.
 pub fn surface(solid: &Solid, triangles: usize, size: f32) -> Result<TriangleMesh, Box<dyn Error>> {
     let bounds = solid.aabb();
     let longest = (bounds.max - bounds.min).max_element();
-    // Surface nets are no manifold where two sheets share a cell. In a crease that may happen on any grid, but seldom
-    // does on the next.
+    // Surface nets are not manifold where two sheets share a cell. In a crease this can happen on any grid, but it rarely
+    // happens on the next grid as well.
     let mut grids = (125..200).step_by(5).map(|cells| longest / cells as f32);
     let closed = grids.find_map(|cell| thinned(&nets(solid, cell), triangles).ok());
-    let (mut positions, triangles) = closed.ok_or("its surface touches itself on every grid: move limbs apart")?;
-    // The gradient of a distance has length 1, but for creases.
+    let (mut positions, triangles) = closed.ok_or("the surface touches itself on every grid: move limbs apart")?;
+    // The gradient of a distance has length 1, except in creases.
     let step = 0.001 * longest;
     let onto_surface = |p: Vec3| p - solid.gradient(p, step).normalize_or_zero() * solid.distance(p);
     positions.iter_mut().for_each(|p| *p = onto_surface(onto_surface(*p)));
@@ -43,10 +43,10 @@ pub fn surface(solid: &Solid, triangles: usize, size: f32) -> Result<TriangleMes
     Ok(mesh)
 }
 
-/// The surface on a grid with cells of that width.
+/// The surface on a grid with cells of width `cell`.
 fn nets(solid: &Solid, cell: f32) -> Triangles {
     let bounds = solid.aabb();
-    // Symmetric as the solid is, with room for fillets.
+    // The grid is symmetric like the solid, with space for fillets.
     let half = (bounds.half_extents() / cell).ceil() + 4.0;
     let place = |at: [f32; 3]| bounds.center() + (Vec3::from(at) - half) * cell;
     let shape = RuntimeShape::<u32, 3>::new((half * 2.0 + 1.0).as_uvec3().to_array());
@@ -57,7 +57,7 @@ fn nets(solid: &Solid, cell: f32) -> Triangles {
     (nets.positions.into_iter().map(place).collect(), nets.indices.as_chunks().0.to_vec())
 }
 
-/// A closed surface with fewer triangles, the smaller the more it is curved. An error if it is no manifold.
+/// The closed surface, decimated to `count` triangles. They are smaller where the curvature is larger. Fails if the surface is not manifold.
 fn thinned((positions, triangles): &Triangles, count: usize) -> Result<Triangles, alum::Error> {
     let mut mesh = PolyMeshF64::new();
     for p in positions {

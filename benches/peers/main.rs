@@ -1,13 +1,14 @@
-//! The demo scenes with medial meshes, and with other engines: rapier alone and avian, with convex decomposition, hulls and triangle
-//! meshes. With them the culling beside its baselines.
+//! Compares the demo scenes with medial meshes and in other engines: rapier alone and avian, with convex decompositions, hulls and
+//! triangle meshes. Also compares the culling with its baselines.
 //!
 //! ```text
 //! cargo run --release -p bevy_medial_compare --bin peers -- [--quick] [--scene NAME] [--engine NAME] [--runs N] [--out DIR] [--list]
 //! ```
 //!
-//! Without `--out` tables are printed only. `--quick` runs a few steps of each, and leaves out what takes long to prepare: it shows that all of it works.
+//! Without `--out`, tables are only printed. `--quick` is a short test of the program: it runs a few steps of each scene, without the shapes that take
+//! long to prepare.
 //!
-//! Everything runs on one core, to which the process is bound: rapier by itself has one thread, and Bevy's pools have threads that share it.
+//! The process is bound to one core. Rapier alone has one thread, and the threads of Bevy's pools share the core.
 
 mod report;
 
@@ -36,17 +37,17 @@ use report::Culling;
 #[derive(Parser)]
 #[command(about = "The demo scenes in several engines")]
 struct Args {
-    /// A few steps of each, to see that all of it works.
+    /// A few steps of each scene: a short test of the program.
     #[arg(long)]
     quick: bool,
-    /// Only this scene.
+    /// Run only this scene.
     #[arg(long)]
     scene: Option<String>,
-    /// Only engines whose name contains this; `culling` for the baselines.
+    /// Run only engines whose name contains this text. `culling` selects the baselines of culling.
     #[arg(long)]
     engine: Option<String>,
-    /// How often each engine runs each scene; of each step the fastest counts. The second and later runs are for machines that do
-    /// other things as well.
+    /// Number of runs of each engine and scene. The fastest run of each step counts, which reduces the influence of other programs
+    /// on the machine.
     #[arg(long, default_value_t = 3)]
     runs: usize,
     /// Folder for the tables.
@@ -57,12 +58,12 @@ struct Args {
     list: bool,
 }
 
-/// The scenes. For the comparison of culling each has a budget in percent that gives bodies about as many primitives as those of the paper: 0.3 to
-/// 2 million pairs in all. The pile has more at any budget, so its culling is not compared.
+/// The scenes. For the comparison of culling, each has a budget in percent at which bodies have about as many primitives as in the paper: 0.3 to
+/// 2 million pairs in total. The pile has more pairs at any budget, so its culling is not compared.
 const SCENES: [(&str, Option<f64>); 5] =
     [("rods", Some(0.4)), ("tori", Some(0.5)), ("stairs", Some(0.6)), ("dinosaur", Some(0.6)), ("pile", None)];
 
-/// The budget that bodies have if nothing is said.
+/// The default budget of bodies, in percent.
 const DEFAULT_PERCENT: f64 = 1.0;
 
 /// An engine with its shapes.
@@ -104,12 +105,12 @@ fn run(args: &Args) -> Result<(), String> {
         return Ok(());
     }
     if let Some(name) = args.scene.as_deref().filter(|name| !names.contains(name)) {
-        return Err(format!("there is no scene `{name}` here; there are {}", names.join(", ")));
+        return Err(format!("there is no scene `{name}` here; the scenes are {}", names.join(", ")));
     }
-    // Threads that are started from now on are bound to it as well.
+    // Threads that are started later inherit the binding.
     let core = core_affinity::get_core_ids().and_then(|cores| cores.first().copied());
     if !core.is_some_and(core_affinity::set_for_current) {
-        eprintln!("the process cannot be bound to one core: times of Bevy's threads are those of several");
+        eprintln!("the process cannot be bound to one core: times are those of threads on several cores");
     }
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/models");
     let models = load_models(&folder).map_err(|error| error.to_string())?;
@@ -130,9 +131,9 @@ fn run(args: &Args) -> Result<(), String> {
     }
 }
 
-/// Steps of a scene.
+/// Number of steps of a scene.
 fn steps(args: &Args, scene: &Scene) -> usize {
-    // Enough for bodies to touch.
+    // After 50 steps, bodies touch in every scene.
     if args.quick { 50.min(scene.steps as usize) } else { scene.steps as usize }
 }
 
@@ -200,7 +201,7 @@ fn run_scene(
     Ok(())
 }
 
-/// Figures of the medial meshes at the levels of detail that the budget gives bodies.
+/// Figures of the medial meshes at the levels of detail that the budget selects.
 fn medial_figures(demo: &Demo, budget: MedialBudget) -> ShapeFigures {
     let count = demo.models.len().max(1);
     let level = |model: &SceneModel| model.axis.level(budget.level(&model.axis, 1.0)).clone();
@@ -214,7 +215,7 @@ fn hull_figures(made: &[ModelShape]) -> ShapeFigures {
     ShapeFigures { parts: parts as f64 / made.len().max(1) as f64, error: worst(made.iter().map(|shape| shape.error)) }
 }
 
-/// The scene with the hybrid culling, beside each baseline.
+/// Compares the hybrid culling with each baseline in a scene.
 fn run_culling(args: &Args, scene: &Scene, models: &[Model], budget_percent: f64) -> Result<Vec<Culling>, String> {
     let mut rows = Vec::new();
     for cull in CULLS.into_iter().filter(|_| is_wanted(args, "culling")) {

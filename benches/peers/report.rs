@@ -9,16 +9,16 @@ use bevy_medial_compare::{
 };
 use serde::Serialize;
 
-/// A scene with the hybrid culling, and beside it another.
+/// A comparison of the hybrid culling with another one in a scene.
 pub struct Culling {
     pub scene: &'static str,
-    /// Of all bodies.
+    /// Budget of all bodies, in percent.
     pub budget_percent: f64,
     pub report: Report,
 }
 
 impl Culling {
-    /// A row for either culling, over all steps and over the active ones.
+    /// A row for each of the two cullings, over all steps and over the active ones.
     fn rows(&self) -> impl Iterator<Item = CullingRow<'_>> {
         let Report { other, steps, figures } = &self.report;
         [0, 1].into_iter().flat_map(move |over| {
@@ -66,17 +66,17 @@ pub fn write_all(folder: &Path, command: &str, peers: &[Row], culling: &[Culling
 const HEAD: &str = "\
 # Results
 
-Made by the command below. All engines have the same bodies, masses, inertias, poses, gravity, damping and step,
-and run on one and the same core, as often as `--runs` says (3 times if it says nothing), where of each step the fastest counts. Times are medians in milliseconds, of the *active* steps and, in brackets, of all: active are those with at
-least 30 % of the greatest number of contact pairs and 3 % of the greatest kinetic energy.
+The command below makes this page. All engines have the same bodies, masses, inertias, poses, gravity, damping and step, and run on the same core. The number
+of runs is that of `--runs` (default: 3), and the fastest run of each step counts. Times are medians in milliseconds over the *active* steps and, in brackets,
+over all steps. A step is active if it has at least 30 % of the max number of contact pairs and 3 % of the max kinetic energy.
 
-- *collision*: finding contacts and impacts; *step*: all of a step, without copies from and to components.
+- *collision*: search for contacts and impacts; *step*: the whole step, without copies from and to components.
 - *sums*: collision and step, over all steps of the scene. They compare engines whose bodies come to rest at different times.
-- *overlap*: deepest overlap of the exact meshes of two bodies, in percent of the smaller body's size: the greatest in 120 steps that
-  are spread evenly, and the median over those of them that are active.
-- *lost*: bodies that have fallen through the ground or left the square that it covers.
-- *error*: from the exact mesh to the shape that stands for it, in percent of the mesh's diagonal: the greatest of any model, and the mean.
-- *half the error*: medial meshes with a budget of half the greatest error that the decompositions have in the scene.
+- *overlap*: deepest overlap of the exact meshes of two bodies, in percent of the smaller body's size: the max over 120 evenly spread
+  steps, and the median over the active ones among them.
+- *lost*: bodies that have fallen through the ground or left the square of the ground.
+- *error*: distance from the exact mesh to its shape in the engine, in percent of the mesh's diagonal: the max over all models, and the mean.
+- *half the error*: medial meshes with a budget of half the max error of the decompositions in the scene.
 
 `benches/src/engines` and `benches/src/baselines` document the setup of each engine and baseline.
 ";
@@ -115,11 +115,11 @@ fn markdown(command: &str, peers: &[Row], culling: &[Culling]) -> String {
     }
     if !culling.is_empty() {
         text += "\n## Culling\n\n\
-            Each step's input with the hybrid culling and with another, all else the same, and the same results: at the default budget, and at one of \
-            which bodies have about as many primitives as those of the paper. The ratio is of the whole collision, over active steps and in brackets \
-            over all: above 1 the hybrid one is faster. Over all steps the median may be one in which all sleep: microseconds of setting up, of which \
-            the trees take more, and no culling least. *At most* is the ratio, over active steps, if the hybrid culling took no time at all: what \
-            follows is the same for all.\n\n\
+            Each step's input is run with the hybrid culling and with another culling. Everything else is the same, and so are the results. Scenes run at the \
+            default budget, and at one that gives bodies about as many primitives as in the paper. The ratio is that of the whole collision, over active \
+            steps and in brackets over all steps. Above 1, the hybrid culling is faster. Where bodies sleep in most steps, the median over all steps \
+            consists of some microseconds of setup, which is longest for trees and shortest without culling. *At most* is the ratio over active steps if \
+            the hybrid culling took no time, because the later stages are the same for all.\n\n\
             | scene, budget | beside | culling, hybrid | other | collision, hybrid | other | ratio | at most | candidates, hybrid | other |\n\
             |---|---|---|---|---|---|---|---|---|---|\n";
         for Culling { scene, budget_percent, report } in culling {

@@ -1,4 +1,4 @@
-//! Seeded approaches of two bodies, sorted by what they come to.
+//! Seeded approaches of two bodies, classified by their outcome.
 
 use bevy_medial::{
     geometry::{Pose3, Sweep},
@@ -13,15 +13,15 @@ use crate::{
     truth::{Motion, Touch, first_touch, is_confirmed},
 };
 
-/// What an approach comes to.
+/// The outcome of an approach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Class {
-    /// They hit each other.
+    /// The bodies hit each other.
     Hit,
-    /// The way of the point that touches is within 12 degrees of the surface.
+    /// The path of the contact point is within 12 degrees of the surface.
     Graze,
-    /// They pass each other by less than 2 % of the smaller one's diagonal.
+    /// The bodies pass each other by less than 2 % of the smaller body's diagonal.
     Miss,
 }
 
@@ -29,27 +29,28 @@ pub enum Class {
 pub struct Approach {
     pub sweeps: [Sweep; 2],
     pub class: Class,
-    /// The first touch; none of a miss.
+    /// The first touch. `None` for a miss.
     pub truth: Option<Touch>,
-    /// How far the point that touches goes in a step, relative to the other body, in metres.
+    /// Speed of the contact point relative to the other body, in metres per step. For a miss, the length of the step.
     pub speed: f64,
 }
 
-/// Of so many approaches.
+/// Share of grazes among all approaches.
 const GRAZES: f32 = 0.2;
+/// Share of near misses among all approaches.
 const MISSES: f32 = 0.2;
 
-/// Up to this part of the speed goes into the other body, where bodies graze each other.
+/// In a graze, the component of the relative speed along the normal is below this part of it.
 const GRAZING: f64 = 0.2;
 
-/// As a part of the smaller body's diagonal.
+/// Max distance of a near miss, as a part of the smaller body's diagonal.
 const NEAR: f64 = 0.02;
 
-/// Approaches of two models: steps of 10 to 100 % of their size, with turns of up to a radian. The touch is in their first half or little after, so
-/// that shapes which are less than exact meet within the step as well.
+/// Approaches of two models. In a step they move by 10 to 100 % of the smaller size, and turn by up to a radian. The touch is in about the first 60 % of
+/// the step, so that less exact shapes touch within the step as well.
 ///
 /// # Errors
-/// If bisection does not find the touch of one where it was found.
+/// If bisection does not confirm a first touch.
 pub fn approaches(models: [&Model; 2], count: usize, seed: u64) -> Result<Vec<Approach>, String> {
     let wanted = |class: Class| match class {
         Class::Graze => (count as f32 * GRAZES) as usize,
@@ -67,7 +68,7 @@ pub fn approaches(models: [&Model; 2], count: usize, seed: u64) -> Result<Vec<Ap
         if let Some(truth) = &approach.truth {
             let motions = approach.sweeps.each_ref().map(Motion::new);
             if !is_confirmed(models.map(|model| &model.exact), &motions, truth, approach.speed) {
-                return Err(format!("{} and {}: {truth:?} is no first touch", models[0].name, models[1].name));
+                return Err(format!("{} and {}: {truth:?} is not a first touch", models[0].name, models[1].name));
             }
         }
         found.push(approach);
@@ -77,8 +78,8 @@ pub fn approaches(models: [&Model; 2], count: usize, seed: u64) -> Result<Vec<Ap
     Ok(found)
 }
 
-/// A flight past each other without turning first; then a step about its touch, or about where they are near each other, with turns. What becomes of
-/// that is another matter.
+/// A random approach. The bodies first fly past each other without turning. The step is then placed around their touch or their near miss, with turns,
+/// and classified by its own first touch. `None` if the bodies overlap at the start or do not come near each other.
 fn approach(models: [&Model; 2], random: &mut Random) -> Option<Approach> {
     let meshes = models.map(|model| &model.exact);
     let size = models[0].diagonal.min(models[1].diagonal);
@@ -111,7 +112,7 @@ fn approach(models: [&Model; 2], random: &mut Random) -> Option<Approach> {
         Sweep::at_rates(pose(side, center, rotation), centers[side], translation, turn)
     });
     let motions = sweeps.each_ref().map(Motion::new);
-    // Turned back, they may overlap where they begin.
+    // Because of the turns, the bodies may overlap at the start of the step.
     first_touch(meshes, &motions.map(|m| m.frozen(0.0)), 0.25 * near, 1.0).is_none().then_some(())?;
     let truth = first_touch(meshes, &motions, 0.0, 1.0);
     let (class, speed) = match &truth {

@@ -11,7 +11,7 @@ use bevy_medial::{
 use glam::Vec3;
 use serde::Serialize;
 
-/// A number of pairs.
+/// Times for a number of pairs.
 #[derive(Clone, Debug, Serialize)]
 pub struct BatchRow {
     pub gpu: String,
@@ -22,13 +22,13 @@ pub struct BatchRow {
     pub gpu_ms: f64,
 }
 
-/// Least time of so many runs.
+/// Number of runs. The min time counts.
 const RUNS: usize = 5;
 
-/// Slabs on their ways past each other, in numbers from 16 on, four times as many each time. None without an adapter.
+/// Times for slabs that fly past each other: 16 pairs, and four times as many in each further row. No rows without an adapter.
 ///
 /// # Errors
-/// If the GPU refuses a call.
+/// If a call of the GPU fails.
 pub fn rows(sizes: u32) -> Result<Vec<BatchRow>, GpuError> {
     let Ok(gpu) = GpuDevice::request() else { return Ok(Vec::new()) };
     let mut impacts = GpuImpacts::new(&gpu)?;
@@ -50,14 +50,14 @@ pub fn rows(sizes: u32) -> Result<Vec<BatchRow>, GpuError> {
     (2..2 + sizes).map(|size| row(4usize.pow(size))).collect()
 }
 
-/// A slab about a place that moves to the other side of the origin.
+/// A slab near `place` that moves to the other side of the origin.
 fn slab(random: &mut Random, place: Vec3) -> Moving<3> {
     let mut vector = || 0.5 * random.in_cube();
     let start = [(); 3].map(|()| Sphere::new(place + vector(), 0.05));
     Moving { start, motion: [vector() - 2.0 * place; 3] }
 }
 
-/// From how many pairs on the GPU is faster, if it is.
+/// The number of pairs from which the GPU is faster. `None` if it is not faster for the largest number.
 pub fn crossover(rows: &[BatchRow]) -> Option<usize> {
     let slow = rows.iter().rposition(|row| row.gpu_ms >= row.cpu_ms).map_or(0, |at| at + 1);
     rows.get(slow).map(|row| row.pairs)

@@ -1,4 +1,4 @@
-//! Charts as SVG: both axes logarithmic, the names of the curves at the side, colours that colour-blind people can tell apart.
+//! Charts as SVG, with two logarithmic axes and the names of the curves at the side. Colour-blind readers can distinguish the colours.
 
 use std::ops::Range;
 
@@ -10,11 +10,11 @@ pub struct Chart<'a> {
     pub x: &'a str,
     pub y: &'a str,
     pub curves: Vec<Curve<'a>>,
-    /// Whether to draw the line below and left of which there is nothing.
+    /// True if the Pareto front of all points is drawn.
     pub front: bool,
 }
 
-/// Points that belong together, in their order.
+/// Points that are joined by lines, in their order.
 pub struct Curve<'a> {
     pub name: &'a str,
     pub points: Vec<[f64; 2]>,
@@ -32,17 +32,17 @@ const COLORS: [RGBColor; 7] = [
 ];
 
 const SIZE: (u32, u32) = (1200, 720);
-/// Room for the names.
+/// Width of the space for the names of the curves, in pixels.
 const SIDE: i32 = 310;
 const FONT: f64 = 21.0;
 
 type Drawn = Result<String, Box<dyn std::error::Error>>;
 
 impl Chart<'_> {
-    /// The chart as SVG. Points that a logarithmic axis does not have are left out.
+    /// The chart as SVG. Points without positive, finite coordinates are left out, because the axes are logarithmic.
     ///
     /// # Errors
-    /// Those of the backend.
+    /// Errors of the drawing back end.
     pub fn svg(&self) -> Drawn {
         let mut text = String::new();
         let curves: Vec<(&str, Vec<(f64, f64)>)> = self
@@ -91,7 +91,7 @@ impl Chart<'_> {
             let font = ("sans-serif", FONT * 0.9).into_font();
             for (i, (name, points)) in curves.iter().enumerate() {
                 let color = COLORS[i % COLORS.len()];
-                // Where colours come round again, circles are empty.
+                // Circles are empty where colours repeat.
                 let style = if i < COLORS.len() { color.filled() } else { color.stroke_width(2) };
                 chart.draw_series(LineSeries::new(points.iter().copied(), color.stroke_width(3)))?;
                 chart.draw_series(points.iter().map(|p| Circle::new(*p, 5, style)))?;
@@ -107,7 +107,7 @@ impl Chart<'_> {
     }
 }
 
-/// Points that no other one is left of and below, from left to right, as a staircase.
+/// The Pareto front: points without another point to the left and below, from left to right, as a staircase.
 fn front(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let mut found: Vec<(f64, f64)> = Vec::new();
@@ -121,7 +121,7 @@ fn front(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     found
 }
 
-/// A range with some room, from 1 to 10 if there is nothing.
+/// The range of the values with a margin. Default without values: 1 to 10.
 fn around(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (least, most) = values.fold((f64::INFINITY, 0.0f64), |(least, most), v| (least.min(v), most.max(v)));
     if least > most { 1.0..10.0 } else { least / 1.6..most * 1.6 }

@@ -1,10 +1,11 @@
-//! Speed against accuracy: exact first touches of moving triangle meshes, and what each method tells of them in what time.
+//! Speed against accuracy: errors and times of the first touches that each method computes. The reference is the exact first touch of moving triangle
+//! meshes.
 //!
 //! ```text
 //! cargo run --release -p bevy_medial_compare --bin speed_accuracy -- [--out DIR] [--quick] [--approaches N] [--method NAME]
 //! ```
 //!
-//! Writes `queries.csv`, `scenes.csv`, `batches.csv`, charts as SVG, `README.md` and a page by itself, `speed_accuracy.html`.
+//! Writes `queries.csv`, `scenes.csv`, `batches.csv`, charts as SVG, `README.md` and `speed_accuracy.html`, which contains its charts.
 
 mod approach;
 mod batches;
@@ -36,27 +37,27 @@ use queries::Case;
 #[derive(Parser)]
 #[command(about = "Speed against accuracy of collision queries and of the demo scenes")]
 struct Args {
-    /// Few approaches and coarse shapes: shows within a minute or two that all of it works.
+    /// Few approaches and coarse shapes: a test of the program in one or two minutes.
     #[arg(long)]
     quick: bool,
-    /// Folder for what is written.
+    /// Output folder.
     #[arg(long, default_value = "target/speed_accuracy")]
     out: PathBuf,
-    /// Folder of meshes with medial meshes beside them.
+    /// Folder of meshes and their medial meshes.
     #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../assets/models"))]
     models: PathBuf,
-    /// Folder of research models that are met as well; none if it is not there.
+    /// Folder of research models that are compared as well, if it exists.
     #[arg(long, default_value = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/models"))]
     research: PathBuf,
-    /// Approaches of each pair of models.
+    /// Number of approaches of each pair of models.
     #[arg(long)]
     approaches: Option<usize>,
-    /// Only methods whose name contains this, and no scenes.
+    /// Run only methods whose name contains this text, and no scenes.
     #[arg(long)]
     method: Option<String>,
 }
 
-/// Who meets whom.
+/// Pairs of models that approach each other.
 const PAIRS: [[&str; 2]; 6] = [
     ["bear", "deer"],
     ["bunny", "torus"],
@@ -66,13 +67,13 @@ const PAIRS: [[&str; 2]; 6] = [
     ["torus", "torus"],
 ];
 
-/// Who meets whom among the research models, if they are there.
+/// Pairs of research models that approach each other, if their folder exists.
 const RESEARCH_PAIRS: [[&str; 2]; 2] = [["bear", "dolphin"], ["bug", "cow"]];
 
-/// Sizes of medial meshes, up to about 500 primitives.
+/// Numbers of spheres of the medial meshes, which have up to about 500 primitives.
 const MEDIAL: [usize; 10] = [1, 2, 4, 8, 15, 30, 60, 120, 240, 360];
 
-/// Sizes of sets of spheres.
+/// Numbers of spheres of shapes of spheres only.
 const SPHERES: [usize; 6] = [4, 16, 64, 256, 1024, 4096];
 
 fn main() -> ExitCode {
@@ -141,7 +142,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let batches = batches::rows(if args.quick { 4 } else { 8 })?;
     match batches::crossover(&batches) {
         Some(pairs) => println!("in batches of {pairs} and more the GPU is faster"),
-        None => println!("the GPU is not faster, or there is none"),
+        None => println!("the GPU is not faster, or there is no GPU"),
     }
     let words: Vec<String> = std::env::args().skip(1).collect();
     let command = format!("cargo run --release -p bevy_medial_compare --bin speed_accuracy -- {}", words.join(" "));

@@ -1,4 +1,4 @@
-//! Who is asked: what stands for the models, and how it is swept.
+//! The methods: their shapes for the models, and their queries for the first touch.
 
 use std::time::{Duration, Instant};
 
@@ -23,7 +23,7 @@ use crate::{
     spheres,
 };
 
-/// What a query tells: the fraction of the step, and the unit normal from the first to the second.
+/// The answer of a query: the fraction of the step, and the unit normal from the first to the second body.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
     pub fraction: f32,
@@ -50,7 +50,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// All of them.
+    /// All methods.
     pub const ALL: [Self; 9] = [
         Self::Medial,
         Self::Bvh(Kind::Obb),
@@ -63,7 +63,7 @@ impl Method {
         Self::TriMesh,
     ];
 
-    /// As charts and tables call it.
+    /// The name in charts and tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Medial => "medial mesh",
@@ -79,18 +79,18 @@ impl Method {
     }
 }
 
-/// Resolutions and concavities of the decompositions; the second are the defaults.
+/// Resolutions and concavities of the decompositions. The second pair is the default of VHACD.
 pub const DECOMPOSITIONS: [(u32, f32); 4] = [(32, 0.03), (64, 0.01), (128, 0.005), (256, 0.002)];
 
-/// What stands for a model.
+/// The shape of a model in a method.
 #[derive(Clone)]
 pub struct Prepared {
     pub body: Stand,
-    /// Primitives, hulls or triangles.
+    /// Number of primitives, hulls or triangles.
     pub parts: usize,
-    /// From the exact mesh to it, in percent of the diagonal.
+    /// Distance from the exact mesh to the shape, in percent of the diagonal.
     pub error: Deviation,
-    /// What its corners, spheres and lists of indices take; hierarchies come on top, with everyone.
+    /// Bytes of its vertices, spheres and index lists. Hierarchies are not included for any method.
     pub bytes: usize,
     pub preparation: Duration,
 }
@@ -102,7 +102,7 @@ pub enum Stand {
     Parry(SharedShape),
 }
 
-/// How many resolutions there are of a method.
+/// Number of resolutions of a method.
 pub fn resolutions(method: Method, model: &Model, sphere_counts: &[usize], decompositions: usize) -> usize {
     match method {
         Method::Medial | Method::Bvh(_) | Method::Alternating => model.medial.len(),
@@ -112,7 +112,7 @@ pub fn resolutions(method: Method, model: &Model, sphere_counts: &[usize], decom
     }
 }
 
-/// Makes what a method has for a model.
+/// Makes the shape of a model in a method.
 ///
 /// # Errors
 /// If the shape cannot be made.
@@ -156,7 +156,7 @@ pub fn prepare(method: Method, model: &Model, resolution: usize, sphere_counts: 
                 }
                 None => shape.as_convex_polyhedron().into_iter().collect(),
             };
-            // Corners, and the triangles that a hull of so many has.
+            // Vertices, and the triangles of the hull: 2 n - 4 for n vertices.
             let bytes =
                 hulls.iter().map(|hull| 12 * hull.points().len() + 12 * (2 * hull.points().len()).saturating_sub(4));
             Ok(Prepared {
@@ -181,7 +181,7 @@ pub fn prepare(method: Method, model: &Model, resolution: usize, sphere_counts: 
     }
 }
 
-/// A method with what stands for two models.
+/// A method with its shapes of two models.
 pub struct Asked {
     method: Method,
     bodies: [Stand; 2],
@@ -189,7 +189,7 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// Of the two, the first first.
+    /// A method with the shapes of the first and of the second model.
     pub fn new(method: Method, bodies: [Stand; 2]) -> Self {
         let kind = match method {
             Method::Bvh(kind) => Some(kind),
@@ -203,7 +203,7 @@ impl Asked {
         Self { method, bodies, pairs }
     }
 
-    /// The first touch of the two on their ways.
+    /// The first touch of the two shapes along their sweeps.
     pub fn first_touch(&mut self, sweeps: &[Sweep; 2]) -> Option<Answer> {
         let [first, second] = match &self.bodies {
             [Stand::Medial(first), Stand::Medial(second)] => [first, second],
@@ -228,7 +228,7 @@ impl Asked {
     }
 }
 
-/// Parry's nonlinear shape cast, over a second that is the step.
+/// Parry's nonlinear shape cast. The step is one second long.
 fn cast(shapes: [&SharedShape; 2], sweeps: &[Sweep; 2]) -> Option<Answer> {
     let motions = sweeps
         .map(|sweep| NonlinearRigidMotion::new(sweep.start, sweep.local_center, sweep.translation, sweep.rotation));
@@ -237,7 +237,7 @@ fn cast(shapes: [&SharedShape; 2], sweeps: &[Sweep; 2]) -> Option<Answer> {
     Some(Answer { fraction: hit.time_of_impact, normal })
 }
 
-/// The earliest of the published scheme's answers, whose primitives' spheres move on lines.
+/// The earliest answer of the published scheme over all pairs. In this scheme, the spheres of primitives move on lines.
 fn first_of_alternating(shapes: [&Shape; 2], sweeps: &[Sweep; 2], pairs: &[[u32; 2]]) -> Option<Answer> {
     let mut best: Option<Answer> = None;
     let ends = sweeps.map(|sweep| [Placement::from(sweep.start), Placement::from(sweep.end)]);

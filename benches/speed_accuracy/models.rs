@@ -1,4 +1,4 @@
-//! The models by their exact meshes, and by medial meshes of many sizes.
+//! The models: their exact meshes, and medial meshes of many sizes.
 
 use std::{
     ops::ControlFlow,
@@ -20,24 +20,24 @@ pub struct Model {
     pub mesh: TriangleMesh,
     pub exact: ExactMesh,
     pub center_of_mass: Vec3,
-    /// Of the box around it, in metres.
+    /// Diagonal of the bounding box, in metres.
     pub diagonal: f32,
-    /// From the centre of mass to the farthest point, in metres.
+    /// Distance from the centre of mass to the farthest point, in metres.
     pub radius: f32,
-    /// Medial meshes of it, the coarsest first.
+    /// Medial meshes of the model, the coarsest first.
     pub medial: Vec<Medial>,
 }
 
 /// A medial mesh of a model.
 pub struct Medial {
     pub axis: MedialAxis,
-    /// From the mesh to it, in percent of the diagonal.
+    /// Distance from the mesh to the medial mesh, in percent of the diagonal.
     pub error: Deviation,
     pub preparation: Duration,
 }
 
 impl Model {
-    /// Reads a mesh, calls it by a name and fits medial meshes of so many spheres to it.
+    /// Reads a mesh, and fits a medial mesh to it for each number of spheres.
     ///
     /// # Errors
     /// If the mesh cannot be read or has no medial mesh.

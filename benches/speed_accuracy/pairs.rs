@@ -11,11 +11,11 @@ use bevy_medial_compare::baselines::{
 
 /// The trees of two shapes.
 pub trait Pairs {
-    /// The primitives of both that may meet on their ways.
+    /// The pairs of primitives that may touch along the sweeps.
     fn between(&mut self, sweeps: &[Sweep; 2]) -> Vec<[u32; 2]>;
 }
 
-/// Trees of a kind.
+/// The trees of two shapes, of a kind of volume.
 pub fn pairs(kind: Kind, shapes: [&Shape; 2]) -> Box<dyn Pairs> {
     match kind {
         Kind::Obb => Box::new(trees::<obb::MovingObb>(shapes)),

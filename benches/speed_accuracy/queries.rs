@@ -1,4 +1,4 @@
-//! Every method asked about every approach.
+//! The queries of every method for every approach.
 
 use std::time::Instant;
 
@@ -11,10 +11,10 @@ use crate::{
     models::Model,
 };
 
-/// How often each query is asked; of its times the least counts, so that what else the machine does shows less.
+/// Number of runs of each query. The min time counts, which reduces the influence of other programs on the machine.
 const ROUNDS: usize = 3;
 
-/// Of so many approaches one is asked of a method that takes a tenth of a second.
+/// Triangle meshes are queried for one of this number of approaches, because their queries take tenths of a second.
 const SLOW_STRIDE: usize = 10;
 
 /// Two models and their approaches.
@@ -23,17 +23,17 @@ pub struct Case<'a> {
     pub approaches: Vec<Approach>,
 }
 
-/// A method at a resolution, over all approaches. Errors are percent of the smaller model's diagonal: how far the point that touches goes
-/// between the true time and the one told. Percentages of hits and grazes are of those, those of phantoms of the near misses.
+/// A method at a resolution, over all approaches. An error is the path of the contact point between the true and the computed time, in percent of
+/// the smaller model's diagonal. Missed hits and grazes are percentages of all hits and grazes, and phantoms (false positives) of all near misses.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     pub method: &'static str,
     pub resolution: usize,
-    /// In the mean of the models, as are bytes and preparation.
+    /// Mean over the models, like bytes and preparation.
     pub parts: f64,
     pub bytes: f64,
     pub preparation_s: f64,
-    /// From the exact mesh to the shape, in percent of the diagonal: the worst model's greatest.
+    /// Max distance from the exact mesh to the shape over all models, in percent of the diagonal.
     pub surface_error_percent: f32,
     pub hit_error_median_percent: f64,
     pub hit_error_p95_percent: f64,
@@ -44,12 +44,12 @@ pub struct Row {
     pub missed_hits_percent: f64,
     pub missed_grazes_percent: f64,
     pub phantom_hits_percent: f64,
-    /// In the mean of all queries.
+    /// Mean over all queries.
     pub microseconds: f64,
     pub queries: usize,
 }
 
-/// What a run has.
+/// The resolutions of a run.
 pub struct Plan<'a> {
     pub sphere_counts: &'a [usize],
     pub decompositions: usize,
@@ -67,7 +67,7 @@ pub fn rows(method: Method, models: &[Model], cases: &[Case], plan: &Plan) -> Re
         let make = |model| Ok((model, prepare(method, model, resolution, plan.sphere_counts)?));
         let prepared = models.iter().map(make).collect::<Result<Vec<(&Model, Prepared)>, String>>()?;
         progress.inc(1);
-        // There may be no more to add to any of the shapes.
+        // A resolution that does not change the size of any shape is left out.
         let sizes: Vec<usize> = prepared.iter().map(|(_, prepared)| prepared.bytes).collect();
         if sizes != before {
             rows.push(row(method, resolution, &prepared, cases));
@@ -169,7 +169,7 @@ impl Tally {
     }
 }
 
-/// The value that a part of all do not exceed; not a number for none.
+/// The quantile of the values at `part`. NaN without values.
 fn quantile(values: &mut [f64], part: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values.get(((values.len() as f64 * part) as usize).min(values.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)

@@ -1,4 +1,4 @@
-//! What is written: tables, charts, and a page of them.
+//! The output: tables, charts, and pages that contain them.
 
 use std::{fmt::Write, fs, path::Path};
 
@@ -15,7 +15,7 @@ use crate::{
 
 type Written = Result<(), Box<dyn std::error::Error>>;
 
-/// A row of queries in short.
+/// A line of text for a row of queries.
 pub fn line(row: &Row) -> String {
     format!(
         "{:28} {:7.0} parts: {:9.2} us, error {:8.4} % (95 %: {:8.4}), grazes {:8.4} %, normal {:5.1} deg; missed {:5.2} + {:5.2} %, phantoms {:5.1} %",
@@ -32,7 +32,7 @@ pub fn line(row: &Row) -> String {
     )
 }
 
-/// A row of scenes in short.
+/// A line of text for a row of scenes.
 pub fn scene_line(row: &SceneRow) -> String {
     format!(
         "{:9} {:15} {:>5}: surface {:6.2} %, collision {:7.3} ms, step {:7.3} ms, overlap {:5.2} %",
@@ -46,10 +46,10 @@ pub fn scene_line(row: &SceneRow) -> String {
     )
 }
 
-/// Writes all of it to a folder.
+/// Writes all files to a folder.
 ///
 /// # Errors
-/// If a file cannot be written or a chart not drawn.
+/// If a file cannot be written or a chart cannot be drawn.
 pub fn write_all(
     folder: &Path,
     command: &str,
@@ -64,8 +64,8 @@ pub fn write_all(
     let time: Axis = ("microseconds per query", |row| row.microseconds);
     let mut charts = vec![
         ("error_time", by(rows, "Typical error against time of a query", time, MEDIAN)?),
-        ("great_error_time", by(rows, "Great errors against time of a query", time, P95)?),
-        ("error_bytes", by(rows, "Great errors against size", ("bytes per shape", |row| row.bytes), P95)?),
+        ("great_error_time", by(rows, "Large errors against time of a query", time, P95)?),
+        ("error_bytes", by(rows, "Large errors against size", ("bytes per shape", |row| row.bytes), P95)?),
         ("levels", levels(models)?),
     ];
     for rows in scenes.chunk_by(|a, b| a.scene == b.scene) {
@@ -85,13 +85,13 @@ pub fn write_all(
     Ok(())
 }
 
-/// What an axis shows.
+/// The label of an axis, and its value in a row.
 type Axis = (&'static str, fn(&Row) -> f64);
 
 const MEDIAN: Axis = ("median error of hits, % of the size", |row| row.hit_error_median_percent);
 const P95: Axis = ("95th percentile of the errors of hits, % of the size", |row| row.hit_error_p95_percent);
 
-/// Queries, by two of their figures.
+/// The chart of two figures of the queries.
 fn by(rows: &[Row], title: &str, x: Axis, y: Axis) -> Result<String, Box<dyn std::error::Error>> {
     let curve =
         |rows: &[Row]| Curve { name: rows[0].method, points: rows.iter().map(|row| [x.1(row), y.1(row)]).collect() };
@@ -99,18 +99,18 @@ fn by(rows: &[Row], title: &str, x: Axis, y: Axis) -> Result<String, Box<dyn std
     Chart { title, x: x.0, y: y.0, curves, front: true }.svg()
 }
 
-/// Primitives that a budget takes, of each model's chain of sizes.
+/// The chart of the number of primitives against the error, with a curve for each model.
 fn levels(models: &[Model]) -> Result<String, Box<dyn std::error::Error>> {
     fn curve(model: &Model) -> Curve<'_> {
         let of = |medial: &Medial| [f64::from(medial.error.max), medial.axis.primitives().len() as f64];
         Curve { name: &model.name, points: model.medial.iter().map(of).collect() }
     }
     let curves = models.iter().map(curve).collect();
-    let (title, x) = ("What a budget takes", "greatest error of the surface, % of the diagonal");
+    let (title, x) = ("Primitives of a budget", "max error of the surface, % of the diagonal");
     Chart { title, x, y: "primitives", curves, front: false }.svg()
 }
 
-/// Time of a step against the error of the surface.
+/// The chart of the error of the surface against the time of a step.
 fn of_scene(rows: &[SceneRow]) -> Result<String, Box<dyn std::error::Error>> {
     let curve = |name| Curve {
         name,
@@ -121,11 +121,11 @@ fn of_scene(rows: &[SceneRow]) -> Result<String, Box<dyn std::error::Error>> {
             .collect(),
     };
     let title = format!("Scene `{}`", rows[0].scene);
-    let (x, y) = ("milliseconds per active step", "greatest error of the surface, %");
+    let (x, y) = ("milliseconds per active step", "max error of the surface, %");
     Chart { title: &title, x, y, curves: METHODS.map(curve).into(), front: true }.svg()
 }
 
-/// Times of impact of many primitive pairs at once.
+/// The chart of times of impact of many primitive pairs at once.
 fn of_batches(rows: &[BatchRow]) -> Result<String, Box<dyn std::error::Error>> {
     let curve = |name, ms: fn(&BatchRow) -> f64| Curve {
         name,
@@ -136,7 +136,7 @@ fn of_batches(rows: &[BatchRow]) -> Result<String, Box<dyn std::error::Error>> {
     Chart { title, x, y: "milliseconds per batch", curves, front: false }.svg()
 }
 
-/// In words, which of CPU and GPU is faster.
+/// A sentence that states from which batch size the GPU is faster.
 fn told_of(batches: &[BatchRow]) -> String {
     let Some(first) = batches.first() else { return "There was no GPU.".into() };
     let faster =
@@ -144,7 +144,7 @@ fn told_of(batches: &[BatchRow]) -> String {
     format!("GPU: {}, faster than a thread of the CPU {faster}.", first.gpu)
 }
 
-/// How the figures came about.
+/// The circumstances of a run.
 struct Run<'a> {
     date: String,
     machine: String,
@@ -153,22 +153,25 @@ struct Run<'a> {
 }
 
 const HEAD: &str = "\
-Two bodies approach each other within a step; when do they touch? The truth is that of the exact triangle meshes, by conservative advancement in f64, confirmed by
-bisection. Steps are 10 to 100 % of a body's size long, with turns of up to a radian; three of five approaches are hits, one a graze (the way of the point that touches
-is within 12 degrees of the surface), one a near miss (by less than 2 % of the size).
+Two bodies approach each other within a step, and each method computes the time of their first touch. The reference is the first touch of the exact
+triangle meshes, by conservative advancement in f64, confirmed by bisection. In a step, bodies move by 10 to 100 % of the smaller body's size, and
+turn by up to a radian. Of five approaches, three are hits, one is a graze (the path of the contact point is within 12 degrees of the surface), and
+one is a near miss (by less than 2 % of the size).
 
-- *error*: how far the point that touches goes between the true time and the one that was told, in percent of the smaller body's diagonal;
-- *missed*: hits, and grazes, of which a method tells nothing; *phantoms*: near misses that it tells as hits;
-- *time*: of a query, least of three, in the mean of all approaches, on one thread; a triangle mesh takes so long that it is asked about every tenth approach, once;
-- *bytes*: corners, spheres and lists of indices, without hierarchies; *preparation*: time to make the shape of a mesh.
+- *error*: path of the contact point between the true and the computed time, in percent of the smaller body's diagonal;
+- *missed*: hits, and grazes, that a method does not report; *phantoms*: false positives, which are near misses that a method reports as hits;
+- *time*: of a query on one thread, the min of three, and the mean over all approaches. Triangle meshes are so slow that they are queried once, for
+  every tenth approach;
+- *bytes*: vertices, spheres and index lists, without hierarchies; *preparation*: time to make the shape from a mesh.
 
-Convex decomposition, convex hulls and triangle meshes are asked by parry's nonlinear shape cast, the one that rapier's CCD uses. \"Spheres only\" are as many inscribed spheres, asked as medial
-meshes are. \"Alternating TOI\" is the published scheme on the same medial meshes, on pairs that a BVH of spheres leaves. \"BVH of\" stands for other
-culling, with all else the same: it too is asked about a long way part by part.
+Convex decompositions, convex hulls and triangle meshes are queried by parry's nonlinear shape cast, which rapier's CCD uses. \"Spheres only\" are
+inscribed spheres, with the same queries as medial meshes. \"Alternating TOI\" is the published scheme on the same medial meshes, for the pairs that a
+BVH of spheres finds. \"BVH of\" stands for another culling. Everything else is the same: it also divides a long path into parts.
 
-Medial meshes are off by about as much everywhere, and so are spheres. Pieces of a convex decomposition have corners of the mesh itself at all that sticks out, where most first touches are, and span what
-is hollow: half of their answers are nearly exact, and one in twenty is off by percents. So the median speaks for a fine decomposition, if there is a millisecond for a query, and the
-95th percentile for a medial mesh. What a method misses is a body that is thinner than the true one where they meet; what it makes up is one that is thicker.
+The error of a medial mesh is about the same everywhere, and so is that of spheres. The pieces of a convex decomposition contain vertices of the mesh
+at everything that protrudes, where most first touches are, and fill its hollows. Half of their answers are nearly exact, and one in twenty is wrong
+by several percent. By the median, a fine decomposition is better, if a query may take a millisecond. By the 95th percentile, a medial mesh is better.
+A method misses touches where its shape is thinner than the body, and reports false positives where it is thicker.
 ";
 
 fn queries_table(rows: &[Row]) -> Vec<Vec<String>> {
@@ -246,7 +249,7 @@ fn scenes_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
     std::iter::once(head.map(String::from).into()).chain(rows.iter().map(row)).collect()
 }
 
-/// The default budget beside the finest level.
+/// The default budget compared with the finest level.
 fn budget_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
     let head = ["scene", "step at 1 %, ms", "at the finest level, ms", "part", "deepest overlap at 1 %, %"];
     let with = |percent: f32| rows.iter().filter(move |row| row.budget_percent == Some(percent));
@@ -262,13 +265,13 @@ fn budget_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
     std::iter::once(head.map(String::from).into()).chain(with(1.0).zip(with(0.0)).map(row)).collect()
 }
 
-/// All of them, with their titles.
+/// All tables, with their titles.
 fn tables(rows: &[Row], scenes: &[SceneRow]) -> [(&'static str, Vec<Vec<String>>); 4] {
     [
         ("The medial mesh beside the others", verdicts_table(rows)),
         ("Queries", queries_table(rows)),
         ("Scenes", scenes_table(scenes)),
-        ("What a budget saves", budget_table(scenes)),
+        ("Savings of a budget", budget_table(scenes)),
     ]
 }
 
@@ -294,7 +297,7 @@ fn markdown<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Itera
     text
 }
 
-/// The same as a page by itself.
+/// The same as an HTML page that contains its charts.
 fn page<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
     let mut text = String::from(
         "<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width, initial-scale=1'>\

@@ -1,4 +1,4 @@
-//! The demo scenes at several budgets, and by rapier with convex pieces: time of a step, and how good the shapes are.
+//! The demo scenes at several budgets, and in rapier with convex pieces: times of a step, and errors of the shapes.
 
 use std::path::Path;
 
@@ -16,30 +16,30 @@ use bevy_medial_compare::{
 };
 use serde::Serialize;
 
-/// A scene that was run in one way.
+/// The run of a scene with one kind of shapes.
 #[derive(Clone, Debug, Serialize)]
 pub struct SceneRow {
     pub scene: &'static str,
     pub method: &'static str,
-    /// In percent; 0 is the finest level. None of rapier.
+    /// Budget in percent; 0 is the finest level. `None` for rapier.
     pub budget_percent: Option<f32>,
-    /// Of the worst model, from its mesh to the shape, in percent of its diagonal.
+    /// Max distance from the mesh to the shape over all models, in percent of the diagonal.
     pub surface_error_percent: f32,
     /// Medians over active steps, in milliseconds.
     pub collision_ms: f64,
     pub step_ms: f64,
-    /// Of the exact meshes, in percent of the smaller body.
+    /// Deepest overlap of the exact meshes, in percent of the smaller body's size.
     pub overlap_max_percent: f32,
     pub lost: usize,
 }
 
-/// Ours, and rapier's, as charts call them.
+/// The names of this crate's shapes and of rapier's in charts.
 pub const METHODS: [&str; 2] = ["medial meshes", "convex pieces"];
 
 /// Runs a scene at each budget, and with each kind of convex pieces.
 ///
 /// # Errors
-/// If models cannot be read or shapes not made.
+/// If a model cannot be read or a shape cannot be made.
 pub fn rows(
     name: &str,
     models: &[Model],

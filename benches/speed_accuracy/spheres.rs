@@ -1,4 +1,4 @@
-//! Spheres alone: what a sphere tree of so many leaves has for a model.
+//! Shapes of spheres only, like the leaves of a sphere tree.
 
 use bevy_medial::{
     geometry::{Primitive, Sphere},
@@ -8,13 +8,13 @@ use glam::Vec3;
 
 use crate::models::Model;
 
-/// Distance of neighbours among the spheres to choose of, and among the points of the surface to cover, as a part of the diagonal.
+/// Distance between neighbours among the candidate spheres, and among the points of the surface to cover, as a part of the diagonal.
 const SPACING: f32 = 0.01;
 
-/// So many spheres of the finest medial mesh's volume, each chosen to reach the point of the surface that is farthest from all before.
+/// Chooses `count` spheres in the volume of the finest medial mesh. Each reaches the point of the surface that is farthest from all spheres before.
 ///
 /// # Errors
-/// If there are too many.
+/// If there are too many spheres.
 pub fn inscribed(model: &Model, count: usize) -> Result<MedialAxis, MedialAxisError> {
     let spacing = SPACING * model.diagonal;
     let all = model.medial.last().map_or_else(Vec::new, |finest| within(&finest.axis, spacing));
@@ -60,7 +60,7 @@ fn within(axis: &MedialAxis, spacing: f32) -> Vec<Sphere> {
     found
 }
 
-/// The vertices and the middles of the triangles, of neighbours that are nearer than the spacing only one.
+/// The vertices and the centroids of the triangles, at most one in each cell of a grid with the given spacing.
 fn points(model: &Model, spacing: f32) -> Vec<Vec3> {
     let mesh = &model.mesh;
     let middles = mesh.triangles.iter().map(|triangle| mesh.corners(*triangle).iter().sum::<Vec3>() / 3.0);

@@ -1,8 +1,8 @@
-//! When two triangle meshes touch first, exactly: conservative advancement in f64, of triangles against triangles.
+//! The exact first touch of two triangle meshes: conservative advancement in f64, of triangles against triangles.
 //!
-//! Another make than the library's kernels: no spheres, no closed forms for motion. A pair of triangles is carried forward by as much as it
-//! cannot possibly meet within, again and again, until it is no farther apart than [`TOUCH`]; trees of bounding spheres say in which
-//! order pairs are looked at, and when none of the rest can be earlier.
+//! The method is independent of the library's kernels: it uses no medial spheres and no closed forms for motion. A pair of triangles is advanced by a
+//! time in which it cannot touch, until its distance is at most [`TOUCH`]. Trees of bounding spheres give the order of the pairs, and end the search
+//! when no remaining pair can touch earlier.
 
 use std::{
     cmp::{Ordering, Reverse},
@@ -18,7 +18,7 @@ pub const TOUCH: f64 = 1e-9;
 /// A triangle mesh with a tree over its triangles.
 pub struct ExactMesh {
     triangles: Vec<[DVec3; 3]>,
-    /// Depth first, the left child after its parent.
+    /// Nodes in depth-first order: the left child follows its parent.
     nodes: Vec<Node>,
 }
 
@@ -30,12 +30,12 @@ struct Node {
 
 enum Kind {
     Triangle(usize),
-    /// Its right child.
+    /// Index of the right child.
     Inner(usize),
 }
 
 impl ExactMesh {
-    /// All triangles of a mesh.
+    /// Builds the tree over all triangles of a mesh.
     pub fn new(mesh: &TriangleMesh) -> Self {
         let triangles = mesh.triangles.iter().map(|t| mesh.corners(*t).map(|p| p.as_dvec3())).collect();
         let mut exact = Self { triangles, nodes: Vec::new() };
@@ -93,7 +93,7 @@ impl Motion {
         }
     }
 
-    /// At rest where it is at an instant.
+    /// The motion of a body that rests at its pose of an instant.
     pub fn frozen(&self, fraction: f64) -> Self {
         let (rotation, center) = self.frame(fraction);
         Self { center, rotation, velocity: DVec3::ZERO, spin: DVec3::ZERO, ..*self }
@@ -108,7 +108,7 @@ impl Motion {
         center + rotation * (local - self.local_center)
     }
 
-    /// Velocity, per step, of what is at a point of the world at an instant.
+    /// Velocity of the body at a point of the world at an instant, in metres per step.
     pub fn velocity_at(&self, fraction: f64, point: DVec3) -> DVec3 {
         self.velocity + self.spin.cross(point - self.center - self.velocity * fraction)
     }
@@ -118,18 +118,18 @@ impl Motion {
     }
 }
 
-/// Where and when two meshes touch first.
+/// The first touch of two meshes.
 #[derive(Clone, Copy, Debug)]
 pub struct Touch {
     /// Fraction of the step.
     pub fraction: f64,
-    /// In the world.
+    /// Contact point in the world.
     pub point: DVec3,
     /// Unit normal from the first to the second.
     pub normal: DVec3,
 }
 
-/// Two nodes that may meet from a fraction on.
+/// Two nodes that do not touch before a fraction.
 struct Entry {
     from: f64,
     nodes: [usize; 2],
@@ -151,7 +151,7 @@ impl PartialOrd for Entry {
 
 impl Ord for Entry {
     fn cmp(&self, other: &Self) -> Ordering {
-        // Of those at one time the lower ones first: they come to triangles soonest.
+        // At equal times, larger indices come first: these nodes are deeper, so the search reaches triangles sooner.
         self.from.total_cmp(&other.from).then(other.nodes.cmp(&self.nodes))
     }
 }
@@ -189,7 +189,7 @@ pub fn first_touch([mesh1, mesh2]: [&ExactMesh; 2], motions: &[Motion; 2], margi
     best
 }
 
-/// A fraction before which two nodes do not meet. None if they do not at all.
+/// A fraction before which two nodes do not touch. `None` if they do not touch up to `limit`.
 fn spheres_from([a, b]: [&Node; 2], motions: &[Motion; 2], margin: f64, [from, limit]: [f64; 2]) -> Option<f64> {
     const ROUNDS: usize = 6;
     let turns =
@@ -214,7 +214,7 @@ fn spheres_from([a, b]: [&Node; 2], motions: &[Motion; 2], margin: f64, [from, l
     Some(time)
 }
 
-/// When two triangles come within the margin first.
+/// The first time at which two triangles come within the margin.
 fn triangles_touch(
     triangles: [&[DVec3; 3]; 2],
     motions: &[Motion; 2],
@@ -236,7 +236,7 @@ fn triangles_touch(
         if gap <= TOUCH {
             return (distance > 0.0).then_some(Touch { fraction: time, point: (point1 + point2) * 0.5, normal });
         }
-        // Along the normal no corner of either comes forward faster, now; later by as much more as it is accelerated.
+        // The max speed of the corners along the normal at this time. Later it grows by no more than the acceleration.
         let forward = |side: usize, normal: DVec3| {
             let speeds = placed[side].map(|p| motions[side].velocity_at(time, p).dot(normal));
             speeds.into_iter().fold(f64::NEG_INFINITY, f64::max)
@@ -278,7 +278,7 @@ fn closest_points(first: &[DVec3; 3], second: &[DVec3; 3]) -> [DVec3; 2] {
     best.1
 }
 
-/// Where the perpendicular from a point meets a triangle's plane, if that is within the triangle.
+/// The projection of a point onto the plane of a triangle, if it lies within the triangle.
 fn foot_within([a, b, c]: &[DVec3; 3], point: DVec3) -> Option<DVec3> {
     let normal = (b - a).cross(c - a);
     let square = normal.length_squared();
@@ -300,8 +300,8 @@ fn closest_of_segments([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> [DVec3; 2]
     [p1 + d1 * s, p2 + d2 * t]
 }
 
-/// Whether an instant is indeed that of the first touch: bisection of the time at which meshes at rest come within a hair of each other
-/// ends there. `speed`: of the meshes at the point, relative to each other, in metres per step.
+/// True if bisection confirms a first touch: it searches for the time at which the meshes at rest come within 1 µm of each other. `speed` is the
+/// relative speed of the meshes at the contact point, in metres per step.
 pub fn is_confirmed(meshes: [&ExactMesh; 2], motions: &[Motion; 2], touch: &Touch, speed: f64) -> bool {
     const HAIR: f64 = 1e-6;
     let within = |time: f64| first_touch(meshes, &motions.map(|m| m.frozen(time)), HAIR, 1.0).is_some();
@@ -313,7 +313,7 @@ pub fn is_confirmed(meshes: [&ExactMesh; 2], motions: &[Motion; 2], touch: &Touc
         let middle = 0.5 * (before + after);
         if within(middle) { after = middle } else { before = middle }
     }
-    // A graze is within a hair long before it touches.
+    // The tolerance is 1 cm of path, because a graze is within `HAIR` long before it touches.
     let left = (touch.fraction - after) * speed;
     left <= 1e-2
 }

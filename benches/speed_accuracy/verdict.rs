@@ -1,8 +1,8 @@
-//! How a curve lies to the others: who is faster at the same error, and nearer the truth in the same time.
+//! Comparison of the medial mesh with other methods: ratio of times at the same error, and ratio of errors in the same time.
 
 use crate::{methods::Method, queries::Row};
 
-/// A rival at one of its resolutions, beside the medial mesh. More than 1 speaks for the medial mesh.
+/// Another method at one of its resolutions, compared with the medial mesh. Ratios above 1 mean that the medial mesh is better.
 pub struct Verdict {
     pub rival: &'static str,
     pub parts: f64,
@@ -10,15 +10,15 @@ pub struct Verdict {
     pub by: [Ratios; 2],
 }
 
-/// How much better the medial mesh is.
+/// Ratios of the other method to the medial mesh.
 pub struct Ratios {
-    /// Its time over that of a medial mesh of the same error. None if the finest that was tried is not as good.
+    /// Time of the other method over that of a medial mesh with the same error. `None` if the finest medial mesh has a larger error.
     pub faster: Option<f64>,
-    /// Its error over that of a medial mesh that takes the same time. None if the coarsest takes longer.
+    /// Error of the other method over that of a medial mesh with the same time. `None` if the coarsest medial mesh takes longer.
     pub nearer: Option<f64>,
 }
 
-/// Of each resolution of each other method that has another shape, or another scheme for the time of impact.
+/// The verdicts on all resolutions of the methods with another shape, or with another scheme for the time of impact.
 pub fn verdicts(rows: &[Row]) -> Vec<Verdict> {
     let errors: [fn(&Row) -> f64; 2] = [|row| row.hit_error_median_percent, |row| row.hit_error_p95_percent];
     let rivals = [Method::Alternating, Method::Spheres, Method::Decomposition, Method::Hull, Method::TriMesh];
@@ -37,7 +37,7 @@ pub fn verdicts(rows: &[Row]) -> Vec<Verdict> {
     rivals.iter().flat_map(|rival| rows.iter().filter(|row| row.method == rival.name())).map(of_row).collect()
 }
 
-/// Time and error of each resolution, the coarsest first, as far as each is better than all before.
+/// Time and error of each resolution, the coarsest first. Resolutions that are not slower and more exact than the one before are left out.
 fn curve(rows: &[Row], method: &str, error: fn(&Row) -> f64) -> Vec<[f64; 2]> {
     let mut points: Vec<[f64; 2]> = Vec::new();
     for row in rows.iter().filter(|row| row.method == method) {
@@ -49,8 +49,8 @@ fn curve(rows: &[Row], method: &str, error: fn(&Row) -> f64) -> Vec<[f64; 2]> {
     points
 }
 
-/// The other coordinate where a curve has a value of one, on straight lines between logarithms. What the coarsest point is good enough for, it is taken
-/// for, and beyond the finest's time the finest.
+/// The other coordinate of the curve where coordinate `axis` has a value, on straight lines between logarithms. The coarsest point is used for errors
+/// above its own, and the finest point for times above its own.
 fn along(points: &[[f64; 2]], axis: usize, value: f64) -> Option<f64> {
     let (first, last) = (points.first()?, points.last()?);
     match axis {

@@ -1,4 +1,4 @@
-//! Which steps of a run count as active, and medians over them.
+//! The active steps of a run, and medians.
 
 /// A measure of the activity in a step.
 #[derive(Clone, Copy, Debug)]
@@ -9,8 +9,8 @@ pub struct Activity {
     pub energy: f32,
 }
 
-/// Steps are active with at least 30 % of the max number of contact pairs of any step, and 3 % of the max kinetic energy:
-/// bodies touch, and have not come to rest.
+/// True for each active step. An active step has at least 30 % of the max number of contact pairs of any step, and 3 % of the max
+/// kinetic energy: bodies touch, and are not at rest.
 pub fn active(steps: &[Activity]) -> Vec<bool> {
     let most_pairs = steps.iter().map(|step| step.contact_pairs).max().unwrap_or(0);
     let most_energy = steps.iter().map(|step| step.energy).fold(0.0, f32::max);
@@ -22,7 +22,7 @@ pub fn active(steps: &[Activity]) -> Vec<bool> {
     steps.iter().map(is_active).collect()
 }
 
-/// The median; the upper one of an even number; not a number for none.
+/// The median, or the upper one of an even number of values. NaN without values.
 pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);

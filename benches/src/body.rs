@@ -9,7 +9,7 @@ use bevy_medial::{
 };
 use glam::{Quat, Vec3};
 
-/// Vertices around a cone of a surface that is made of a medial mesh.
+/// Number of vertices around a cone in the surface of a medial mesh.
 const SEGMENTS: u32 = 16;
 
 /// Properties of the world.
@@ -17,9 +17,9 @@ const SEGMENTS: u32 = 16;
 pub struct Setup {
     /// Length of a step in seconds.
     pub dt: f32,
-    /// Size of a typical body in metres, as every engine asks for it.
+    /// Size of a typical body in metres: the unit of length of every engine.
     pub unit: f32,
-    /// Downwards, in metres per second squared.
+    /// Downward acceleration, in metres per second squared.
     pub gravity: f32,
 }
 
@@ -30,7 +30,7 @@ impl Default for Setup {
 }
 
 impl Setup {
-    /// Nothing falls.
+    /// A world without gravity.
     pub fn weightless() -> Self {
         Self { gravity: 0.0, ..Self::default() }
     }
@@ -83,7 +83,7 @@ impl Form {
         Self::Medial(MedialAxis::new(spheres, primitives).expect("finite spheres").0)
     }
 
-    /// The shape as a medial mesh; none for triangles.
+    /// The shape as a medial mesh. `None` for triangles.
     pub fn axis(&self) -> Option<MedialAxis> {
         match self {
             Self::Cuboid(half) => MedialAxis::rounded_box(*half, 0.0).ok(),
@@ -102,14 +102,14 @@ pub enum StandIn {
     Surface(Arc<TriangleMesh>),
 }
 
-/// How a body moves.
+/// The kind of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Never.
+    /// The body does not move.
     Fixed,
-    /// At its velocity, whatever it meets.
+    /// The body moves at its velocity, and contacts do not affect it.
     Kinematic,
-    /// As it is pushed.
+    /// Forces and contacts move the body.
     Dynamic,
 }
 
@@ -117,22 +117,22 @@ pub enum Kind {
 #[derive(Clone, Debug)]
 pub struct Body {
     pub form: Form,
-    /// None: engines without medial meshes get the primitives of the form one by one.
+    /// `None`: engines without medial meshes get the primitives of the form one by one.
     pub stand_in: Option<StandIn>,
     pub kind: Kind,
     pub pose: Pose3,
     pub scale: f32,
-    /// Of the centre of mass, in metres per second.
+    /// Velocity of the centre of mass, in metres per second.
     pub linear: Vec3,
-    /// In radians per second.
+    /// Angular velocity, in radians per second.
     pub angular: Vec3,
-    /// In kilograms per cubic metre.
+    /// Density, in kilograms per cubic metre.
     pub density: f32,
-    /// Slows the translation and the rotation, per second.
+    /// Damping of the translation and of the rotation, in 1/s.
     pub damping: [f32; 2],
-    /// Without friction, whatever it touches.
+    /// True if no contact of the body has friction.
     pub slippery: bool,
-    /// A bullet: what an engine does about fast bodies if it is asked to, is asked for, and no limit of speed holds.
+    /// True for a bullet: the continuous collision detection of an engine is requested, and its limits of speed are lifted.
     pub fast: bool,
 }
 
@@ -165,7 +165,7 @@ impl Body {
         Self::new(Kind::Dynamic, form)
     }
 
-    /// A place for the origin of its frame.
+    /// Sets the position of the origin of its frame.
     pub fn at(mut self, place: Vec3) -> Self {
         self.pose.translation = place;
         self
@@ -192,7 +192,7 @@ impl Body {
         Self { slippery: true, ..self }
     }
 
-    /// A little damping stands in for rolling friction, which no engine has.
+    /// Adds a little damping in place of rolling friction, which no engine has.
     pub fn damped(self) -> Self {
         Self { damping: [0.5; 2], ..self }
     }
@@ -214,12 +214,12 @@ impl Body {
         Ok(Self { stand_in: Some(StandIn::Surface(Arc::new(mesh))), ..self })
     }
 
-    /// True if continuous collision detection is requested for the body, in engines where that is a choice per body.
+    /// True if continuous collision detection is requested for the body, in engines where it is a setting of a body.
     pub fn is_bullet(&self) -> bool {
         self.fast || self.linear.length() > 20.0
     }
 
-    /// Mass, centre and inertia at the body's scale and density, the same for every engine. Nothing for triangles.
+    /// Mass, centre and inertia at the body's scale and density, the same for every engine. Zero for triangles.
     pub fn mass(&self) -> MassProperties {
         let axis = self.form.axis();
         let Some(unit) = axis.as_ref().map(MedialAxis::mass) else {
@@ -232,13 +232,13 @@ impl Body {
         }
     }
 
-    /// Diameter of the ball around it, in metres; without bounds for triangles.
+    /// Diameter of the bounding sphere, in metres. Infinite for triangles.
     pub fn size(&self) -> f32 {
         self.form.axis().map_or(f32::INFINITY, |axis| 2.0 * axis.bounding_sphere().radius * self.scale)
     }
 }
 
-/// Where a body is, and how fast.
+/// Pose and velocity of a body.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
     pub pose: Pose3,

@@ -1,4 +1,4 @@
-//! The hybrid culling beside others: each step's input is run again with both, in turns, on the same threads.
+//! Comparison of the hybrid culling with others: each step's input is run again with both, alternately, on the same threads.
 
 use std::fmt;
 
@@ -14,10 +14,10 @@ use crate::{
     baselines::{Baseline, Kind},
 };
 
-/// Which culling to compare with.
+/// The culling to compare with.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Cull {
-    /// Nothing: the library's alone.
+    /// No comparison: only the culling of the library.
     Hybrid,
     /// Every primitive pair of every body pair.
     None,
@@ -29,11 +29,11 @@ pub enum Cull {
     BvhAabb,
 }
 
-/// A run beside another culling.
+/// A comparison with another culling during a run.
 pub struct Comparison {
     name: String,
     baseline: Option<Box<dyn Baseline>>,
-    /// Of either side.
+    /// The workspaces of the hybrid culling and of the other one.
     workspaces: [Workspace; 2],
     steps: Vec<Step>,
 }
@@ -80,7 +80,7 @@ impl Figures {
         }
     }
 
-    /// The whole of the collision.
+    /// The time of the whole collision.
     pub fn total_ms(&self) -> f64 {
         self.culling_ms + self.rest_ms
     }
@@ -138,10 +138,10 @@ impl Comparison {
         Some(Self { name, baseline, workspaces: Default::default(), steps: Vec::new() })
     }
 
-    /// Runs the input of the last step again, both ways, the one and the other first in turns.
+    /// Runs the input of the last step again with both cullings. Which one is first alternates.
     ///
     /// # Errors
-    /// If either finds anything else than the step has.
+    /// If the result of a culling differs from that of the step.
     pub fn run(&mut self, world: &World) -> Result<(), String> {
         let step = world.resource::<MedialStep>();
         let pool = ComputeTaskPool::get_or_init(Default::default);
@@ -178,7 +178,7 @@ impl Comparison {
         Ok(())
     }
 
-    /// The medians so far. `world`: the one that was run.
+    /// The medians so far. `world` is the world of the run.
     pub fn report(&self, world: &World) -> Report {
         let rows = &world.resource::<Monitor>().rows;
         let activity = |(step, row): (&Step, &Row)| Activity {

@@ -20,15 +20,15 @@ use crate::{
     engines::{Engine, mass},
 };
 
-/// The bodies of a scene, and the models that they are made of.
+/// The bodies of a scene, and their models.
 pub struct Demo {
     pub setup: Setup,
-    /// The models that occur.
+    /// The models of the bodies.
     pub models: Vec<SceneModel>,
     pub bodies: Vec<SceneBody>,
 }
 
-/// A model by its exact mesh and its medial mesh.
+/// A model with its exact mesh and its medial mesh.
 pub struct SceneModel {
     /// The name of its files.
     pub name: String,
@@ -41,7 +41,7 @@ pub struct SceneModel {
 /// A body with its model.
 pub struct SceneBody {
     pub body: Body,
-    /// Index of the model. None: the form of the body is exact.
+    /// Index of the model. `None`: the form of the body is exact.
     pub model: Option<usize>,
     /// Mass of the medial mesh, for every engine.
     pub mass: MassProperties,
@@ -102,7 +102,7 @@ impl Demo {
             (body.linear, body.angular) = (velocity.linear, velocity.angular);
             body.damping = damping.map_or([0.0; 2], |damping| [damping.linear_damping, damping.angular_damping]);
             body.fast = is_bullet;
-            // Percentages are those of the smaller body, and a static box is never the smaller one.
+            // Percentages are relative to the smaller body, and a static box is never the smaller one.
             let size = if is_dynamic { body.size() } else { f32::INFINITY };
             let mut body = SceneBody { mass: mass(&body), size, body, model: None };
             if let (Form::Medial(axis), None) = (&body.body.form, body.capsule()) {
@@ -168,8 +168,8 @@ impl Demo {
     }
 }
 
-/// Placement of bodies.
+/// Seed of the placement of bodies.
 pub const SEED: u64 = 1;
 
-/// Half of the side of the scenes' ground, whose top is at a height of 0, in metres.
+/// Half of the side length of the ground of the scenes, in metres. Its top is at height 0.
 const GROUND: f32 = 20.0;

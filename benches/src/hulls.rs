@@ -1,10 +1,10 @@
-//! How far a mesh is from the surface of a union of convex hulls.
+//! Distance of a mesh from the surface of a union of convex hulls.
 
 use bevy_medial::builder::{Deviation, TriangleMesh};
 use bevy_rapier3d::parry::{query::PointQuery, shape::ConvexPolyhedron};
 use glam::Vec3;
 
-/// How far the mesh is from the surface of the union of convex hulls, in percent of the mesh's diagonal.
+/// Distance of a mesh from the surface of the union of convex hulls, in percent of the mesh's diagonal.
 pub fn hull_error(mesh: &TriangleMesh, hulls: &[&ConvexPolyhedron]) -> Deviation {
     const SAMPLES_PER_DIAGONAL: f32 = 300.0;
     let spacing = mesh.diagonal() / SAMPLES_PER_DIAGONAL;
@@ -16,7 +16,7 @@ pub fn hull_error(mesh: &TriangleMesh, hulls: &[&ConvexPolyhedron]) -> Deviation
     tally.deviation()
 }
 
-/// Distance of a point to the union: exact outside; inside, negative, the depth in the deepest hull, a lower bound.
+/// Signed distance of a point to the union. It is exact outside. Inside it is the negative depth in the deepest hull, which is a lower bound of the depth.
 fn distance(hulls: &[&ConvexPolyhedron], point: Vec3) -> f32 {
     let depth = hulls.iter().map(|hull| depth(hull, point)).fold(f32::NEG_INFINITY, f32::max);
     if depth > 0.0 {
@@ -25,14 +25,14 @@ fn distance(hulls: &[&ConvexPolyhedron], point: Vec3) -> f32 {
     hulls.iter().map(|hull| hull.distance_to_local_point(point, true)).fold(f32::INFINITY, f32::min)
 }
 
-/// How deep a point lies within a hull, negative outside.
+/// Depth of a point in a hull, negative outside.
 fn depth(hull: &ConvexPolyhedron, point: Vec3) -> f32 {
     let corner = |first: u32| hull.points()[hull.vertices_adj_to_face()[first as usize] as usize];
     let planes = hull.faces().iter().map(|face| (corner(face.first_vertex_or_edge) - point).dot(face.normal));
     planes.fold(f32::INFINITY, f32::min)
 }
 
-/// Calls `visit` with points of a triangle about `spacing` apart, each with the area that it stands for.
+/// Calls `visit` with points of a triangle about `spacing` apart, each with the area that it represents.
 fn sample([a, b, c]: [Vec3; 3], spacing: f32, mut visit: impl FnMut(Vec3, f32)) {
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
     let count = ((longest / spacing).ceil() as u32).clamp(1, 300);

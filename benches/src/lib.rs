@@ -13,7 +13,7 @@
 //! | [`renderer`] | an app with a renderer and without a window |
 //! | [`tables`], [`outcome`] | CSV, machine, date; exit codes |
 //!
-//! The feature `peers` adds avian and the dependencies of the programs in this folder. The tests of `bevy_medial` do without it.
+//! The feature `peers` adds avian and the dependencies of the programs in this folder. The tests of `bevy_medial` do not need it.
 
 pub mod activity;
 pub mod baselines;

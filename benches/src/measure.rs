@@ -1,4 +1,4 @@
-//! One engine, one scene: run, then looked at.
+//! Runs a scene in an engine, and measures times, overlaps and losses.
 
 use std::time::Duration;
 
@@ -17,9 +17,9 @@ use crate::{
 /// Figures of the shapes of a scene.
 #[derive(Clone, Copy)]
 pub struct ShapeFigures {
-    /// Primitives, hulls or triangles, in the mean of the models.
+    /// Number of primitives, hulls or triangles: the mean over the models.
     pub parts: f64,
-    /// From the exact mesh to the shape, in percent of the mesh's diagonal: the worst model's greatest, and the mean of all.
+    /// Distance from the exact mesh to the shape, in percent of the mesh's diagonal: the max over all models, and the mean.
     pub error: Deviation,
 }
 
@@ -47,22 +47,22 @@ pub struct Row {
     pub error_mean_percent: f32,
 }
 
-/// In how many steps, evenly spread, overlaps are looked at.
+/// Max number of steps, evenly spread, in which overlaps are measured.
 const SAMPLES: usize = 120;
 
-/// How an engine is run.
+/// Size of a measurement.
 #[derive(Clone, Copy)]
 pub struct Plan {
-    /// Steps of a run.
+    /// Number of steps of a run.
     pub steps: usize,
-    /// Runs, all alike: of each step the fastest counts, so that what else the machine does shows less.
+    /// Number of equal runs. The fastest run of each step counts, which reduces the influence of other programs on the machine.
     pub runs: usize,
 }
 
-/// Runs an engine. Overlaps and losses are looked at afterwards: nothing but the engine runs between its steps.
+/// Runs an engine. Overlaps and losses are measured after the run, so that only the engine runs between its steps.
 ///
 /// # Errors
-/// Those of making the engine.
+/// If the engine cannot be made.
 pub fn run(
     (scene, name): (&'static str, &'static str),
     demo: &Demo,

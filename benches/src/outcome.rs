@@ -1,8 +1,8 @@
-//! How a program ends.
+//! Exit codes of the programs.
 
 use std::{fmt::Display, process::ExitCode};
 
-/// Tells an error, and that there was one.
+/// Prints an error, and returns the exit code.
 pub fn of<E: Display>(result: Result<(), E>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,4 +1,4 @@
-//! How deep bodies overlap in truth: exact surface against exact surface, whatever stood for them in the simulation.
+//! True overlap of bodies: exact surface against exact surface, regardless of the shapes in the simulation.
 
 use bevy_medial::geometry::{Aabb, Pose3};
 use bevy_rapier3d::parry::{
@@ -19,13 +19,13 @@ const SPACING: f32 = 5e-3;
 pub struct Surfaces<'a> {
     demo: &'a Demo,
     meshes: Vec<TriMesh>,
-    /// The world box of each body at the start: that of those that do not move.
+    /// The world box of each body at the start. Only the boxes of fixed bodies are used.
     boxes: Vec<Aabb>,
 }
 
 impl<'a> Surfaces<'a> {
     /// # Errors
-    /// If a mesh is not closed: the normals of its surface separate inside from outside.
+    /// If a mesh is not closed, because the normals of its surface have to separate inside from outside.
     pub fn new(demo: &'a Demo) -> Result<Self, String> {
         let meshes = demo.models.iter().map(|model| {
             let (positions, triangles) = (model.mesh.positions.clone(), model.mesh.triangles.clone());
@@ -37,8 +37,8 @@ impl<'a> Surfaces<'a> {
         Ok(Self { demo, meshes, boxes })
     }
 
-    /// The deepest overlap of any two bodies in percent of the size of the smaller: how far any point of the surface of one lies within the
-    /// other, by the vertices of meshes, and by close points on the axes of capsules and the edges of boxes.
+    /// The deepest overlap of any two bodies, in percent of the smaller body's size: the max depth of a surface point of one body in the other.
+    /// The points are the vertices of meshes, and closely spaced points on the axes of capsules and the edges of boxes.
     pub fn deepest(&self, states: &[State]) -> f32 {
         let bodies = &self.demo.bodies;
         let boxes: Vec<Aabb> = bodies
@@ -54,7 +54,7 @@ impl<'a> Surfaces<'a> {
         let mut deepest = 0.0f32;
         for i in 0..bodies.len() {
             for j in i + 1..bodies.len() {
-                // Where a body has gone that is not a number, it overlaps nothing.
+                // A box with NaN overlaps no other box.
                 if !(bodies[i].is_dynamic() || bodies[j].is_dynamic()) || !boxes[i].overlaps(&boxes[j]) {
                     continue;
                 }
@@ -67,7 +67,7 @@ impl<'a> Surfaces<'a> {
         deepest
     }
 
-    /// How deep points of the first body lie within the second.
+    /// Max depth of points of the first body in the second.
     fn depth(&self, (first, pose1): (&SceneBody, &Pose3), (second, pose2): (&SceneBody, &Pose3)) -> f32 {
         let to_second = pose2.inv_mul(pose1);
         let reach = self.demo.aabb(second);
@@ -121,7 +121,7 @@ impl<'a> Surfaces<'a> {
     }
 }
 
-/// Calls `visit` with close points from one end to the other.
+/// Calls `visit` with closely spaced points from one end to the other.
 fn along([a, b]: [Vec3; 2], visit: impl FnMut(Vec3)) {
     let steps = (a.distance(b) / SPACING).ceil().max(1.0) as u32;
     (0..=steps).map(|step| a.lerp(b, step as f32 / steps as f32)).for_each(visit);

@@ -32,7 +32,7 @@ pub struct Pair {
 }
 
 impl Primitive {
-    /// The primitive, if it is of `N` spheres.
+    /// The primitive, if it has `N` spheres.
     fn moving<const N: usize>(&self) -> Option<Moving<N>> {
         let (start, motion): (&[Sphere], &[Vec3]) = match self {
             Primitive::Sphere(moving) => (&moving.start, &moving.motion),
@@ -43,7 +43,7 @@ impl Primitive {
     }
 }
 
-/// Those of the pairs that are of `N` and `M` spheres.
+/// The pairs of primitives with `N` and `M` spheres.
 pub fn of_kind<'a, const N: usize, const M: usize>(pairs: impl IntoIterator<Item = &'a Pair>) -> Vec<MovingPair<N, M>> {
     let moving = |pair: &Pair| match pair.second {
         Second::Primitive(second) => Some((pair.first.moving()?, second.moving()?)),
@@ -52,7 +52,7 @@ pub fn of_kind<'a, const N: usize, const M: usize>(pairs: impl IntoIterator<Item
     pairs.into_iter().filter_map(moving).collect()
 }
 
-/// Those of the pairs that are of `N` spheres and a box.
+/// The pairs of a primitive with `N` spheres and a box.
 pub fn against_boxes<'a, const N: usize>(pairs: impl IntoIterator<Item = &'a Pair>) -> Vec<(Moving<N>, Cuboid)> {
     let against = |pair: &Pair| match pair.second {
         Second::Box { half } => Some((pair.first.moving()?, Cuboid { half })),
@@ -61,7 +61,7 @@ pub fn against_boxes<'a, const N: usize>(pairs: impl IntoIterator<Item = &'a Pai
     pairs.into_iter().filter_map(against).collect()
 }
 
-/// The pairs of a file's text. An error has the number of its line.
+/// The pairs in the text of a file. An error contains the number of its line.
 pub fn read(text: &str) -> impl Iterator<Item = Result<Pair, (usize, LineError)>> {
     text.lines().enumerate().filter_map(|(index, line)| {
         let line = line.split('#').next().unwrap_or("").trim();
@@ -90,7 +90,7 @@ impl fmt::Display for LineError {
             }
             LineError::Header(head) => write!(f, "`{head}` is not `category kindA kindB`"),
             LineError::Kind { side, kind } => {
-                write!(f, "{side} is of the unknown kind `{kind}`; known are sphere, cone, slab and, for B, box")
+                write!(f, "{side} has the unknown kind `{kind}`; the kinds are sphere, cone, slab and, for B, box")
             }
             LineError::Number { side, text } => write!(f, "{side}: `{text}` is not a number"),
             LineError::NotFinite { side, text } => write!(f, "{side}: `{text}` is not finite"),
@@ -111,7 +111,7 @@ fn parse(line: &str) -> Result<Pair, LineError> {
 
     let first_numbers = numbers('A', first)?;
     let second_numbers = numbers('B', second)?;
-    // Relative to one of the first primitive's centres, so that positions far from the origin lose nothing.
+    // Coordinates are relative to a centre of the first primitive, so that positions far from the origin lose no precision.
     let origin = first_numbers.get(..3).map_or(Vec3::ZERO, Vec3::from_slice);
     let (pose_rotation, pose_origin, second) = if kind2 == "box" {
         let [cx, cy, cz, qx, qy, qz, qw, hx, hy, hz] = count('B', kind2, &second_numbers)?;
@@ -123,7 +123,7 @@ fn parse(line: &str) -> Result<Pair, LineError> {
         if half.min_element() < 0.0 {
             return Err(LineError::NegativeSize { side: 'B' });
         }
-        // A box is at rest: work in its frame.
+        // A box is at rest, so coordinates are those of its frame.
         (rotation.as_dquat().normalize().inverse(), Vec3::new(cx, cy, cz), Second::Box { half })
     } else {
         let second = primitive('B', kind2, &second_numbers, origin, DQuat::IDENTITY)?;
@@ -159,7 +159,7 @@ fn primitive(side: char, kind: &str, numbers: &[f32], origin: Vec3, rotation: DQ
     let spheres: Vec<(Sphere, Vec3)> = numbers
         .chunks_exact(7)
         .map(|n| {
-            // In f64, so that turning into a box's frame costs no more than one rounding.
+            // In f64, so that the rotation into the frame of a box adds only one rounding.
             let turned = |v: DVec3| (rotation * v).as_vec3();
             let center = turned(Vec3::from_slice(n).as_dvec3() - origin.as_dvec3());
             (Sphere::new(center, n[3]), turned(Vec3::from_slice(&n[4..]).as_dvec3()))

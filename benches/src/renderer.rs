@@ -1,4 +1,4 @@
-//! An app with a renderer that draws nothing: the GPU looks ahead there.
+//! An app with a renderer that draws nothing, for culling on the GPU ahead of the steps.
 
 use std::time::Duration;
 
@@ -15,12 +15,12 @@ use bevy::{
 use bevy_medial::{prelude::*, scenes::lift_speed_limits};
 use bevy_rapier3d::prelude::TimestepMode;
 
-/// An app of this crate's plugin whose every update is a step of `dt` seconds.
+/// An app with this crate's plugin. Each update is a step of `dt` seconds.
 pub fn rendering_app(dt: f32) -> App {
     rendering_app_with(dt, WgpuSettings::default())
 }
 
-/// The same on a device of these settings.
+/// The same with settings for the device.
 pub fn rendering_app_with(dt: f32, device: WgpuSettings) -> App {
     let mut app = App::new();
     app.add_plugins((

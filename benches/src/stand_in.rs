@@ -33,7 +33,7 @@ pub struct ModelShape {
     pub stand_in: StandIn,
     /// Number of hulls or triangles.
     pub parts: usize,
-    /// From the mesh to the surface of the stand-in, in percent of the mesh's diagonal.
+    /// Distance from the mesh to the surface of the stand-in, in percent of the mesh's diagonal.
     pub error: Deviation,
 }
 

@@ -4,7 +4,7 @@ use std::{fs, path::Path, time::UNIX_EPOCH};
 
 use serde::Serialize;
 
-/// Rows under a line of their fields' names, separated by commas. Text is in quotes.
+/// Rows as CSV, below a header with their field names. Text is in quotes.
 pub fn csv<T: Serialize>(rows: impl IntoIterator<Item = T>) -> String {
     let mut text = String::new();
     for row in rows {
@@ -22,7 +22,7 @@ pub fn csv<T: Serialize>(rows: impl IntoIterator<Item = T>) -> String {
 /// Writes a file.
 ///
 /// # Errors
-/// If it cannot be written; the message names it.
+/// If the file cannot be written. The message names it.
 pub fn write(path: &Path, text: &str) -> Result<(), String> {
     fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
 }
@@ -39,7 +39,7 @@ pub fn machine() -> String {
 /// The date in UTC, as `2031-05-17`.
 pub fn today() -> String {
     let days = UNIX_EPOCH.elapsed().unwrap_or_default().as_secs() / 86_400;
-    // Years begin in March here, in which the leap day is the last; 400 of them have 146,097 days.
+    // Years begin in March here, so that the leap day is their last day. 400 years have 146,097 days.
     let days = days + 719_468;
     let (era, day) = (days / 146_097, days % 146_097);
     let year = (day - day / 1_460 + day / 36_524 - day / 146_096) / 365;

@@ -1,4 +1,4 @@
-//! Pass rates as a picture: blue passes, orange fails, and each cell says so in words.
+//! Pass rates as a heat map: blue cells pass, orange cells fail. Each cell shows its pass rate and its most frequent fault.
 
 use std::path::Path;
 
@@ -17,13 +17,13 @@ const HEADER: i32 = 58;
 const CELL: [i32; 2] = [98, 32];
 const MARGIN: i32 = 10;
 
-/// From none to all, of a scheme that the colour-blind can tell apart and that prints.
+/// Colours from no passed seed to all. Colour-blind readers can distinguish them, also in print.
 const COLORS: [[u8; 3]; 3] = [[230, 97, 1], [247, 241, 232], [146, 197, 222]];
 
 /// Draws the picture.
 ///
 /// # Errors
-/// If it cannot be written.
+/// If the file cannot be written.
 pub fn draw(report: &Report, path: &Path) -> Result<(), String> {
     let width = LABELS + CELL[0] * report.methods.len() as i32 + 2 * MARGIN;
     let height = HEADER + CELL[1] * report.hazards.len() as i32 + 2 * MARGIN;
@@ -71,7 +71,7 @@ fn fill(area: &Area, report: &Report) -> Result<(), Box<dyn std::error::Error>> 
     Ok(())
 }
 
-/// The fault that occurs most often, in a word or two.
+/// The most frequent fault, by the words before its colon.
 fn fault(cell: &Cell) -> Option<&str> {
     let words: Vec<&str> = cell.results.iter().filter_map(|result| result.as_ref().err()?.split(':').next()).collect();
     words.iter().max_by_key(|word| words.iter().filter(|other| other == word).count()).copied()

@@ -1,10 +1,10 @@
-//! Stability: situations in which methods of collision fail, and which methods do.
+//! Stability: situations in which collision methods fail, and the pass rate of each method.
 //!
 //! ```text
 //! cargo run --release -p bevy_medial_compare --bin stability -- [--out DIR] [--quick] [--hazard NAME] [--method NAME] [--list]
 //! ```
 //!
-//! Each hazard has a physical criterion, the same for all methods, and is run with one seed or more. Without `--out` the table is printed only.
+//! Each hazard has a physical criterion, the same for all methods, and is run with one or more seeds. Without `--out`, the table is only printed.
 //! The run fails if this crate fails anywhere.
 
 mod heat_map;
@@ -20,15 +20,15 @@ use bevy_medial_compare::{
 use clap::Parser;
 
 #[derive(Parser)]
-#[command(about = "Hazards in which methods of collision fail")]
+#[command(about = "Hazards in which collision methods fail")]
 struct Args {
-    /// Fewer seeds, no pile for a minute, and no GPU that is a program.
+    /// Fewer seeds, no pile of 60 s, and no software GPU.
     #[arg(long)]
     quick: bool,
-    /// Only hazards whose name contains this.
+    /// Run only hazards whose name contains this text.
     #[arg(long)]
     hazard: Option<String>,
-    /// Only methods whose name contains this.
+    /// Run only methods whose name contains this text.
     #[arg(long)]
     method: Option<String>,
     /// Folder for the table of all runs, the report and the heat map.
@@ -57,7 +57,7 @@ fn compare(args: &Args) -> Result<(), String> {
     if methods.iter().any(|method| method.needs_adapter) {
         match GpuDevice::request() {
             Ok(device) if args.quick && device.is_software() => {
-                println!("without the GPU, whose part a program would play: {}", device.name());
+                println!("without the GPU, because the adapter is a software adapter: {}", device.name());
                 methods.retain(|method| !method.needs_adapter);
             }
             Ok(device) => println!("GPU: {}", device.name()),

@@ -1,4 +1,4 @@
-//! The table, what went wrong, and the file of all runs.
+//! The table of pass rates, the list of faults, and the file of all runs.
 
 use std::{fmt::Write, path::Path, thread};
 
@@ -9,11 +9,11 @@ use bevy_medial_compare::{
 
 use crate::heat_map;
 
-/// What a run has found.
+/// The results of a run.
 pub struct Report<'a> {
     pub hazards: &'a [Hazard],
     pub methods: &'a [Method],
-    /// By hazard, and for each by method.
+    /// Sorted by hazard, then by method.
     pub cells: &'a [Cell],
     /// The command that ran it.
     pub command: &'a str,
@@ -38,7 +38,7 @@ impl Report<'_> {
         text
     }
 
-    /// For each hazard its criterion, and for each method that fails what went wrong first.
+    /// For each hazard its criterion, and the first fault of each method that fails.
     pub fn faults(&self) -> String {
         let mut text = String::new();
         for (number, hazard) in self.hazards.iter().enumerate() {
@@ -73,8 +73,8 @@ impl Report<'_> {
         let ours = failing.filter(|cell| self.methods[cell.method].is_ours).count();
         let mut text = format!(
             "# Stability: where methods fail\n\n`{}`, {}, {cores} cores.\n\n\
-             Each hazard has one criterion for all methods, and is run with one seed or more; on the GPU with the first alone, as it finds what the CPU does, to the bit. \
-             A cell tells how many seeds pass. \
+             Each hazard has one criterion for all methods, and is run with one or more seeds. On the GPU only the first seed is run, because results have the same bits \
+             as on the CPU. Each cell shows how many seeds pass. \
              This crate fails in {ours} of {} cells.\n\n![Pass rates](images/stability.svg)\n\n{}\n\
              ## Methods\n\n",
             self.command,
@@ -87,9 +87,10 @@ impl Report<'_> {
         }
         _ = write!(
             text,
-            "\nAll have the same bodies, masses and friction, and their default settings. \"Bullets\" are bodies of hazards that are about speed; no \
-             method is held to a greatest speed there, and rapier's gyroscopic term, which is explicit in time and makes energy out of a fast spin in free flight, is off for them. Shapes are the same sets of points: this crate has medial meshes, the others compounds of balls, \
-             capsules, rounded triangles and convex hulls, boxes without rounding are boxes.\n\n## Criteria, and what went wrong\n\n{}",
+            "\nAll methods have the same bodies, masses and friction, and their default settings. \"Bullets\" are the fast bodies of hazards about speed. Their speed \
+             has no limit in any method. Rapier's gyroscopic term is off for them, because it is explicit in time and adds energy to a fast spin in free flight. \
+             Shapes are the same sets of points: medial meshes in this crate, and compounds of balls, capsules, rounded triangles and convex hulls in the \
+             others. Boxes without rounding are boxes.\n\n## Criteria and faults\n\n{}",
             self.faults()
         );
         text

@@ -1,4 +1,4 @@
-//! A button with a text.
+//! A button with a text label.
 
 use bevy::{
     prelude::*,

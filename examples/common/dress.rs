@@ -1,4 +1,5 @@
-//! Makes bodies visible: models by the meshes that their shapes were made of, others by the surface of their shape, static boxes by their faces.
+//! Adds meshes to bodies. A model gets the triangle mesh that its shape was built from, other medial bodies the surface of their shape, and static boxes
+//! their faces.
 
 use std::{
     collections::HashMap,
@@ -12,10 +13,11 @@ use bevy_medial::{
     prelude::*,
 };
 
-/// Sides of a sphere or cone.
+/// Number of sides of a sphere or cone.
 const SIDES: u32 = 24;
 
-/// Dresses what comes without a mesh. Of an entity with the name of a model, the folder's `NAME.obj` is its mesh.
+/// Adds a mesh and a material to medial bodies without a mesh, and to static boxes. The mesh of a body called `NAME` is `NAME.obj` in the folder, if that
+/// file exists.
 pub struct Dress {
     pub models: PathBuf,
 }
@@ -27,7 +29,7 @@ impl Plugin for Dress {
     }
 }
 
-/// Meshes of models by name; none where there is no such file.
+/// Meshes of models by name. `None` if there is no such file or it does not load.
 #[derive(Resource)]
 struct Sources {
     folder: PathBuf,
@@ -56,7 +58,7 @@ fn dress_bodies(
             known.entry(name.to_string()).or_insert_with(load).clone()
         });
         let mesh = source.unwrap_or_else(|| meshes.add(triangulate(axis.spheres(), axis.primitives(), SIDES)));
-        // The golden angle keeps neighbours apart in hue.
+        // Steps by the golden angle give entities with neighbouring indices different hues.
         let base_color = match is_static {
             true => Color::srgb(0.55, 0.57, 0.6),
             false => Color::hsl((entity.index_u32() as f32 * 137.5) % 360.0, 0.55, 0.58),
@@ -75,7 +77,7 @@ fn dress_boxes(
     for (entity, obb, name, place) in &boxes {
         let is_named = |other: &str| name.is_some_and(|name| name.as_str() == other);
         if is_named("wall") {
-            // One looks and reaches through it.
+            // This wall is invisible, and the pointer picks bodies behind it.
             commands.entity(entity).insert(Pickable::IGNORE);
             continue;
         }
@@ -93,7 +95,7 @@ fn dress_boxes(
     }
 }
 
-/// The face of a wall that is turned to the middle of the scene. It shows from there only, so no wall hides what is in a bin.
+/// The face of a wall that points to the middle of the scene. It is visible from that side only, so that no wall hides the content of a bin.
 fn inner_face(wall: &StaticObb, center: Vec3) -> Mesh {
     let half = wall.half_extents;
     let (inward, width, depth) = match half.x < half.z {

@@ -10,7 +10,7 @@ const THUMB: f32 = 14.0;
 /// A slider. A drag triggers a `ValueChange<f32>`, and the owner of the slider sets its `SliderValue`.
 pub fn slider(range: SliderRange, value: f32) -> impl Bundle {
     let rail = Node { height: px(6), width: percent(100), ..default() };
-    // As much shorter as the thumb is wide.
+    // Shorter than the rail by the width of the thumb, because the position of the thumb is that of its left edge.
     let way = Node {
         position_type: PositionType::Absolute,
         left: px(0),
@@ -38,7 +38,7 @@ pub fn slider(range: SliderRange, value: f32) -> impl Bundle {
     )
 }
 
-/// Puts the thumbs where the values are.
+/// Places the thumbs at the values of their sliders.
 pub fn place_thumbs(
     sliders: Query<(Entity, &SliderValue, &SliderRange), Or<(Changed<SliderValue>, Changed<SliderRange>)>>,
     children: Query<&Children>,

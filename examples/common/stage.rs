@@ -1,4 +1,4 @@
-//! Additions of the small programs to `DefaultPlugins`: a camera, a light, and a run without a display.
+//! `DefaultPlugins` for the small programs, with a camera, a light, and a mode without a display.
 
 use std::{path::Path, time::Duration};
 
@@ -18,11 +18,11 @@ use super::{display::has_display, dress::Dress};
 
 /// Length of a step without a display.
 const STEP: Duration = Duration::from_micros(16_667);
-/// After so many frames without all bodies, some will not come: a file does not load, say.
+/// Max number of frames until all bodies are loaded. After that, the program fails: a file probably does not load.
 const PATIENCE: u32 = 2_000;
 
 /// `DefaultPlugins` with a view of the scene. Without a display there is no window and no renderer. The app then prints the positions of the bodies
-/// after this number of steps, and exits.
+/// after `steps` steps, and exits.
 pub struct Stage {
     pub steps: u32,
 }
@@ -41,7 +41,7 @@ impl Plugin for Stage {
                     .set(LogPlugin { filter: "warn,bevy_render=off,bevy_gizmos_render=off".into(), ..default() })
                     .disable::<WinitPlugin>(),
             )
-            // Files load meanwhile.
+            // A pause of 1 ms per frame leaves time for files to load.
             .add_plugins(ScheduleRunnerPlugin::run_loop(Duration::from_millis(1)))
             .insert_resource(TimeUpdateStrategy::ManualDuration(STEP))
             .insert_resource(StepsLeft { steps: self.steps, patience: PATIENCE })
@@ -80,7 +80,7 @@ fn count_down(
     } else if loading.is_empty() && !step.input.bodies.is_empty() {
         left.steps -= 1;
     } else if left.patience == 0 {
-        eprintln!("error: not all bodies have come");
+        eprintln!("error: some bodies did not load in time");
         exit.write(AppExit::error());
     } else {
         left.patience -= 1;

@@ -1,4 +1,4 @@
-//! Pictures without a window, on any graphics adapter.
+//! Renders pictures without a window, on any graphics adapter.
 
 use std::{
     fs, io,
@@ -18,10 +18,10 @@ use bevy::{
     winit::WinitPlugin,
 };
 
-/// Frames after which a picture must have come back from the renderer.
+/// Max number of frames until the renderer returns a picture.
 const PATIENCE: u32 = 20;
 
-/// An app that draws on an image.
+/// An app that renders to an image.
 pub struct Studio {
     pub app: App,
     target: Handle<Image>,
@@ -46,10 +46,10 @@ impl Studio {
         Self { app, target }
     }
 
-    /// Asks for a picture of this frame.
+    /// Requests a picture of this frame.
     ///
     /// # Errors
-    /// If there is a file of that name that cannot be replaced.
+    /// If there is a file of that name and it cannot be removed.
     pub fn take(&mut self, file: &Path) -> Result<(), String> {
         if let Err(error) = fs::remove_file(file)
             && error.kind() != io::ErrorKind::NotFound
@@ -61,10 +61,10 @@ impl Studio {
         Ok(())
     }
 
-    /// Updates until a picture that was asked for is there.
+    /// Updates the app until the requested picture is written.
     ///
     /// # Errors
-    /// If none comes.
+    /// If the renderer returns no picture within a fixed number of frames.
     pub fn wait_for(&mut self, file: &Path) -> Result<(), String> {
         for _ in 0..PATIENCE {
             self.app.update();
@@ -72,6 +72,6 @@ impl Studio {
                 return Ok(());
             }
         }
-        Err(format!("{}: no picture came back from the renderer", file.display()))
+        Err(format!("{}: the renderer returned no picture", file.display()))
     }
 }

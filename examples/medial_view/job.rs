@@ -1,4 +1,4 @@
-//! A build on a thread of its own.
+//! A build on a separate thread.
 
 use std::{
     ops::ControlFlow,
@@ -15,10 +15,10 @@ use bevy_medial::builder::{FitOptions, MedialLevels, TriangleMesh, fit};
 
 type Outcome = Result<MedialLevels, String>;
 
-/// A build that goes on or has ended. One that is dropped is broken off.
+/// A running or finished build. Dropping it cancels the build.
 #[derive(Resource)]
 pub struct Job {
-    /// Bits of the part that is done.
+    /// The part of the build that is done, from 0 to 1, as the bits of an `f32`.
     progress: Arc<AtomicU32>,
     outcome: Mutex<Receiver<Outcome>>,
 }
@@ -37,13 +37,13 @@ impl Job {
                 }
                 None => ControlFlow::Break(()),
             };
-            // Nobody waits for what was broken off.
+            // The receiver of a cancelled build is dropped.
             let _ = sender.send(fit(&mesh, &options, &report).map_err(|error| error.to_string()));
         });
         Self { progress, outcome: Mutex::new(receiver) }
     }
 
-    /// One that has ended.
+    /// A finished build.
     pub fn done(levels: MedialLevels) -> Self {
         let (sender, receiver) = channel();
         let _ = sender.send(Ok(levels));
@@ -55,12 +55,12 @@ impl Job {
         f32::from_bits(self.progress.load(Ordering::Relaxed))
     }
 
-    /// What has been built, once.
+    /// The result of the build. `None` while the build is running, and after the first call that returned the result.
     pub fn take(&self) -> Option<Outcome> {
         self.outcome.lock().ok()?.try_recv().ok()
     }
 
-    /// Waits for the end.
+    /// Waits for the end of the build, and returns its result.
     pub fn wait(self) -> Outcome {
         let receiver = self.outcome.into_inner().map_err(|error| error.to_string())?;
         receiver.recv().map_err(|error| error.to_string())?

@@ -1,11 +1,12 @@
-//! A triangle mesh and its medial mesh side by side: the error as colour, levels of detail by sliders, spheres, cones and slabs as lines.
+//! Shows a triangle mesh and its medial mesh side by side, with the error as colour, and spheres, cones and slabs as lines. Sliders select the level of
+//! detail.
 //!
 //! ```text
 //! cargo run --release --example medial_view -- MESH [--spheres N] [--medial FILE] [--budget PERCENT] [--save FILE]
 //!                                              [--screenshot FILE]
 //! ```
 //!
-//! Without `--medial` the medial mesh is built while the window shows how far it is. Without a display, or with `--screenshot`, nothing opens.
+//! Without `--medial`, the medial mesh is built while the window shows the progress. Without a display, or with `--screenshot`, no window opens.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -32,23 +33,23 @@ use job::Job;
 use shown::Shown;
 
 #[derive(Parser)]
-#[command(about = "Looks at the medial mesh of a triangle mesh")]
+#[command(about = "Shows the medial mesh of a triangle mesh")]
 struct Args {
     /// Triangle mesh: .obj, .gltf, .glb, .stl, .ply.
     mesh: PathBuf,
-    /// Most spheres of the finest level.
+    /// Max number of spheres of the finest level.
     #[arg(long, default_value_t = 60)]
     spheres: usize,
-    /// A `.medial` or `.ma` file of the mesh, in place of a build.
+    /// A `.medial` or `.ma` file of the mesh, used instead of a build.
     #[arg(long, value_name = "FILE")]
     medial: Option<PathBuf>,
-    /// Error in percent of the diagonal: the coarsest level within it is shown first. Default: the finest.
+    /// Max error in percent of the diagonal: the coarsest level within it is shown first. Default: the finest level.
     #[arg(long, value_name = "PERCENT", default_value_t = 0.0)]
     budget: f32,
-    /// Where to save the levels: at once where nothing opens, else by a button. Default: the mesh's name with `.medial`, by the button alone.
+    /// File for the levels. They are saved at once if no window opens, else by a button. Default: the mesh's name with `.medial`, saved only by the button.
     #[arg(long, value_name = "FILE")]
     save: Option<PathBuf>,
-    /// Write a picture as PNG and exit. Needs a graphics adapter, software will do, and no display.
+    /// Write a picture as PNG and exit. Needs a graphics adapter (a software adapter is enough), but no display.
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
 }
@@ -95,7 +96,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// The levels in a file; what has none is measured.
+/// Reads the levels of a `.medial` file, or the single level of a `.ma` file. The error of the latter is measured, because the file does not contain it.
 fn read(file: &Path, mesh: &TriangleMesh) -> Result<MedialLevels, Box<dyn std::error::Error>> {
     if !file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ma")) {
         return Ok(MedialLevels::load(file)?);

@@ -1,4 +1,4 @@
-//! Sliders, buttons and figures.
+//! Sliders, buttons, and a text with figures.
 
 use bevy::{
     prelude::*,
@@ -17,10 +17,10 @@ use crate::{
     shown::{self, Shown},
 };
 
-/// The end of the slider of budgets, in percent.
+/// Upper end of the slider of the budget, in percent.
 const MOST_BUDGET: f32 = 10.0;
 
-/// What buttons do.
+/// The action of a button.
 #[derive(Event, Component, Clone, Copy, PartialEq)]
 enum Switch {
     Surface,
@@ -30,7 +30,7 @@ enum Switch {
     Save,
 }
 
-/// What a slider sets.
+/// The quantity that a slider sets.
 #[derive(Component, Clone, Copy, PartialEq)]
 enum Dial {
     Level,
@@ -98,7 +98,7 @@ fn spawn(mut commands: Commands) {
                 children![
                     text("0"),
                     (Node { width: px(180), height: px(14), ..default() }, legend),
-                    text("greatest distance of a vertex"),
+                    text("largest distance of a vertex"),
                 ]
             ),
         ],
@@ -123,7 +123,7 @@ fn switch(switch: On<Switch>, mut shown: ResMut<Shown>, mut store: ResMut<GizmoC
     }
 }
 
-/// Sliders show what is looked at, however it came to be.
+/// Moves the sliders to the level and the budget that are shown. Each slider changes both, and so does the end of a build.
 fn follow(mut commands: Commands, shown: Res<Shown>, sliders: Query<(Entity, &Dial, &SliderRange, &SliderValue)>) {
     let most = shown.levels.as_ref().map_or(1, |levels| levels.levels.len().saturating_sub(1)) as f32;
     for (entity, dial, range, value) in &sliders {
@@ -191,7 +191,7 @@ fn write_figures(shown: Res<Shown>, job: Res<Job>, mut figures: Single<&mut Text
     figures.set_if_neq(Text(format!("{told}\n{}", shown.message)));
 }
 
-/// The camera keeps still while a slider or button is held.
+/// Disables the camera while a slider or a button is held.
 fn leave_pointer(
     pressed: Query<(), With<Pressed>>,
     dragged: Query<&bevy::ui_widgets::SliderDragState>,

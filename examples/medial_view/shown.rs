@@ -1,4 +1,4 @@
-//! What is seen: the mesh in the colours of its error on the left, the medial mesh on the right.
+//! The view: the mesh in the colours of its error on the left, the medial mesh on the right.
 
 use std::path::PathBuf;
 
@@ -11,26 +11,26 @@ use bevy_medial::{
 
 use crate::job::Job;
 
-/// How far the middles are from the middle of the view, the diagonal of the mesh being 1.
+/// Distance of the middle of each mesh from the middle of the view, in diagonals of the mesh.
 const ASIDE: f32 = 0.47;
-/// Sides of a sphere or cone.
+/// Number of sides of a sphere or cone.
 const SIDES: u32 = 32;
 
-/// The mesh, its levels, and which of them is looked at.
+/// The mesh, its levels, and the settings of the view.
 #[derive(Resource)]
 pub struct Shown {
     pub mesh: TriangleMesh,
-    /// None while they are built.
+    /// `None` while they are built.
     pub levels: Option<MedialLevels>,
     pub level: usize,
-    /// In percent of the diagonal.
+    /// Max error, in percent of the diagonal.
     pub budget: f32,
-    /// The surface of the medial mesh is drawn.
+    /// True if the surface of the medial mesh is drawn.
     pub surface: bool,
     pub save_as: PathBuf,
-    /// What has happened last.
+    /// The result of the last action, or the error of the build. Empty before.
     pub message: String,
-    /// Greatest error of a vertex at the level, in percent.
+    /// Largest error of a vertex at the level, in percent of the diagonal.
     pub worst: f32,
 }
 
@@ -40,12 +40,12 @@ impl Shown {
         Self { mesh, levels: None, level: 0, budget, surface: true, save_as, message, worst: 0.0 }
     }
 
-    /// The level that is looked at.
+    /// The level that is shown.
     pub fn current(&self) -> Option<&Level> {
         self.levels.as_ref()?.levels.get(self.level)
     }
 
-    /// Looks at the coarsest level within a budget, or the finest if there is none.
+    /// Shows the coarsest level within a budget, or the finest if all levels exceed it.
     pub fn set_budget(&mut self, percent: f32) {
         self.budget = percent;
         let levels = self.levels.iter().flat_map(|levels| &levels.levels);
@@ -53,18 +53,18 @@ impl Shown {
             levels.enumerate().filter(|(_, level)| level.error.max() <= percent).map(|(i, _)| i).last().unwrap_or(0);
     }
 
-    /// Looks at a level, with its error as the budget.
+    /// Shows a level, and sets the budget to its error.
     pub fn set_level(&mut self, level: usize) {
         self.level = level;
         self.budget = self.current().map_or(0.0, |level| level.error.max());
     }
 }
 
-/// The triangle mesh.
+/// Marks the entity of the triangle mesh.
 #[derive(Component)]
 struct Source;
 
-/// The medial mesh.
+/// Marks the entity of the medial mesh.
 #[derive(Component)]
 struct Fitted;
 
@@ -97,11 +97,11 @@ fn turn_lines_on(mut store: ResMut<GizmoConfigStore>) {
     let (group, _) = store.config_mut::<MedialGizmos>();
     group.enabled = true;
     group.line.width = 1.2;
-    // In front of the surface on which they lie.
+    // Lines are drawn in front of the surface on which they lie.
     group.depth_bias = -0.002;
 }
 
-/// Takes over what has been built.
+/// Takes the levels of a finished build.
 fn take_levels(
     mut commands: Commands,
     mut shown: ResMut<Shown>,
@@ -148,7 +148,7 @@ fn show_level(
     visibility.set_if_neq(if shown.surface { Visibility::Inherited } else { Visibility::Hidden });
 }
 
-/// Of an error, as a part of the greatest.
+/// The colour of an error. `error` is relative to the largest error, from 0 to 1.
 pub fn shade(error: f32) -> [f32; 4] {
     let [r, g, b] = colorous::VIRIDIS.eval_continuous(f64::from(error)).as_array();
     Color::srgb_u8(r, g, b).to_linear().to_f32_array()

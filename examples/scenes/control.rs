@@ -1,4 +1,4 @@
-//! What can be switched while a scene runs: by keys here, by buttons in the panel.
+//! Switches of a running scene. This module handles their keys, and the panel their buttons.
 
 use bevy::prelude::*;
 use bevy_medial::{
@@ -19,7 +19,7 @@ const BACKENDS: [(MedialBackend, bool); 4] = [
     (MedialBackend::Gpu, false),
     (MedialBackend::Gpu, true),
 ];
-/// Parts of real time to choose from.
+/// Speeds to choose from, relative to real time.
 const SPEEDS: [f32; 3] = [1.0, 0.25, 0.0625];
 
 /// A switch.
@@ -63,14 +63,14 @@ pub const SWITCHES: [(Switch, KeyCode, &str); 20] = [
     (Switch::Layer(8), KeyCode::Digit9, "9"),
 ];
 
-/// Whether time runs, and how fast.
+/// The clock of the simulation.
 #[derive(Resource)]
 pub struct Clock {
     pub paused: bool,
-    /// Part of real time.
+    /// Speed relative to real time.
     pub speed: f32,
     single_steps: u32,
-    /// Seconds that have passed and have not been stepped.
+    /// Seconds of simulated time that are due and not yet stepped.
     owed: f32,
 }
 
@@ -92,7 +92,7 @@ fn press_keys(mut commands: Commands, keys: Res<ButtonInput<KeyCode>>) {
     }
 }
 
-/// The one after the current.
+/// The choice after the current one. The first follows the last.
 fn next<T: Copy + PartialEq>(choices: &[T], current: T) -> T {
     let at = choices.iter().position(|choice| *choice == current).map_or(0, |at| at + 1);
     choices[at % choices.len()]
@@ -116,7 +116,7 @@ fn switch(
         Switch::Speed => clock.speed = next(&SPEEDS, clock.speed),
         Switch::Restart => {
             commands.queue(restart);
-            // Something to see of it while time stands still.
+            // One step shows the new scene even if the clock is paused.
             clock.single_steps += 1;
         }
         Switch::Scene => {
@@ -156,15 +156,15 @@ fn restart(world: &mut World) {
     start(world);
 }
 
-/// Lets rapier step as often as the clock says, once a frame at most.
+/// Enables a step of rapier if one is due. There is at most one step per frame.
 fn run_clock(mut clock: ResMut<Clock>, time: Res<Time>, show: Res<Show>, mut rapier: Query<&mut RapierConfiguration>) {
     let is_single = clock.single_steps > 0;
     clock.single_steps = clock.single_steps.saturating_sub(1);
     if !clock.paused {
-        // What a slow machine has no time for is not made up for.
+        // At most one step is due, so a slow machine does not catch up.
         clock.owed = (clock.owed + time.delta_secs() * clock.speed).min(show.dt);
     }
-    // A display of 60 Hz is no reason to leave a step out now and then.
+    // The tolerance of 5 % prevents skipped steps if the frame rate of a display of 60 Hz varies a little.
     let is_due = !clock.paused && clock.owed >= 0.95 * show.dt;
     if is_due {
         clock.owed -= show.dt;
@@ -174,7 +174,7 @@ fn run_clock(mut clock: ResMut<Clock>, time: Res<Time>, show: Res<Show>, mut rap
     }
 }
 
-/// What a switch is at.
+/// The text of a switch, and true if its button is lit.
 pub fn label(
     switch: Switch,
     show: &Show,

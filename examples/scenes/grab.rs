@@ -1,24 +1,24 @@
-//! Bodies are picked and thrown with the mouse: one that is pressed follows the pointer, at the distance at which it was taken, until it is let go.
+//! Bodies are picked and thrown with the mouse. A pressed body follows the pointer, at a constant distance from the camera, until the button is released.
 
 use bevy::{picking::pointer::PointerButton, prelude::*, ui::Pressed, window::PrimaryWindow};
 use bevy_medial::{prelude::*, scenes::SceneEntity};
 use bevy_panorbit_camera::PanOrbitCamera;
 use bevy_rapier3d::prelude::{RapierConfiguration, RigidBody, Velocity};
 
-/// Parts of the way to the pointer that a body goes in a second.
+/// Speed of a held body divided by its distance from the pointer, in 1/s.
 const PULL: f32 = 12.0;
-/// Greatest speed by which a body follows, in metres per second.
+/// Max speed of a held body, in metres per second.
 const FASTEST: f32 = 25.0;
-/// What is left of the spin of a held body after a step.
+/// Factor on the angular velocity of a held body in each step.
 const SPIN_LEFT: f32 = 0.9;
 
 /// The body that is held.
 #[derive(Resource)]
 struct Held {
     body: Entity,
-    /// Where it was taken, in its own frame.
+    /// The point at which the body was taken, in the frame of the body.
     grip: Vec3,
-    /// Distance from the camera, along the pointer's ray.
+    /// Distance of that point from the camera, along the ray of the pointer.
     depth: f32,
 }
 
@@ -46,7 +46,7 @@ fn let_go(mut commands: Commands, buttons: Res<ButtonInput<MouseButton>>) {
     }
 }
 
-/// The camera keeps still while the mouse holds a body or a button.
+/// Disables the camera while the mouse holds a body or a button.
 fn keep_camera(held: Option<Res<Held>>, pressed: Query<(), With<Pressed>>, mut camera: Single<&mut PanOrbitCamera>) {
     camera.enabled = held.is_none() && pressed.is_empty();
 }
@@ -63,11 +63,11 @@ fn pull(
         return;
     };
     let Ok((transform, mut velocity)) = bodies.get_mut(held.body) else { return };
-    // Rays start at the near plane.
+    // The origin of the ray is on the near plane, but `depth` starts at the camera.
     let target = camera.1.translation() + ray.direction * held.depth;
     let grip = transform.transform_point(held.grip);
     lines.line(grip, target, Color::BLACK);
-    // Frames without a step leave it as it is.
+    // In frames without a step, the velocity does not change.
     if rapier.iter().any(|rapier| rapier.physics_pipeline_active) {
         velocity.linear = ((target - grip) * PULL).clamp_length_max(FASTEST);
         velocity.angular *= SPIN_LEFT;
@@ -178,8 +178,8 @@ mod tests {
         stage.press(PointerButton::Primary);
         stage.update(1);
         assert!(stage.holds() && !stage.camera_is_free());
-        assert!(stage.ball().1.length() < 0.05, "it is taken where the mouse is: {:?}", stage.ball());
-        // To the right, by a quarter of the view: its front side comes to the pointer's ray.
+        assert!(stage.ball().1.length() < 0.05, "a taken body moves although the mouse does not: {:?}", stage.ball());
+        // The pointer moves to the right by a quarter of the view, and the front of the ball follows its ray.
         stage.point_at(Vec2::new(300.0, 150.0));
         stage.update(5);
         let (place, velocity) = stage.ball();
@@ -199,7 +199,7 @@ mod tests {
         stage.point_at(Vec2::new(300.0, 150.0));
         stage.update(120);
         let (place, velocity) = stage.ball();
-        // Half way from the middle to the edge of a view of aspect 1, as far away as the ball's front was, which is the grip.
+        // The pointer is halfway from the middle to the edge of a view of aspect 1. The grip is the front of the ball, 4.7 m from the camera.
         let slope = (PerspectiveProjection::default().fov * 0.5).tan() * 0.5;
         let target = Vec3::new(slope, 0.0, -1.0).normalize() * 4.7;
         let grip = place + Vec3::Z * 0.3;

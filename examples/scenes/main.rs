@@ -43,15 +43,15 @@ const PICTURE: UVec2 = UVec2::new(1280, 720);
 #[derive(Parser)]
 #[command(about = "Demo scenes of bevy_medial")]
 struct Args {
-    /// The scene; `--list` shows them.
+    /// Name of the scene. `--list` prints all names.
     name: Option<String>,
     /// List the scenes.
     #[arg(long)]
     list: bool,
-    /// No window: run the steps and print what was measured. Chosen by itself where there is no display.
+    /// Run the steps without a window and print the measurements. Implied if there is no display.
     #[arg(long)]
     headless: bool,
-    /// Number of steps. Default: the scene's own.
+    /// Number of steps. Default: the number of the scene.
     #[arg(long)]
     steps: Option<u32>,
     /// Length of a step in seconds.
@@ -60,13 +60,13 @@ struct Args {
     /// Seed of the scene's random placement.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder of `.medial` or `.ma` files to use as models. Default: the project's own.
+    /// Folder of `.medial` or `.ma` files to use as models. Default: `assets/models`.
     #[arg(long)]
     models: Option<PathBuf>,
-    /// Where pairs are culled.
+    /// Back end that culls pairs.
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     backend: Backend,
-    /// Error that bodies may have, in percent of their diagonal: the coarsest level of detail within it is used.
+    /// Max error of bodies, in percent of their diagonal: the coarsest level of detail within it is used.
     #[arg(long, value_name = "PERCENT", default_value_t = 1.0, value_parser = percent)]
     budget: f32,
     /// Also run every step's input with another culling, and print both side by side.
@@ -78,13 +78,13 @@ struct Args {
     /// Write the summary.
     #[arg(long)]
     json: Option<PathBuf>,
-    /// Run the steps, write a picture of the last one as PNG and exit. Needs a graphics adapter, software will do, and no display.
+    /// Run the steps, write a picture of the last one as PNG and exit. Needs a graphics adapter (a software adapter is enough), but no display.
     #[arg(long)]
     screenshot: Option<PathBuf>,
-    /// Write a picture of every step, `0001.png` and so on, into a folder and exit. Needs what a screenshot needs.
+    /// Write a picture of every step, `0001.png` and so on, into a folder and exit. Needs a graphics adapter, but no display.
     #[arg(long, value_name = "DIR", conflicts_with = "screenshot")]
     frames: Option<PathBuf>,
-    /// Pictures show the figures and the graph that the window shows.
+    /// Show the figures and the graph of the window in pictures.
     #[arg(long)]
     overlay: bool,
     /// Layers of the debug view to start with: spheres, cones, slabs, levels, boxes, hierarchy, swept-cones, candidates, contacts, stops.
@@ -110,7 +110,7 @@ impl From<Backend> for MedialBackend {
 }
 
 fn percent(text: &str) -> Result<f32, String> {
-    text.parse().ok().filter(|value: &f32| *value >= 0.0).ok_or_else(|| "not a number from 0 up".into())
+    text.parse().ok().filter(|value: &f32| *value >= 0.0).ok_or_else(|| "not a number of 0 or more".into())
 }
 
 fn main() -> ExitCode {
@@ -125,8 +125,8 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         return Ok(());
     }
     let names = SCENES.iter().map(|scene| scene.name).collect::<Vec<_>>().join(", ");
-    let name = args.name.as_deref().ok_or_else(|| format!("which scene? One of {names}"))?;
-    let scene = Scene::by_name(name).ok_or_else(|| format!("there is no scene `{name}`; there are {names}"))?;
+    let name = args.name.as_deref().ok_or_else(|| format!("name a scene: one of {names}"))?;
+    let scene = Scene::by_name(name).ok_or_else(|| format!("there is no scene `{name}`; the scenes are {names}"))?;
     if !(args.dt > 0.0 && args.dt <= 1.0) {
         return Err(format!("--dt {} is not a step between 0 and 1 s", args.dt).into());
     }
@@ -152,7 +152,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(folder) = &args.frames {
         return Ok(offscreen::frames(show(), steps, PICTURE, folder)?);
     }
-    // What asks for figures is meant to end by itself.
+    // With these options the program runs the steps and exits, so it opens no window.
     let wants_figures = args.csv.is_some() || args.json.is_some() || args.cull != Cull::Hybrid || args.steps.is_some();
     if args.headless || wants_figures || !has_display() {
         return headless(args, scene, &models);
@@ -194,7 +194,7 @@ fn headless(args: &Args, scene: &Scene, models: &[Model]) -> Result<(), Box<dyn 
     Ok(())
 }
 
-/// A line for each step, under a line of names: those of the row's fields.
+/// Writes a header with the field names of [`Row`], and a line for each step.
 fn write_csv(path: &Path, rows: &[Row]) -> Result<(), Box<dyn std::error::Error>> {
     let mut text = String::new();
     for (step, row) in rows.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Pictures of scenes without a window.
+//! Renders pictures of scenes without a window.
 
 use std::{
     fs,
@@ -14,10 +14,10 @@ use crate::{
     view::{Show, add_scene},
 };
 
-/// Runs the scene for `steps` and writes what the camera then sees.
+/// Runs the scene for `steps` steps and writes a picture of the last one.
 pub fn screenshot(show: Show, steps: u32, size: UVec2, file: &Path) -> Result<(), String> {
     let mut studio = studio(show, size);
-    // Rendering every step would take most of the time: the camera stays off until the last ones.
+    // Rendering every step would take most of the time, so the camera is off until the last steps.
     studio.app.update();
     set_camera(&mut studio.app, false);
     for _ in 1..steps {
@@ -30,7 +30,7 @@ pub fn screenshot(show: Show, steps: u32, size: UVec2, file: &Path) -> Result<()
     studio.wait_for(file)
 }
 
-/// Runs the scene for `steps` and writes what the camera sees after each.
+/// Runs the scene for `steps` steps and writes a picture of each.
 pub fn frames(show: Show, steps: u32, size: UVec2, folder: &Path) -> Result<(), String> {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let mut studio = studio(show, size);
@@ -58,7 +58,7 @@ fn set_camera(app: &mut App, active: bool) {
     cameras.iter_mut(app.world_mut()).for_each(|mut camera| camera.is_active = active);
 }
 
-/// No further steps.
+/// Stops the simulation.
 fn halt(app: &mut App) {
     let mut configurations = app.world_mut().query::<&mut RapierConfiguration>();
     configurations.iter_mut(app.world_mut()).for_each(|mut rapier| rapier.physics_pipeline_active = false);

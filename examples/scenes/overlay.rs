@@ -1,4 +1,4 @@
-//! What a step costs and finds, in figures and as a graph over the last steps.
+//! Times and counts of the last step as text, and the times of many steps as a graph.
 
 use bevy::{
     asset::RenderAssetUsages,
@@ -10,16 +10,16 @@ use bevy_medial::{
     scenes::{Monitor, Row},
 };
 
-/// Of the graph, in pixels: a column a step.
+/// Size of the graph, in pixels. Each step has a column.
 const SIZE: UVec2 = UVec2::new(240, 72);
 const FIELD: [u8; 4] = [20, 24, 30, 190];
-/// Part of the steps that the graph is high enough for; the others are cut.
+/// Part of the steps whose columns fit in the height of the graph. The others are cut.
 const WITHIN: f64 = 0.97;
 
-/// A stage: its name, its colour, and what it took in milliseconds.
+/// A stage: its name, its colour, and its time in milliseconds.
 type Stage = (&'static str, [u8; 3], fn(&Row) -> f64);
 
-/// In the order in which they are stacked.
+/// All stages, in the order in which they are stacked.
 const STAGES: [Stage; 6] = [
     ("response", [200, 200, 210], |row| row.response_ms),
     ("broad", [90, 160, 240], |row| row.broad_ms),
@@ -29,7 +29,7 @@ const STAGES: [Stage; 6] = [
     ("reduce", [220, 90, 190], |row| row.reduce_ms),
 ];
 
-/// Lines of figures: those of the stages, and one for all counts.
+/// A text with figures: the time of a stage, or all counts.
 #[derive(Component, Clone, Copy)]
 enum Figure {
     Stage(usize),
@@ -109,7 +109,7 @@ fn shown(monitor: &Monitor) -> &[Row] {
     &monitor.rows[monitor.rows.len().saturating_sub(SIZE.x as usize)..]
 }
 
-/// The milliseconds that the graph is high.
+/// The height of the graph, in milliseconds.
 fn height_of(rows: &[Row]) -> f64 {
     let mut totals: Vec<f64> = rows.iter().map(|row| STAGES.iter().map(|(.., time)| time(row)).sum()).collect();
     totals.sort_by(f64::total_cmp);
@@ -117,7 +117,7 @@ fn height_of(rows: &[Row]) -> f64 {
     totals.get(at).copied().unwrap_or(1.0).max(f64::MIN_POSITIVE)
 }
 
-/// A column of stacked stages for each of the last steps.
+/// Draws a column of stacked stages for each of the last steps.
 fn draw_graph(monitor: Res<Monitor>, graph: Single<&ImageNode, With<Graph>>, mut images: ResMut<Assets<Image>>) {
     let Some(mut image) = images.get_mut(&graph.image) else { return };
     let rows = shown(&monitor);
@@ -138,7 +138,7 @@ fn draw_graph(monitor: Res<Monitor>, graph: Single<&ImageNode, With<Graph>>, mut
                 let [r, g, b] = STAGES[stage].1;
                 [r, g, b, 255]
             });
-            // A pixel outside of the image is none.
+            // An error is impossible, because the pixel is inside the image.
             let _ = image.set_color_at(x, y, Color::srgba_u8(r, g, b, a));
         }
     }

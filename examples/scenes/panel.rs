@@ -29,7 +29,7 @@ fn spawn(mut commands: Commands) {
     }
 }
 
-/// Buttons tell what they are at.
+/// Updates the texts and colours of the buttons.
 fn relabel(
     show: Res<Show>,
     clock: Res<Clock>,

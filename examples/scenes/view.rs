@@ -1,4 +1,4 @@
-//! The scenes on a screen.
+//! The view of a scene: camera, light, and the settings that are shown.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use bevy_rapier3d::prelude::TimestepMode;
 
 use crate::{common::dress::Dress, control, grab, overlay, panel};
 
-/// What is shown, for starting again.
+/// The scene and its settings, kept for restarts.
 #[derive(Resource, Clone)]
 pub struct Show {
     pub scene: &'static Scene,
@@ -21,19 +21,19 @@ pub struct Show {
     pub seed: u64,
     pub dt: f32,
     pub backend: MedialBackend,
-    /// Error that bodies may have, in percent of their diagonal.
+    /// Max error of bodies, in percent of their diagonal.
     pub budget_percent: f32,
-    /// The level of detail that bodies have, whatever the budget.
+    /// The level of detail of all bodies. If set, the budget is ignored.
     pub level: Option<usize>,
-    /// Where the models are.
+    /// Folder of the models.
     pub folder: PathBuf,
-    /// Pictures show the overlay.
+    /// True if pictures show the overlay.
     pub overlay: bool,
     /// Layers of the debug view that are on at the start.
     pub layers: Vec<String>,
 }
 
-/// Name of a layer of the debug view as the command line has it.
+/// Name of a layer of the debug view on the command line.
 fn dashed(name: &str) -> String {
     name.replace(' ', "-")
 }
@@ -43,7 +43,7 @@ pub fn layer_name(text: &str) -> Result<String, String> {
     let mut layers = MedialGizmos::default();
     let mut names: Vec<String> = layers.layers_mut().iter().map(|(name, _)| dashed(name)).collect();
     names.push("levels".into());
-    if names.iter().any(|name| name == text) { Ok(text.into()) } else { Err(format!("there are {}", names.join(", "))) }
+    if names.iter().any(|name| name == text) { Ok(text.into()) } else { Err(format!("layers: {}", names.join(", "))) }
 }
 
 /// Opens a window and runs until it is closed.
@@ -76,7 +76,7 @@ pub fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
     app.world_mut().spawn((
         Camera3d::default(),
         IsDefaultUiCamera,
-        // Its noise makes large files of pictures.
+        // The noise of dithering makes large picture files.
         DebandDither::Disabled,
         target,
         Transform::from_translation(eye).looking_at(focus, Vec3::Y),
@@ -93,10 +93,10 @@ pub fn start(world: &mut World) {
     scene.spawn(world, &models, seed);
 }
 
-/// Turns the layers on that were asked for.
+/// Enables the requested layers of the debug view.
 fn switch_layers(show: Res<Show>, mut store: ResMut<GizmoConfigStore>) {
     let (group, layers) = store.config_mut::<MedialGizmos>();
-    // In front of the surface that they lie on.
+    // Lines are drawn in front of the surface on which they lie.
     group.depth_bias = -0.002;
     group.line.width = 1.5;
     if show.layers.is_empty() {
@@ -109,7 +109,7 @@ fn switch_layers(show: Res<Show>, mut store: ResMut<GizmoConfigStore>) {
     }
 }
 
-/// Gives bodies the budget of the show, or that of its level.
+/// Gives bodies the budget of the show, or the budget that selects its level.
 fn keep_budget(
     mut commands: Commands,
     show: Res<Show>,
@@ -127,16 +127,16 @@ fn keep_budget(
     }
 }
 
-/// The budget within which a level of detail is the coarsest, or the coarsest level if there are not as many.
+/// The budget that selects a level of detail, or the coarsest level if there are fewer levels.
 pub fn budget_of_level(axis: &MedialAxis, level: usize, scale: f32) -> MedialBudget {
-    /// More than dividing by the scale loses.
+    /// Covers the rounding error of a division by the scale.
     const ROUNDING: f32 = 1.0 + 1e-5;
     let levels = axis.coarser();
     let error = level.min(levels.len()).checked_sub(1).map_or(0.0, |at| levels[at].1);
     MedialBudget::Metres(error * scale * ROUNDING)
 }
 
-/// Brings the camera to where the scene is seen best whenever there is another one.
+/// Moves the camera to the view of the scene when the scene changes.
 fn look_at_scene(
     mut commands: Commands,
     show: Res<Show>,

@@ -1,4 +1,4 @@
-//! The entry: the stages in order.
+//! Entry points of a build: the stages in order.
 
 use std::iter::{once, successors};
 
@@ -18,24 +18,24 @@ use crate::{
     random::Random,
 };
 
-/// What to build.
+/// Options of a build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildOptions {
     /// Largest number of spheres, one or more.
     pub spheres: usize,
-    /// Largest number of edges, those of faces included; `None`: in proportion to the spheres, the more the less the solid is made of limbs.
+    /// Largest number of edges, including those of faces. `None`: proportional to the spheres, with more edges for solids without limbs.
     pub edges: Option<usize>,
-    /// Largest number of faces; `None`: as for edges.
+    /// Largest number of faces. `None`: as for edges.
     pub faces: Option<usize>,
-    /// How often a shape is sought, each time from other samples, of which the best is taken, and how often each level of a chain is sought beside
-    /// that which comes of the one before; `None`: the finest once or twice, as time allows, and less thoroughly where there are fewer than 100
-    /// triangles for each sphere, others the more often the coarser they are, up to four times.
+    /// Number of searches for a shape, each from different samples; the best result is used. Each coarser level of a chain has one more search, which
+    /// starts from the level before. `None`: one or two searches for the finest level, depending on the size of the mesh, with a shorter search below 100
+    /// triangles per sphere. Coarser levels have up to four, the coarser the more.
     pub searches: Option<usize>,
     /// Seed of the surface samples.
     pub seed: u64,
 }
 
-/// The seed where none is given. Which of many good shapes is found is chance; with this one none of the meshes of `docs/accuracy.md` has bad luck.
+/// Default seed. The result of a search varies with the seed; with this one, no mesh of `docs/accuracy.md` has an unusually large error.
 pub const DEFAULT_SEED: u64 = 10;
 
 impl Default for BuildOptions {
@@ -44,51 +44,51 @@ impl Default for BuildOptions {
     }
 }
 
-/// A medial mesh and how it came to be.
+/// A medial mesh with a report of its build.
 #[derive(Clone, Debug)]
 pub struct Built {
     /// The medial mesh, in the frame and the units of the triangle mesh.
     pub axis: MedialAxis,
-    /// What is worth knowing.
+    /// Results of the build beside the shape.
     pub report: BuildReport,
 }
 
-/// What is worth knowing about a build.
+/// Results of a build beside the shape.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
     /// Connected components of the triangle mesh.
     pub components: usize,
-    /// Components that enclose no volume, so that no sphere lies in them.
+    /// Components that enclose no volume and therefore contain no sphere.
     pub empty_components: usize,
-    /// Root mean square distance of surface samples to the envelope, as a part of the diagonal of the mesh's bounding box.
+    /// Root mean square distance of surface samples to the envelope, as a fraction of the diagonal of the mesh's bounding box.
     pub rms_error: f32,
-    /// Greatest distance of a surface sample to the envelope, as a part of the diagonal.
+    /// Largest distance of a surface sample to the envelope, as a fraction of the diagonal.
     pub max_error: f32,
-    /// What the last clean-up changed.
+    /// Changes of the last clean-up.
     pub cleanup: CleanupReport,
 }
 
-/// Why a mesh has no medial mesh.
+/// Reasons why a mesh has no medial mesh.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum BuildError {
     /// There is no triangle with an area.
     #[error("no triangle of the mesh has an area; export it with its faces")]
     Empty,
     /// A triangle refers to a vertex that does not exist.
-    #[error("triangle {triangle} refers to vertex {index}, which does not exist; export the mesh anew")]
+    #[error("triangle {triangle} refers to vertex {index}, which does not exist; export the mesh again")]
     IndexOutOfRange {
-        /// The triangle.
+        /// Index of the triangle.
         triangle: usize,
-        /// The offending index.
+        /// The invalid index.
         index: u32,
     },
     /// A vertex is NaN or infinite.
-    #[error("vertex {vertex} is not finite; export the mesh anew")]
+    #[error("vertex {vertex} is not finite; export the mesh again")]
     NotFinite {
-        /// The vertex.
+        /// Index of the vertex.
         vertex: u32,
     },
-    /// The surface encloses nothing.
+    /// The surface encloses no volume.
     #[error(
         "the mesh encloses no volume; close its holes, give its sheets a thickness, or remove the backs of doubled faces"
     )]
@@ -98,55 +98,55 @@ pub enum BuildError {
         "the mesh has {components} components that enclose a volume, more than {spheres} spheres; allow more spheres or join components"
     )]
     TooFewSpheres {
-        /// Components with a volume.
+        /// Number of components with a volume.
         components: usize,
-        /// Spheres that were allowed.
+        /// Largest allowed number of spheres.
         spheres: usize,
     },
-    /// The progress callback said so.
+    /// The progress callback cancelled the build.
     #[error("the build was cancelled")]
     Cancelled,
-    /// The result is beyond what a medial mesh can hold.
+    /// The result exceeds the limits of a medial mesh.
     #[error(transparent)]
     Asset(#[from] MedialAxisError),
 }
 
-/// Triangles per sphere from which on a build may take as long as two searches do.
+/// Triangles per sphere above which a build may take the time of two searches.
 const TRIANGLES_FOR_TWO: usize = 165;
 
-/// How often a shape is sought if nothing is said, each time from other samples: which of many good shapes is found is chance.
+/// Default number of searches for the finest level. Each starts from different samples, because the result varies with them.
 fn searches(triangles: usize, spheres: usize) -> usize {
     if is_quick(triangles, spheres) || triangles / TRIANGLES_FOR_TWO >= spheres { 2 } else { 1 }
 }
 
-/// Spheres of all searches for a level together, and most searches, beside that which comes of the level before, if nothing is said: the fewer
-/// spheres there are, the more is chance, and the less time it takes.
+/// Defaults for the searches of a coarser level, in addition to the one that starts from the level before: total number of spheres of all searches, and
+/// largest number of searches. With fewer spheres, results vary more and searches are faster.
 const SOUGHT: [usize; 2] = [48, 4];
 
-/// How often the finest level is sought.
+/// Number of searches for the finest level.
 fn finest_searches(mesh: &TriangleMesh, options: &BuildOptions) -> usize {
     options.searches.unwrap_or_else(|| searches(mesh.triangles.len(), options.spheres.max(1))).max(1)
 }
 
-/// How often another level of a chain is sought from samples.
+/// Number of searches from samples for another level of a chain.
 fn level_searches(options: &BuildOptions, spheres: usize) -> usize {
     options.searches.unwrap_or((SOUGHT[0] / spheres).min(SOUGHT[1]))
 }
 
-/// The options for another level of a chain. They name the number of searches, so that none is hurried: what is hurried is not judged, and could not
-/// be compared.
+/// The options for another level of a chain. They set the number of searches explicitly, so that no search is hurried: a hurried shape is not judged and
+/// could not be compared.
 fn level_options(options: &BuildOptions, spheres: usize) -> BuildOptions {
     let share = |limit: usize| limit.saturating_mul(spheres) / options.spheres.max(1);
     let (edges, faces) = (options.edges.map(share), options.faces.map(share));
     BuildOptions { spheres, edges, faces, searches: Some(level_searches(options, spheres)), ..*options }
 }
 
-/// A medial mesh of a solid.
+/// Builds a medial mesh of a solid.
 ///
-/// `progress` is told the part of the work that is done, from 0 to 1, by whichever thread does it, and may break it off.
+/// `progress` is called with the completed part of the work, from 0 to 1, on any of the working threads, and may cancel the build.
 ///
 /// # Errors
-/// If the mesh has no area or encloses nothing, if a vertex is not finite or missing, if there are more components than
+/// If the mesh has no area or encloses no volume, if a vertex is not finite or missing, if there are more components than
 /// spheres, or if `progress` breaks.
 pub fn build(mesh: &TriangleMesh, options: &BuildOptions, progress: &Progress) -> Result<Built, BuildError> {
     let solid = Solid::new(mesh)?;
@@ -154,7 +154,7 @@ pub fn build(mesh: &TriangleMesh, options: &BuildOptions, progress: &Progress) -
     finest(&judge, mesh, options, progress)?.built(&solid)
 }
 
-/// So many spheres of a level for so many of the one before: about the fourth root of a half.
+/// Ratio of the numbers of spheres of a level and of the level before: about the fourth root of a half.
 const STEP: [usize; 2] = [17, 20];
 
 /// The numbers of spheres of a chain.
@@ -162,12 +162,12 @@ fn chain(spheres: usize, least: usize) -> impl Iterator<Item = usize> {
     successors(Some(spheres), move |&before| (before > least).then(|| (before * STEP[0] / STEP[1]).max(least)))
 }
 
-/// A chain of medial meshes, each with 0.85 times as many spheres as the one before, or less, down to one sphere a component.
+/// Builds a chain of medial meshes, each with at most 0.85 times as many spheres as the one before, down to one sphere per component.
 ///
-/// `progress` is told of the chain as a whole.
+/// `progress` covers the whole chain.
 ///
 /// # Errors
-/// As for [`build`].
+/// The errors of [`build`].
 pub fn build_levels(
     mesh: &TriangleMesh,
     options: &BuildOptions,
@@ -182,7 +182,7 @@ pub fn build_levels(
     Ok(once(first).chain(others).collect())
 }
 
-/// The part of the work on a chain that is its finest level's.
+/// The finest level's part of the work on a chain.
 pub(super) fn finest_share(mesh: &TriangleMesh, options: &BuildOptions) -> f32 {
     let spheres = options.spheres.clamp(1, MAX_SPHERES);
     let finest = spheres * finest_searches(mesh, options);
@@ -190,12 +190,12 @@ pub(super) fn finest_share(mesh: &TriangleMesh, options: &BuildOptions) -> f32 {
     finest as f32 / (finest + others) as f32
 }
 
-/// How much work another level is: a search takes about as long as it has spheres.
+/// Estimated work of a coarser level: the time of a search is about proportional to its number of spheres.
 fn work(options: &BuildOptions, spheres: usize) -> usize {
     spheres * (1 + level_searches(options, spheres))
 }
 
-/// The levels of a chain that come of its finest one, each finished as soon as it is there.
+/// Builds the coarser levels of a chain from its finest one. `finish` is called with each level when it is complete.
 pub(super) fn coarser<T>(
     judge: &Judge,
     mesh: &TriangleMesh,
@@ -220,11 +220,11 @@ pub(super) fn coarser<T>(
     if progress(1.0).is_break() { Err(BuildError::Cancelled) } else { Ok(levels) }
 }
 
-/// Where a search starts.
+/// Start of a search.
 enum Start {
-    /// With samples of that seed.
+    /// Samples with this seed.
     Seed(u64),
-    /// With a shape that has more spheres.
+    /// A shape with more spheres.
     Finer(Box<Search>),
 }
 
@@ -232,7 +232,7 @@ fn seeds(options: &BuildOptions, count: usize) -> impl Iterator<Item = Start> {
     successors(Some(options.seed), |&seed| Some(Random(seed).bits())).map(Start::Seed).take(count)
 }
 
-/// The best of several searches from samples.
+/// The best result of several searches from samples.
 pub(super) fn finest(
     judge: &Judge,
     mesh: &TriangleMesh,
@@ -243,7 +243,7 @@ pub(super) fn finest(
     best(judge, mesh, options, &starts, progress)
 }
 
-/// The best of several searches, side by side. Which it is does not depend on the number of threads.
+/// The best result of several parallel searches. It does not depend on the number of threads.
 fn best(
     judge: &Judge,
     mesh: &TriangleMesh,

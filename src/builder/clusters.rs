@@ -1,27 +1,27 @@
-//! The first spheres: surface samples in clusters, a sphere each.
+//! The first spheres: surface samples are grouped into clusters, with one sphere per cluster.
 //!
-//! A sphere fits its cluster where it touches the tangent planes of the samples. So the cluster of a cylinder or a plate may
-//! be as long as they are, which is what a cone or a slab between two spheres needs.
+//! A sphere fits its cluster if it touches the tangent planes of the samples. So a cluster may extend along a whole cylinder or
+//! plate, as a cone or a slab between two spheres requires.
 
 use glam::DVec3;
 
 use super::{hull::Ball, parallel, surface_samples::Samples};
 
-/// Spheres, and the sphere of each sample (`u32::MAX`: none, as the sample bounds nothing).
+/// Spheres, and the index of each sample's sphere (`u32::MAX` for a sample that does not bound the solid).
 pub(super) struct Clusters {
     pub balls: Vec<Ball>,
     pub parts: Vec<u32>,
     pub labels: Vec<u32>,
 }
 
-/// Weight of the distance to the sphere beside that to its tangent plane.
+/// Weight of the distance from the sphere, relative to the distance of the sphere from the tangent plane.
 const EUCLIDEAN: f64 = 0.2;
 
 const SETTLING_ROUNDS: usize = 3;
 
 pub(super) fn cluster(samples: &Samples, medial: &[Option<Ball>], count: usize, part_count: usize) -> Clusters {
     let mut clusters = Clusters { balls: vec![], parts: vec![], labels: vec![u32::MAX; samples.len()] };
-    // One sphere a part, the largest that touches it.
+    // One sphere per part: the largest medial ball of its samples.
     let mut largest: Vec<Option<Ball>> = vec![None; part_count];
     for (ball, &part) in medial.iter().zip(&samples.parts) {
         let best = &mut largest[part as usize];
@@ -56,7 +56,7 @@ fn energy(ball: &Ball, point: DVec3, normal: DVec3) -> f64 {
 }
 
 impl Clusters {
-    /// Gives each sample to the sphere that fits it best; returns how well.
+    /// Assigns each sample to the sphere that fits it best. Returns the energies of the fit.
     fn assign(&mut self, samples: &Samples) -> Vec<f64> {
         let mut of_part: Vec<Vec<u32>> = vec![];
         for (ball, &part) in self.parts.iter().enumerate() {
@@ -81,7 +81,7 @@ impl Clusters {
         best.into_iter().map(|b| b.1).collect()
     }
 
-    /// Adds spheres at the samples that fit worst, at most one a cluster. False if all fit.
+    /// Adds spheres at the samples with the worst fit, at most one per cluster. Returns false if all samples fit.
     fn split(&mut self, samples: &Samples, medial: &[Option<Ball>], energies: &[f64], more: usize) -> bool {
         let mut worst: Vec<(f64, u32)> = vec![(0.0, 0); self.balls.len()];
         for (i, &label) in self.labels.iter().enumerate().filter(|(_, label)| **label != u32::MAX) {
@@ -100,7 +100,7 @@ impl Clusters {
         !worst.is_empty()
     }
 
-    /// Moves each sphere to where it fits its cluster best, and from there to a medial ball of the cluster.
+    /// Fits each sphere to its cluster by least squares, then replaces it by the most similar medial ball of the cluster.
     fn fit(&mut self, samples: &Samples, medial: &[Option<Ball>]) {
         let mut members: Vec<Vec<u32>> = vec![vec![]; self.balls.len()];
         for (i, &label) in self.labels.iter().enumerate().filter(|(_, label)| **label != u32::MAX) {
@@ -126,7 +126,7 @@ impl Clusters {
     }
 }
 
-/// Least squares in centre and radius.
+/// Least squares problem for centre and radius.
 #[derive(Default)]
 struct Quadric {
     matrix: [[f64; 4]; 4],
@@ -145,7 +145,7 @@ impl Quadric {
         self.weight += weight;
     }
 
-    /// The least squares solution, drawn a little to `prior` so that there is one.
+    /// The least squares solution, regularized towards `prior` so that it is unique.
     fn solve(mut self, prior: &Ball) -> Ball {
         let pull = 1e-3 * self.weight + 1e-30;
         let prior = [prior.center.x, prior.center.y, prior.center.z, prior.radius];
@@ -158,7 +158,7 @@ impl Quadric {
     }
 }
 
-/// Cholesky's method; `matrix` is positive definite and its lower half is read.
+/// Solves a linear system by Cholesky's method. `matrix` is positive definite; only its lower half is read.
 pub(super) fn solve_symmetric<const N: usize>(mut matrix: [[f64; N]; N], mut right: [f64; N]) -> [f64; N] {
     for i in 0..N {
         for j in 0..=i {

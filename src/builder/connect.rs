@@ -1,4 +1,4 @@
-//! Edges and faces between the spheres.
+//! Chooses edges and faces between the spheres.
 
 use std::{collections::BTreeSet, ops::Range};
 
@@ -19,10 +19,10 @@ use crate::{disjoint_sets::DisjointSets, geometry::Primitive};
 /// Samples up to this many spacings apart are neighbours.
 const NEIGHBOR_SPACINGS: f64 = 2.0;
 
-/// Neighbours whose normals have a lesser dot product are on two sides of a gap.
+/// Neighbours whose normals have a smaller dot product lie on opposite sides of a gap.
 const LEAST_AGREEMENT: f64 = -0.2;
 
-/// Pairs of spheres whose clusters touch on the surface.
+/// Pairs of spheres with clusters that are neighbours on the surface.
 pub(super) fn touching(samples: &Samples, labels: &[u32]) -> BTreeSet<[u32; 2]> {
     let size = NEIGHBOR_SPACINGS * samples.spacing;
     let positions = &samples.points.positions;
@@ -51,14 +51,14 @@ pub(super) fn touching(samples: &Samples, labels: &[u32]) -> BTreeSet<[u32; 2]> 
     pairs
 }
 
-/// How many edges and faces there may be.
+/// Largest numbers of edges and faces.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     pub edges: usize,
     pub faces: usize,
 }
 
-/// By how much the cone of two spheres leaves the solid.
+/// Largest distance by which the cone of two spheres protrudes from the solid.
 fn protrusion(solid: &Solid, complex: &Complex, [i, j]: [u32; 2]) -> f64 {
     const STEPS: usize = 6;
     let hull = Hull::Cone(Cone::new(complex.balls[i as usize], complex.balls[j as usize]));
@@ -72,7 +72,7 @@ fn protrusion(solid: &Solid, complex: &Complex, [i, j]: [u32; 2]) -> f64 {
     (1..STEPS).map(at).fold(0.0, f64::max)
 }
 
-/// Joins the spheres of each part to a tree, then spends what the limits leave on some of the pairs that touch, or faces among them.
+/// Joins the spheres of each part to a tree, then adds candidates within the limits.
 pub(super) fn connect(
     complex: &mut Complex,
     parts: &[u32],
@@ -91,7 +91,7 @@ pub(super) fn connect(
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut sets = DisjointSets::new(complex.balls.len());
     complex.edges = ranked.iter().filter(|(_, [i, j])| sets.join(*i, *j)).map(|r| r.1).collect();
-    // What no surface joins is joined where it is nearest.
+    // Spheres that no touching pair joins are joined where their part has the shortest gap.
     let mut rest = vec![];
     for i in 0..complex.balls.len() as u32 {
         for j in i + 1..complex.balls.len() as u32 {
@@ -106,7 +106,7 @@ pub(super) fn connect(
     spend(complex, candidates, samples, limits, target);
 }
 
-/// The edges and faces of spheres whose clusters touch pairwise.
+/// The edges and faces whose spheres have pairwise touching clusters.
 pub(super) fn candidates(touching: &BTreeSet<[u32; 2]>) -> Vec<Primitive> {
     let mut candidates: Vec<Primitive> = touching.iter().map(|&p| Primitive::Cone(p)).collect();
     for &[i, j] in touching {
@@ -116,7 +116,7 @@ pub(super) fn candidates(touching: &BTreeSet<[u32; 2]>) -> Vec<Primitive> {
     candidates
 }
 
-/// Adds the candidates that bring the error down most.
+/// Adds the candidates that reduce the error most.
 pub(super) fn spend(
     complex: &mut Complex,
     mut candidates: Vec<Primitive>,
@@ -139,14 +139,14 @@ pub(super) fn spend(
     let mut waiting: Vec<(f64, Primitive, Option<f64>)> =
         reliefs.into_iter().zip(candidates).map(|(relief, c)| (relief, c, None)).collect();
     waiting.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    // The harm of those that are likely to be looked at; that of any other is taken as none until it is known.
+    // The harm of the likely candidates is computed in parallel. The harm of the others counts as zero until it is computed.
     let [edges, faces] = [limits.edges, limits.faces];
     let room = edges.saturating_sub(complex.edges.len()).saturating_add(faces.saturating_sub(complex.faces.len()));
     let likely = LOOKED_AT.saturating_mul(room).min(waiting.len());
     let harms = parallel::map(likely, 2, |i| harm(complex, &waiting[i].1, target));
     waiting.iter_mut().zip(harms).for_each(|(waiting, harm)| waiting.2 = Some(harm));
     waiting.retain(|(gain, c, _)| *gain > 0.0 && fits(complex, c, limits));
-    // Gains only fall: the first whose gain, measured anew, leads still is the best.
+    // Gains only decrease. So the leading candidate is the best one if its recomputed gain has not decreased.
     let best = |waiting: &[(f64, Primitive, Option<f64>)]| {
         let best = (0..waiting.len())
             .max_by(|&a, &b| waiting[a].0.total_cmp(&waiting[b].0).then(waiting[b].1.cmp(&waiting[a].1)));
@@ -170,7 +170,7 @@ pub(super) fn spend(
     }
 }
 
-/// How many candidates are looked at for each that is added, about.
+/// Approximate number of candidates examined for each added one.
 const LOOKED_AT: usize = 5;
 
 fn missing_edges(complex: &Complex, candidate: &Primitive) -> ArrayVec<[u32; 2], 3> {
@@ -203,10 +203,10 @@ fn add(complex: &mut Complex, candidate: &Primitive) {
     }
 }
 
-/// A point this deep within a primitive is no longer at the bottom of a crease.
+/// Depth inside a primitive from which on a point is not at the bottom of a crease, as a part of the diagonal.
 const DEEP: f64 = 5e-4;
 
-/// The points that lie deep within a primitive.
+/// Indices of the points deep inside a primitive.
 fn filled(hull: &Hull, points: &Points) -> impl Iterator<Item = usize> {
     points
         .distances(hull, |_, least| f64::from(least) <= -DEEP)
@@ -214,7 +214,7 @@ fn filled(hull: &Hull, points: &Points) -> impl Iterator<Item = usize> {
         .map(|(i, _)| i)
 }
 
-/// By how much the candidate brings the error of the samples down.
+/// Reduction of the samples' cost by a candidate.
 pub(super) fn relief(
     complex: &Complex,
     candidate: &Primitive,
@@ -228,15 +228,15 @@ pub(super) fn relief(
     relief.sum()
 }
 
-/// The samples that are nearer to a primitive than some distances, and how near.
+/// The samples that are nearer to a primitive than given distances, with their new distances.
 fn nearer(hull: &Hull, samples: &Samples, distances: &[f64]) -> impl Iterator<Item = (usize, f64)> {
-    // What is farther than this from all points of a block is nearest to none.
+    // If the primitive is farther from a block than the block's largest distance, it is nearer to none of its points.
     let reach = |block: Range<usize>| distances[block].iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let near = samples.points.distances(hull, move |block, least| f64::from(least) <= reach(block));
     near.filter(|&(i, distance)| distance < distances[i])
 }
 
-/// What the surface of the candidate costs where it lies outside the solid.
+/// Cost of the part of a candidate's surface outside the solid.
 pub(super) fn harm(complex: &Complex, candidate: &Primitive, target: &Target) -> f64 {
     const SPACING: f64 = 0.02;
     let hull = Hull::new(&complex.balls, candidate);

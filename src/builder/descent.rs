@@ -1,7 +1,7 @@
-//! The last descent: spheres move until the envelope fits the surface, in both directions.
+//! Descent: spheres move until the envelope fits the surface, with errors measured in both directions.
 //!
-//! The distance of a surface sample to its nearest primitive changes, when the spheres of that primitive move, by their weights
-//! in the nearest blend. So a round is a least squares problem (Levenberg and Marquardt).
+//! The distance of a surface sample to its nearest primitive changes with the spheres of that primitive, in proportion to their weights
+//! in the nearest blend. So each step solves a least squares problem (Levenberg and Marquardt).
 
 use super::{
     envelope::{Complex, SurfacePoint},
@@ -9,20 +9,20 @@ use super::{
     target::{NEARLY_OUTSIDE, Target},
 };
 
-/// How far a sphere may move in a step, in radii, and as a part of the diagonal.
+/// Largest displacement of a sphere per step: the sum of a multiple of its radius and a part of the diagonal.
 const STRIDE: [f64; 2] = [0.3, 0.005];
 
-/// Least radius, as a part of the diagonal.
+/// Smallest radius, as a part of the diagonal.
 const LEAST_RADIUS: f64 = 1e-4;
 
-/// Gains of this part of the cost are enough while spheres come and go.
+/// Relative reduction of the cost per step that ends a descent while spheres are still exchanged.
 pub(super) const ROUGH: f64 = 1e-3;
 
-/// Moves the spheres downhill in some steps, unless one brings the cost down by a lesser part than `enough`; returns the cost.
+/// Moves the spheres for up to `steps` steps, until a step reduces the cost by less than the fraction `enough`. Returns the cost.
 ///
-/// The points of the envelope are taken anew for every trial: what comes to light as spheres move counts at once.
+/// Visibility and nearest surface points of the envelope's points are recomputed for every trial, so points that become visible count at once.
 pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enough: f64) -> f64 {
-    // The places on the envelope stay the same, relative to the spheres, so that costs compare.
+    // The places on the envelope stay fixed relative to the spheres, so that the costs of trials are comparable.
     let envelope = complex.envelope();
     let surface = target.places(&envelope);
     let anchored = target.anchors_at(&envelope, &surface, &[], NEARLY_OUTSIDE.max(target.creases));

@@ -1,4 +1,4 @@
-//! The shape in the making, and the distance of points to its envelope.
+//! The shape under construction, and distances of points to its envelope.
 
 use std::collections::{BTreeSet, HashSet};
 
@@ -25,7 +25,7 @@ pub(super) fn edges_of([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
 }
 
 impl Complex {
-    /// Faces, edges of no face, spheres of no edge.
+    /// The primitives: faces, edges without a face, and spheres without an edge.
     pub fn primitives(&self) -> Vec<Primitive> {
         let covered: HashSet<[u32; 2]> = self.faces.iter().flat_map(|&f| edges_of(f)).collect();
         let mut joined = vec![false; self.balls.len()];
@@ -36,7 +36,7 @@ impl Complex {
         slabs.chain(cones).chain(alone).collect()
     }
 
-    /// Drops spheres that no edge or face refers to any more, and numbers the others anew.
+    /// Removes the spheres in `gone`, which no edge or face may use, and renumbers the others.
     pub fn compact(&mut self, gone: &BTreeSet<u32>) {
         let numbers = numbers_of_kept((0..self.balls.len() as u32).map(|i| !gone.contains(&i)));
         let mut index = 0;
@@ -61,25 +61,25 @@ pub(super) struct Envelope {
     pub hulls: Vec<Hull>,
 }
 
-/// A primitive, as the nearest to a point.
+/// The nearest primitive to a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit {
-    /// Signed distance to the primitive, negative within.
+    /// Signed distance to the primitive, negative inside.
     pub distance: f64,
     pub primitive: u32,
-    /// Weights of the primitive's spheres, which blend to the sphere nearest to the point.
+    /// Weights of the primitive's spheres. They blend to the sphere nearest to the point.
     pub weights: [f64; 3],
     /// Unit direction from the centre of that sphere to the point.
     pub normal: DVec3,
 }
 
-/// A point on a primitive's surface: of the sphere at `weights` that in direction `normal`.
+/// A point on a primitive's surface: the point in direction `normal` on the sphere at `weights`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SurfacePoint {
     pub primitive: u32,
     pub weights: [f64; 3],
     pub normal: DVec3,
-    /// The area that it stands for.
+    /// Area represented by the point.
     pub area: f64,
 }
 
@@ -101,7 +101,7 @@ impl Envelope {
         self.hulls[s.primitive as usize].point(&s.weights, s.normal)
     }
 
-    /// Points about `spacing` apart, closer along thin cones, on the surfaces of all spheres, cones and slabs, be they visible or not.
+    /// Points about `spacing` apart, closer along thin cones, on the surfaces of all spheres, cones and slabs, including hidden parts.
     pub fn surface(&self, spacing: f64) -> Vec<SurfacePoint> {
         const PIECES_PER_TASK: usize = 8;
         let pieces = self.pieces();
@@ -121,7 +121,7 @@ impl Envelope {
         pieces
     }
 
-    /// The points on a piece.
+    /// Calls `push` with the points on a piece.
     pub fn sample(&self, piece: &Piece, spacing: f64, mut push: impl FnMut(SurfacePoint)) {
         match *piece {
             Piece::Sides(primitive) => self.hulls[primitive as usize].sample(spacing, |weights, normal, area| {
@@ -153,12 +153,12 @@ impl Envelope {
         self.distances_among(points, &self.all())
     }
 
-    /// The same to the nearest of some primitives, infinite if there is none.
+    /// The same to the nearest of the given primitives, infinite if there are none.
     pub fn distances_among(&self, points: &Points, among: &[u32]) -> Vec<f64> {
         self.nearest(points, among, f32::INFINITY, |_, _, distance| f64::from(distance))
     }
 
-    /// How deep each point lies within one of some primitives, 0 outside, up to the rounding of an f32.
+    /// Depth of each point inside the given primitives, 0 outside, up to the rounding of an f32.
     pub fn depths_among(&self, points: &Points, among: &[u32]) -> Vec<f64> {
         self.nearest(points, among, 0.0, |_, _, distance| f64::from(-distance))
     }
@@ -171,8 +171,8 @@ impl Envelope {
         (0..self.hulls.len() as u32).collect()
     }
 
-    /// For each point what `found` makes of its index, the nearest of some primitives and the distance. Where none is within `limit`,
-    /// that is the distance, and the primitive no matter.
+    /// For each point, the result of `found` for its index, the nearest of the given primitives and the distance. If no primitive is within `limit`,
+    /// the distance is `limit` and the primitive is arbitrary.
     fn nearest<R: Send + 'static>(
         &self,
         points: &Points,
@@ -205,7 +205,7 @@ impl Envelope {
         })
     }
 
-    /// What a primitive is to a point.
+    /// The hit of a point on a given primitive.
     pub fn hit(&self, point: DVec3, primitive: u32) -> Hit {
         let (distance, weights) = self.hulls[primitive as usize].closest(point);
         let center = self.hulls[primitive as usize].blend(&weights).center;

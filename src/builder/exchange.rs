@@ -1,4 +1,4 @@
-//! Local trials: what a shape would gain by one sphere more or less, with the spheres around fitted anew.
+//! Local trials: the change of the cost by one sphere more or less, after the spheres around it are fitted again.
 
 use std::collections::BTreeSet;
 
@@ -15,7 +15,7 @@ use super::{
 };
 use crate::geometry::Primitive;
 
-/// A change of a complex. A new sphere has the index that follows the last.
+/// A change of a complex. A new sphere gets the index after the last one.
 #[derive(Clone, Debug, Default)]
 struct Edit {
     removed: Option<u32>,
@@ -26,15 +26,15 @@ struct Edit {
     new_faces: Vec<[u32; 3]>,
 }
 
-/// What became of an edit.
+/// Result of a tried edit.
 struct Outcome {
-    /// Change of the cost, negative if it fell.
+    /// Change of the cost, negative if it decreased.
     change: f64,
-    /// Where spheres moved to.
+    /// New states of moved spheres.
     moved: Vec<(u32, Ball)>,
-    /// All spheres on which the outcome depends.
+    /// All spheres that the outcome depends on.
     touched: Vec<u32>,
-    /// The index that stands for a new sphere.
+    /// Placeholder index of a new sphere.
     placeholder: u32,
     edit: Edit,
 }
@@ -86,10 +86,10 @@ impl Edit {
 
 const STEPS: usize = 4;
 
-/// By how much the points of the envelope are farther apart in a trial.
+/// Factor by which points of the envelope are farther apart in a trial.
 const COARSER: f64 = 1.3;
 
-/// What the edit changes, after a descent of the spheres around.
+/// Tries an edit: applies it to a copy and runs a descent of the spheres around it.
 fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Outcome {
     let free = edit.free(complex.balls.len());
     let mut edited = complex.clone();
@@ -100,7 +100,7 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
     let old: Vec<bool> = state.envelope.primitives.iter().map(is_old).collect();
     let rest: Vec<u32> = (0..old.len() as u32).filter(|&p| !old[p as usize]).collect();
 
-    // The moving part by itself.
+    // The moving part as a complex of its own.
     let ids: Vec<u32> =
         moving.iter().flat_map(|p| p.indices()).copied().collect::<BTreeSet<u32>>().into_iter().collect();
     let local = |i: &u32| ids.binary_search(i).unwrap_or(0) as u32;
@@ -118,7 +118,7 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
     part.edges.sort_unstable();
     part.edges.dedup();
 
-    // The samples that it may concern.
+    // The samples that the edit may affect.
     const MARGIN: f64 = 0.01;
     let mut least = vec![f32::INFINITY; target.points.blocks.len()];
     for hull in moving.iter().map(|p| Hull::new(&edited.balls, p)) {
@@ -169,7 +169,7 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
 }
 
 impl Outcome {
-    /// True if one moved what the other depends on.
+    /// True if one outcome moves or removes a sphere that the other depends on.
     fn clashes(&self, other: &Outcome) -> bool {
         let moves = |a: &Outcome, i: &u32| a.edit.removed == Some(*i) || a.moved.iter().any(|(moved, _)| moved == i);
         let new = |i: &&u32| **i != self.placeholder;
@@ -178,7 +178,7 @@ impl Outcome {
     }
 }
 
-/// Edits that insert a sphere where the error of a region is largest, several a region.
+/// Edits that insert a sphere at the worst sample of a region, for the `count` regions with the largest costs. A region may have several edits.
 fn insertions(
     complex: &Complex,
     parts: &[u32],
@@ -187,7 +187,7 @@ fn insertions(
     samples: &Samples,
     count: usize,
 ) -> Vec<Edit> {
-    // Of the region of each sphere: the sum of the costs, and the worst sample.
+    // For the region of each sphere: the sum of the costs, the largest distance and its sample.
     let mut regions = vec![(0.0, 0.0, u32::MAX); complex.balls.len()];
     for (i, hit) in state.hits.iter().enumerate().filter(|(i, _)| samples.normals[*i] != glam::DVec3::ZERO) {
         let region = &mut regions[state.sphere(hit.primitive, &hit.weights) as usize];
@@ -232,7 +232,7 @@ fn insertions(
         {
             let split = ends.map(|i| [i, new]).to_vec();
             edits.push(Edit { inserted, cut_edges: vec![ends], new_edges: split.clone(), ..Edit::default() });
-            // The same between the ends, where it starts without harm.
+            // The same with a sphere on the cone, which does not change the shape at the start.
             let t = hit.weights[1];
             let (a, b) = (complex.balls[ends[0] as usize], complex.balls[ends[1] as usize]);
             let middle = Ball { center: a.center.lerp(b.center, t), radius: a.radius + t * (b.radius - a.radius) };
@@ -248,7 +248,7 @@ fn insertions(
     edits.into_iter().flatten().collect()
 }
 
-/// Takes spheres from where they do little and puts them where they do more.
+/// Moves spheres from places where they reduce the cost little to places where they reduce it more.
 pub(super) fn exchange(
     complex: &mut Complex,
     parts: &mut Vec<u32>,
@@ -289,7 +289,7 @@ pub(super) fn exchange(
     commit(complex, parts, &taken);
 }
 
-/// Applies outcomes that do not touch one another, and numbers the spheres anew.
+/// Applies outcomes that do not clash, and renumbers the spheres.
 fn commit(complex: &mut Complex, parts: &mut Vec<u32>, outcomes: &[&Outcome]) {
     let placeholder = complex.balls.len() as u32;
     let mut gone = BTreeSet::new();

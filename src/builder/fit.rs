@@ -1,4 +1,4 @@
-//! Medial meshes of a triangle mesh by what they may cost or how exact they have to be.
+//! Medial meshes of a triangle mesh with a limited number of spheres or a limited error.
 
 use std::ops::ControlFlow;
 
@@ -15,28 +15,28 @@ use super::{
 };
 use crate::medial_axis::MAX_SPHERES;
 
-/// Spheres where nothing is said.
+/// Default number of spheres.
 const DEFAULT_SPHERES: usize = 60;
 
-/// Fewest spheres with which an error is tried, and most where no number is given.
+/// Smallest number of spheres tried for a limited error, and default of the largest number.
 const TRIED: [usize; 2] = [8, 512];
 
-/// What to make of a triangle mesh.
+/// Options of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Clone, PartialEq)]
 pub struct FitOptions {
-    /// Most spheres of the finest level. `None`: 60, or as many as the error takes, up to 512.
+    /// Largest number of spheres of the finest level. `None`: 60, or with `max_error` as many as it requires, up to 512.
     pub spheres: Option<usize>,
-    /// Greatest error of the finest level, either way, in percent of the mesh's diagonal. The fewest spheres of 8, 16, 32, ... that
-    /// reach it are taken; if none do, the most.
+    /// Largest error of the finest level in either direction, in percent of the mesh's diagonal. The smallest number of spheres of 8, 16, 32, ... that
+    /// reaches it is used; if none does, the largest number.
     pub max_error: Option<f32>,
-    /// All levels of detail, down to one sphere a component; else the finest alone.
+    /// True: builds all levels of detail, down to one sphere per component. False: builds the finest level only.
     pub levels: bool,
-    /// How often each level is sought from other samples, of which the best is taken. `None`: the finest once or twice, as time allows, and less
-    /// thoroughly where there are fewer than 100 triangles for each sphere; others the more often the coarser they are, up to four times.
+    /// Number of searches for each level, each from different samples; the best result is used. `None`: one or two for the finest level, depending on the
+    /// size of the mesh, with a shorter search below 100 triangles per sphere. Coarser levels have up to four, the coarser the more.
     pub searches: Option<usize>,
-    /// The same seed gives the same result.
+    /// Seed of the samples. The same seed gives the same result.
     pub seed: u64,
 }
 
@@ -46,12 +46,12 @@ impl Default for FitOptions {
     }
 }
 
-/// Medial meshes of a solid with their two-sided errors, those to the mesh [with its holes closed](TriangleMesh::with_holes_closed).
+/// Builds medial meshes of a solid, with their two-sided errors relative to the mesh [with its holes closed](TriangleMesh::with_holes_closed).
 ///
-/// `progress` is told the part of the work that is done, from 0 to 1, and may break it off. It starts anew with each trial of an error.
+/// `progress` is called with the completed part of the work, from 0 to 1, and may cancel the build. With a limited error it starts again at 0 for each trial.
 ///
 /// # Errors
-/// As for [`build`](super::build()).
+/// The errors of [`build`](super::build()).
 pub fn fit(
     mesh: &TriangleMesh,
     options: &FitOptions,
@@ -79,12 +79,12 @@ pub fn fit(
             let mut spheres = TRIED[0].min(most);
             loop {
                 match trial(spheres) {
-                    // If half of them do nothing, more do no more.
+                    // If fewer than half of the spheres are used, more spheres do not reduce the error.
                     Ok(found) if spheres == most || found.1.error.max() <= error || found.0.balls() < spheres / 2 => {
                         break found;
                     }
                     Ok(_) => {}
-                    // Each component takes one.
+                    // Each component needs a sphere, so the next number may be large enough.
                     Err(BuildError::TooFewSpheres { .. }) if spheres < most => {}
                     Err(error) => return Err(error),
                 }
@@ -101,7 +101,7 @@ pub fn fit(
     Ok(MedialLevels { levels: useful(levels) })
 }
 
-/// The finest level, and those that are better than any coarser one.
+/// The finest level, and the levels with a smaller error than every coarser level.
 fn useful(levels: Vec<Level>) -> Vec<Level> {
     let mut kept: Vec<Level> = vec![];
     for (number, level) in levels.into_iter().enumerate().rev() {
@@ -136,7 +136,7 @@ mod tests {
             (&[3.0], &[3.0]),
             (&[1.0, 2.0, 4.0], &[1.0, 2.0, 4.0]),
             (&[1.0, 5.0, 4.0, 4.0, 7.0], &[1.0, 4.0, 7.0]),
-            // The finest stays.
+            // The finest level is always kept.
             (&[2.0, 1.0, 3.0], &[2.0, 1.0, 3.0]),
             (&[2.0, 9.0, 8.0, 1.0], &[2.0, 1.0]),
         ];

@@ -1,9 +1,9 @@
-//! Closing holes: each of their rims gets a cap of least area.
+//! Closes holes with caps of minimal area.
 //!
-//! Where a surface is open, as scans are and the undersides of many models, nothing would stop a sphere from bulging out. But not every rim
-//! is that of a hole: patches that lie edge to edge without being joined have rims as well, and a cap over such a patch would cut into the
-//! solid. Over a hole a surface winds round both sides of the cap by about a half, besides the times that it does as a part of other pieces
-//! that the hole is hidden in; over such a patch it winds round either side a whole number of times.
+//! At an opening, as in scans and the undersides of many models, nothing would stop a sphere from bulging out. But not every rim
+//! bounds a hole: patches that lie edge to edge without being joined have rims as well, and a cap over such a patch would cut into the
+//! solid. The winding number distinguishes them. On both sides of a cap over a hole it differs from an integer by about a half; other pieces that
+//! enclose the hole add an integer. On both sides of an unjoined patch it is close to an integer.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -11,20 +11,20 @@ use glam::DVec3;
 
 use super::{TriangleMesh, mesh::edge_uses, solid::tree_of, tree::TriangleTree};
 
-/// Of a rim with more corners every other one is cut off until there are so few: a cap of least area takes time as their cube.
+/// A rim with more corners is reduced by cutting off every other corner. The time of a cap of minimal area grows with the cube of the corners.
 const MOST_CORNERS: usize = 160;
 
-/// By how much the number of windings round both sides of a cap over a hole differs from a whole one, at least.
+/// Smallest mean difference between the winding number and the nearest integer, on both sides of a cap over a hole.
 const LEAST_FRACTION: f64 = 0.25;
 
-/// How often it is looked which of the rims are those of holes.
+/// Number of iterations in which rims are classified.
 const ROUNDS: usize = 8;
 
-/// How far off a cap that is looked at, in roots of the area of a triangle, and as a part of the diagonal.
+/// Distance of probe points from a cap: a multiple of the square root of twice a triangle's area, and a minimum as a part of the diagonal.
 const PROBE: [f64; 2] = [0.02, 2e-5];
 
 impl TriangleMesh {
-    /// The same surface, welded, with caps over its holes. What is no hole stays open: the rims of patches that are not joined to their neighbours.
+    /// The same surface, welded, with caps over its holes. Other rims stay open: those of patches that are not joined to their neighbours.
     ///
     /// # Panics
     /// If an index of the mesh is out of range.
@@ -38,7 +38,7 @@ impl TriangleMesh {
         let places = mesh.unit_places();
         let corners = |triangle: &[u32; 3]| triangle.map(|i| places[i as usize]);
         let mut caps: Vec<Vec<[u32; 3]>> = rims.into_iter().map(|rim| cap(rim, &places)).collect();
-        // The fewer holes there are, the more of the others are seen for what they are.
+        // Each closed hole makes the winding numbers at the other rims more accurate.
         for _ in 0..ROUNDS {
             let tree = tree_of(mesh.triangles.iter().map(corners));
             let (closing, others): (Vec<_>, Vec<_>) =
@@ -53,15 +53,15 @@ impl TriangleMesh {
     }
 }
 
-/// Closed loops of the edges that an odd number of triangles share, each vertex once, against the sense of these triangles.
+/// Closed loops of the edges with an odd number of triangles. A loop contains a vertex at most once and runs against the sense of its triangles.
 fn rims(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let uses = edge_uses(triangles);
-    // By how much more triangles run that way than back.
+    // Number of triangles that run from `from` to `to`, minus the number that run back.
     let sense = |from: u32, to: u32| {
         let [along, back] = uses[&[from.min(to), from.max(to)]].map(i64::from);
         if from < to { along - back } else { back - along }
     };
-    // At each vertex ends an even number of such edges, as each triangle has two or none there: so whoever walks on comes back.
+    // An even number of such edges ends at each vertex, because each triangle has two or no edges there. So every walk returns to its start.
     let mut open = BTreeMap::<u32, Vec<u32>>::new();
     for &[i, j] in uses.iter().filter(|(_, [along, back])| (along + back) % 2 == 1).map(|(edge, _)| edge) {
         open.entry(i).or_default().push(j);
@@ -79,7 +79,7 @@ fn rims(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
         }
         let from = path[path.len() - 1];
         let Some(to) = step(&mut open, from) else {
-            // Only where a walk began does it end.
+            // A walk can only end at its start.
             path.clear();
             place.clear();
             continue;
@@ -89,7 +89,7 @@ fn rims(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
             path.push(to);
             continue;
         };
-        // A loop is cut off where the way meets itself.
+        // The path meets itself: the loop is split off.
         let mut rim = path.split_off(met);
         rim.iter().for_each(|vertex| _ = place.remove(vertex));
         path.push(to);
@@ -102,7 +102,7 @@ fn rims(triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     }
 }
 
-/// Takes the first edge that is left at a vertex; where it leads.
+/// Removes the first remaining edge at a vertex, and returns its other end.
 fn step(open: &mut BTreeMap<u32, Vec<u32>>, from: u32) -> Option<u32> {
     let to = *open.get(&from)?.first()?;
     for [at, end] in [[from, to], [to, from]] {
@@ -116,7 +116,7 @@ fn step(open: &mut BTreeMap<u32, Vec<u32>>, from: u32) -> Option<u32> {
     Some(to)
 }
 
-/// The triangles of least area over a rim, in its sense.
+/// The triangles of minimal area over a rim, in its sense.
 fn cap(mut rim: Vec<u32>, places: &[DVec3]) -> Vec<[u32; 3]> {
     let mut triangles = vec![];
     while rim.len() > MOST_CORNERS {
@@ -124,7 +124,7 @@ fn cap(mut rim: Vec<u32>, places: &[DVec3]) -> Vec<[u32; 3]> {
         triangles.extend((1..corners).step_by(2).map(|i| [rim[i - 1], rim[i], rim[(i + 1) % rim.len()]]));
         rim = rim.into_iter().step_by(2).collect();
     }
-    // Of the rim from one corner to another, closed by a line: the least area, and the third corner of the triangle at that line.
+    // For each part of the rim between two corners, closed by a line: the minimal area, and the third corner of the triangle at that line.
     let count = rim.len();
     let mut best = vec![(0.0, 0); count * count];
     for length in 2..count {
@@ -150,7 +150,7 @@ fn cap(mut rim: Vec<u32>, places: &[DVec3]) -> Vec<[u32; 3]> {
     triangles
 }
 
-/// True if a cap lies where there is no surface: round neither side of it the triangles wind a whole number of times.
+/// True if a cap lies over a hole: on both sides the winding number is not close to an integer.
 fn is_over_a_hole(cap: impl Iterator<Item = [DVec3; 3]>, tree: &TriangleTree) -> bool {
     let (mut area, mut fractions) = (0.0, [0.0; 2]);
     for [a, b, c] in cap {
@@ -173,7 +173,7 @@ mod tests {
     use super::*;
     use crate::builder::{MeshReport, mesh::tests::tetrahedron};
 
-    /// A bowl: the lower half of a sphere of radius 1, of so many strips of so many quads.
+    /// A bowl: the lower half of a sphere of radius 1, with `strips` strips of `turns` quads.
     fn bowl(strips: u32, turns: u32) -> TriangleMesh {
         let mut positions = vec![Vec3::NEG_Y];
         for ring in 1..=strips {
@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn a_cap_keeps_to_a_rim_that_turns_in() {
-        // An L, of which a fan from any corner but one, or from the middle, would leave a part and add others.
+        // An L-shape. A fan from the middle, or from any corner except one, would miss a part of it and add others.
         let rim = [[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]].map(|[x, y]| DVec3::new(x.into(), y.into(), 0.0));
         for first in 0..6 {
             let mut places = rim;
@@ -236,7 +236,7 @@ mod tests {
     fn what_is_whole_or_only_not_joined_stays_as_it_is() {
         let whole = tetrahedron();
         assert_eq!(whole.with_holes_closed(), whole.welded());
-        // Faces that lie edge to edge but for a hair.
+        // Faces that lie edge to edge with tiny gaps.
         let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
         for (i, triangle) in (0..).zip(&whole.triangles) {
             mesh.positions.extend(whole.corners(*triangle).map(|p| p * (1.0 + 1e-4 * i as f32)));
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn a_hole_that_another_piece_hides_is_closed() {
-        // Bowls whose rims lie within a larger one, upside down, beside its own rim, and far away.
+        // Smaller bowls: upside down inside the first one, at its rim, and far away.
         let (bowl, mut mesh) = (bowl(6, 12), bowl(6, 12));
         for (size, at) in [(-0.3, Vec3::new(0.3, -0.6, 0.0)), (0.2, Vec3::new(0.9, 0.0, 0.0)), (0.5, Vec3::X * 9.0)] {
             let first = mesh.positions.len() as u32;
@@ -262,7 +262,7 @@ mod tests {
 
     #[test]
     fn rims_that_touch_are_told_apart() {
-        // Two holes with a corner in common, and a third by itself, in a plate of four by four quads.
+        // A plate of four by four quads without three: two holes with a common corner, and a third at the outline.
         let at = |x: u32, y: u32| 5 * y + x;
         let mut triangles = vec![];
         for (x, y) in (0..4).flat_map(|x| (0..4).map(move |y| (x, y))) {
@@ -273,7 +273,7 @@ mod tests {
         }
         let mut lengths: Vec<usize> = rims(&triangles).iter().map(Vec::len).collect();
         lengths.sort_unstable();
-        // The outline goes round the third, which lies at it.
+        // The outline includes the third.
         assert_eq!(lengths, [4, 4, 18]);
     }
 }

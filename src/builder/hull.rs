@@ -1,4 +1,4 @@
-//! The hull of one, two or three spheres: distances to it, and points on its surface.
+//! The hull of one, two or three spheres: distances from it, and points on its surface.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use super::vectors::{Vectors, splat};
 use crate::{geometry::Primitive, query::number::Vector};
 
-/// Points of a block.
+/// Number of points of a block.
 pub(super) const BLOCK: usize = 16;
 
 /// The points of a block.
@@ -27,7 +27,7 @@ impl Ball {
     }
 }
 
-/// One primitive, prepared.
+/// A primitive with precomputed values.
 pub(super) enum Hull {
     Sphere(Ball),
     Cone(Cone),
@@ -40,7 +40,7 @@ pub(super) struct Cone {
     along: DVec3,
     widening: f64,
     inverse_length_squared: f64,
-    /// By how much, per distance from the axis, the nearest sphere lies past the foot of the perpendicular, as a fraction of the axis.
+    /// Shift of the nearest sphere past the foot of the perpendicular, per distance from the axis, as a fraction of the axis.
     slant: f64,
 }
 
@@ -51,9 +51,9 @@ pub(super) struct Slab {
     v: DVec3,
     widening: [f64; 2],
     normal: DVec3,
-    /// Rows that take an in-plane offset to its weights.
+    /// Rows of the matrix that maps an in-plane offset to the weights of the second and third sphere.
     to_weights: [DVec3; 2],
-    /// In-plane shift of the nearest sphere per distance from the plane; `None` without a common tangent plane.
+    /// In-plane shift of the nearest sphere per distance from the plane. `None` if there is no common tangent plane.
     slant: Option<DVec3>,
     cones: [Cone; 3],
 }
@@ -100,7 +100,7 @@ impl Hull {
         }
     }
 
-    /// The sphere at some weights.
+    /// The blend of the spheres at some weights.
     pub fn blend(&self, w: &[f64; 3]) -> Ball {
         match self {
             Hull::Sphere(ball) => *ball,
@@ -114,14 +114,14 @@ impl Hull {
 }
 
 impl Hull {
-    /// The point on the sphere at some weights, in a direction.
+    /// The point in a direction on the sphere at some weights.
     pub fn point(&self, weights: &[f64; 3], normal: DVec3) -> DVec3 {
         let ball = self.blend(weights);
         ball.center + normal * ball.radius
     }
 
-    /// Points about `spacing` apart, closer along thin cones, on the sides, without the spheres: weights, outward normal, and the area that each
-    /// stands for.
+    /// Calls `push` with points about `spacing` apart, closer along thin cones, on the sides without the spheres. Its arguments are the weights, the outward
+    /// normal and the area represented by the point.
     pub fn sample(&self, spacing: f64, mut push: impl FnMut([f64; 3], DVec3, f64)) {
         match self {
             Hull::Sphere(_) => {}
@@ -136,8 +136,8 @@ impl Hull {
     }
 }
 
-/// Of a block of points the number of the nearest of some hulls and the distance to it, or 0 and `limit` where none is nearer than that. A hull comes
-/// with its distance to the middle of the block, within whose radius the points are.
+/// For each point of a block, the index of the nearest of some hulls and its distance, or 0 and `limit` if no hull is nearer than `limit`. `among` lists
+/// hulls with their distances from the middle of the block. All points are within `radius` of the middle.
 pub(super) fn nearest_to_block(
     hulls: &[Hull],
     among: &[(u32, f32)],
@@ -146,7 +146,7 @@ pub(super) fn nearest_to_block(
     limit: f32,
 ) -> ([u32; BLOCK], [f32; BLOCK]) {
     let (mut nearest, mut least) = ([0; BLOCK], [limit; BLOCK]);
-    // The first is likely to be the nearest to most; few others come nearer to any.
+    // The hull nearest to the middle comes first: it is the nearest to most points, so most other hulls can be skipped.
     let first = among.iter().min_by(|a, b| a.1.total_cmp(&b.1));
     let others = among.iter().filter(|other| Some(*other) != first);
     dispatch!(Level::new(), simd => {
@@ -169,7 +169,7 @@ pub(super) fn nearest_to_block(
     (nearest, least)
 }
 
-/// Fractional part of multiples of the golden ratio: evenly spread, whatever their number.
+/// Fractional part of the golden ratio: its multiples are evenly spread, for any number of them.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 pub(super) fn sample_sphere(radius: f64, spacing: f64, mut push: impl FnMut(DVec3, f64)) {
@@ -185,10 +185,10 @@ pub(super) fn sample_sphere(radius: f64, spacing: f64, mut push: impl FnMut(DVec
     }
 }
 
-/// Points on cones are no farther apart than their mean radius, so that fingers are seen, unless it is less than this part of the diagonal.
+/// Points on a cone are no farther apart than its mean radius, so that fingers are sampled, or than this part of the diagonal if that is larger.
 const THIN: f64 = 0.005;
 
-/// Weights in a slab at `t` along its edge ab, bc or ac.
+/// Weights in a slab at `t` along its edge ab (0), bc (1) or ac (2).
 fn edge_weights(edge: usize, t: f64) -> [f64; 3] {
     match edge {
         0 => [1.0 - t, t, 0.0],
@@ -231,7 +231,7 @@ impl Cone {
         let (inverse_length_squared, slant) = if rest > 1e-12 * length_squared && length_squared > 1e-24 {
             (1.0 / length_squared, widening / (length_squared * rest).sqrt())
         } else {
-            // One sphere holds the other: all points are nearest to it.
+            // One sphere contains the other and is nearest to all points.
             (0.0, if widening > 0.0 { f64::INFINITY } else { f64::NEG_INFINITY })
         };
         Self { from, along, widening, inverse_length_squared, slant }
@@ -239,7 +239,7 @@ impl Cone {
 
     #[inline(always)]
     fn distances<S: Simd>(&self, simd: S, points: Vector<f32x16<S>>) -> f32x16<S> {
-        // A degenerate cone is the sphere that holds the other.
+        // A degenerate cone is the sphere that contains the other.
         let (ball, along, widening, slant) = if self.slant.is_finite() {
             (self.from, self.along, self.widening, self.slant.clamp(-1e6, 1e6))
         } else {
@@ -303,12 +303,12 @@ impl Slab {
 
     fn sample(&self, spacing: f64, mut push: impl FnMut([f64; 3], DVec3, f64)) {
         let Some(slant) = self.slant else { return };
-        // The slant is g / sqrt(1 - g^2) of the gradient g.
+        // The slant is g / sqrt(1 - g^2), where g is the gradient of the radius.
         let cosine = 1.0 / (1.0 + slant.length_squared()).sqrt();
         let area = 0.5 * self.u.cross(self.v).length() * cosine;
         let count = (area / (spacing * spacing)).ceil().max(2.0);
         for i in 0..count as usize {
-            // The sequence of Roberts, folded into the triangle.
+            // Roberts' sequence (2018), folded into the triangle.
             let (s, t) = ((0.5 + 0.754_877_666 * i as f64).fract(), (0.5 + 0.569_840_291 * i as f64).fract());
             let (s, t) = if s + t > 1.0 { (1.0 - s, 1.0 - t) } else { (s, t) };
             for side in [self.normal, -self.normal] {
@@ -324,7 +324,7 @@ impl Slab {
         let Some(slant) = self.slant else { return least };
         let (offset, normal) = (points - splat(simd, self.from.center), splat(simd, self.normal));
         let rows = (splat(simd, self.to_weights[0]), splat(simd, self.to_weights[1]));
-        // Per distance from the plane: the shift of the weights, and the distance from the shifted sphere's centre.
+        // Per distance from the plane: the shift of the weights, and the distance from the centre of the shifted sphere.
         let [s, t] = self.to_weights.map(|row| row.dot(slant));
         let stretch = (1.0 + slant.length_squared()).sqrt();
         let all = |x: f64| f32x16::splat(simd, x as f32);
@@ -344,7 +344,7 @@ impl Slab {
             let height = offset.dot(self.normal);
             let shifted = offset + slant * height.abs();
             let (s, t) = (shifted.dot(self.to_weights[0]), shifted.dot(self.to_weights[1]));
-            // The edges that are seen from there: ab, bc, ac.
+            // The edges that face the point: ab, bc, ac.
             open = [t < 0.0, s + t > 1.0, s < 0.0];
             if open == [false; 3] {
                 let radius = self.from.radius + s * self.widening[0] + t * self.widening[1];

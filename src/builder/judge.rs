@@ -1,4 +1,4 @@
-//! Which of several shapes is the best, and where it is not good: their two-sided errors at samples that none of them was fitted to.
+//! Ranks shapes and finds their worst places, by two-sided errors at samples that no shape was fitted to.
 
 use glam::DVec3;
 
@@ -12,40 +12,40 @@ use super::{
     target::{CLOSE_SPACING, CLOSE_WITHIN},
 };
 
-/// Samples of the area, and vertices beside them.
+/// Number of samples of the area, and of additional vertices.
 const SAMPLES: [usize; 2] = [20_000, 10_000];
 
-/// Points of the envelope deeper inside than this are hidden by other primitives.
+/// Points of the envelope deeper inside than this are hidden by other primitives. As a part of the diagonal.
 const HIDDEN: f64 = 1e-5;
 
-/// From this part of the envelope's greatest distance on a place of it is among the worst.
+/// Places with more than this part of the envelope's largest distance are among the worst.
 const BAD: f64 = 0.6;
 
-/// How many of those are told.
+/// Largest number of worst places in a verdict.
 const MOST_WORST: usize = 12;
 
-/// The distances between the surface and the envelope.
+/// Distances between the surface and the envelope, as parts of the diagonal.
 #[derive(Clone, Debug)]
 pub(super) struct Verdict {
-    /// The greatest from the surface to the envelope, and back.
+    /// Largest distance from the surface to the envelope, and from the envelope to the surface.
     pub greatest: [f64; 2],
-    /// The mean, of the worse way.
+    /// The larger mean of both directions.
     pub mean: f64,
-    /// Places of the envelope that are about as far from the surface as any, the worst first.
+    /// Places of the envelope with about the largest distance from the surface, the worst first.
     pub worst: Vec<DVec3>,
 }
 
 impl Verdict {
-    /// Of a shape that is not judged yet.
+    /// Verdict of a shape that has not been judged.
     pub const UNKNOWN: Self = Self { greatest: [f64::INFINITY; 2], mean: f64::INFINITY, worst: vec![] };
 
-    /// How bad a shape is: a tenth less of the mean or of the greatest distance of either way counts the same. One without anything to judge is bad.
+    /// Error for comparisons: the same relative change of the mean or of the largest distance in either direction counts the same. Infinite without samples.
     pub fn error(&self) -> f64 {
         let error = self.greatest[0] * self.greatest[1] * self.mean;
         if error > 0.0 { error } else { f64::INFINITY }
     }
 
-    /// The greatest distance, either way.
+    /// The largest distance in either direction.
     pub fn max(&self) -> f64 {
         self.greatest[0].max(self.greatest[1])
     }
@@ -66,7 +66,7 @@ impl<'a> Judge<'a> {
         let distances = envelope.distances(&self.samples.points);
         let inward = sum(distances.iter().map(|d| d.abs()).zip(self.samples.weights.iter().copied()));
         let pieces = envelope.pieces();
-        // Points of the envelope, how far they are from the surface, and the area that each stands for.
+        // Points of the envelope, their distances from the surface, and the areas that they represent.
         let errors: Vec<(DVec3, f64, f64)> = parallel::flat_map(pieces.len(), 1, |i, errors| {
             let (mut positions, mut areas) = (vec![], vec![]);
             envelope.sample(&pieces[i], CLOSE_SPACING, |place| {
@@ -88,7 +88,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// The worst places, of those that lie close together the worst alone.
+/// The worst places. Of places close to each other, only the worst is kept.
 fn spread(mut errors: Vec<(DVec3, f64)>) -> Vec<DVec3> {
     errors.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut places: Vec<DVec3> = vec![];

@@ -4,7 +4,7 @@
 //! "medial"  version (u16)  checksum (u32, of all that follows)  levels (postcard)      numbers little endian
 //! ```
 //!
-//! About a third of the size of `.ma` text, with the errors, and damage does not pass for a shape.
+//! The file has about a third of the size of `.ma` text and includes the errors. The checksum detects damage.
 
 use std::{
     fs,
@@ -24,35 +24,35 @@ use crate::{
 
 const MAGIC: [u8; 6] = *b"medial";
 const VERSION: u16 = 1;
-/// Bytes before the levels.
+/// Number of bytes before the levels.
 const HEADER: usize = 12;
 
-/// A medial mesh and how well it stands for the mesh it was made of.
+/// A medial mesh and its error relative to the mesh it was built from.
 #[derive(Clone, Debug)]
 pub struct Level {
     /// The shape.
     pub axis: MedialAxis,
-    /// Its error.
+    /// Its two-sided error.
     pub error: TwoSidedError,
 }
 
-/// Medial meshes of one shape.
+/// Medial meshes of one shape at several levels of detail.
 #[derive(Clone, Debug, Default)]
 pub struct MedialLevels {
-    /// The finest first.
+    /// The levels, the finest first.
     pub levels: Vec<Level>,
 }
 
-/// Why bytes are no chain of levels.
+/// Reasons why bytes are not a chain of levels.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum MedialLevelsError {
-    /// The bytes do not start as a `.medial` file does.
-    #[error("it is no .medial file; write one with `medial build --levels`")]
+    /// The bytes do not start like a `.medial` file.
+    #[error("it is not a .medial file; write one with `medial build --levels`")]
     Magic,
-    /// Another version of the crate has written it.
+    /// Another version of the crate wrote the file.
     #[error("it has version {0} of the format, not {VERSION}; build it again")]
     Version(u16),
-    /// It was cut or altered.
+    /// The file was truncated or altered.
     #[error("it is damaged: {0}; copy or build it again")]
     Damaged(&'static str),
     /// There is no level.
@@ -61,53 +61,53 @@ pub enum MedialLevelsError {
     /// A level does not describe a shape.
     #[error("level {level}: {error}; build it again")]
     Shape {
-        /// Number of the level, the finest being 0.
+        /// Index of the level; the finest is 0.
         level: usize,
-        /// What is wrong with it.
+        /// The error of the shape.
         error: MedialAxisError,
     },
 }
 
-/// Why a `.medial` file was not read or written.
+/// Reasons why a `.medial` file could not be read or written.
 #[derive(Debug, Error)]
 pub enum MedialFileError {
-    /// The system refuses.
+    /// The file system reported an error.
     #[error("{}: it cannot be read or written: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the file system.
         source: std::io::Error,
     },
-    /// The content is no chain of levels.
+    /// The content is not a chain of levels.
     #[error("{}: {source}", path.display())]
     Content {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: MedialLevelsError,
     },
 }
 
-/// A level as the file holds it.
+/// A level in the file.
 #[derive(Serialize, Deserialize)]
 struct Stored {
     /// x, y, z, radius.
     spheres: Vec<[f32; 4]>,
     cones: Vec<[u32; 2]>,
     slabs: Vec<[u32; 3]>,
-    /// Max and mean from the mesh to the envelope, then back; the diagonal.
+    /// Max and mean from the mesh to the envelope, max and mean back, and the diagonal.
     error: [f32; 5],
 }
 
 impl MedialLevels {
-    /// The coarsest level with an error, either way, of at most `percent` of the diagonal; the finest if none is as good.
-    /// None if there are no levels.
+    /// The coarsest level with an error of at most `percent` of the diagonal in either direction, or the finest if no level is that accurate.
+    /// `None` if there are no levels.
     pub fn coarsest_within(&self, percent: f32) -> Option<&Level> {
         self.levels.iter().rev().find(|level| level.error.max() <= percent).or(self.levels.first())
     }
 
-    /// The finest level, with the others as its coarser ones. None if there are no levels.
+    /// The finest level, with the others as its coarser levels. `None` if there are no levels.
     pub fn into_medial_axis(self) -> Option<MedialAxis> {
         let mut levels = self.levels.into_iter();
         let finest = levels.next()?;
@@ -131,7 +131,7 @@ impl MedialLevels {
                 }
             })
             .collect();
-        // Lists of numbers in memory are written without fail.
+        // Serialization of lists of numbers in memory cannot fail.
         let body = postcard::to_allocvec(&stored).unwrap_or_default();
         let header = MAGIC.into_iter().chain(VERSION.to_le_bytes()).chain(crc32fast::hash(&body).to_le_bytes());
         header.chain(body.iter().copied()).collect()
@@ -140,7 +140,7 @@ impl MedialLevels {
     /// The levels in the content of a `.medial` file.
     ///
     /// # Errors
-    /// If the bytes are no such file, are damaged, or do not describe shapes. Memory is bounded by the number of bytes.
+    /// If the bytes are not such a file, are damaged, or do not describe shapes. Memory use is bounded by the number of bytes.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, MedialLevelsError> {
         let header = bytes.get(..HEADER).filter(|header| header.starts_with(&MAGIC)).ok_or(MedialLevelsError::Magic)?;
         let version = u16::from_le_bytes([header[6], header[7]]);
@@ -149,12 +149,12 @@ impl MedialLevels {
         }
         let body = &bytes[HEADER..];
         if header[8..] != crc32fast::hash(body).to_le_bytes() {
-            return Err(MedialLevelsError::Damaged("the checksum does not fit"));
+            return Err(MedialLevelsError::Damaged("the checksum does not match"));
         }
         let (stored, rest) = postcard::take_from_bytes::<Vec<Stored>>(body)
-            .map_err(|_| MedialLevelsError::Damaged("the lists do not end where they should"))?;
+            .map_err(|_| MedialLevelsError::Damaged("the lists have the wrong length"))?;
         if !rest.is_empty() {
-            return Err(MedialLevelsError::Damaged("something follows the last level"));
+            return Err(MedialLevelsError::Damaged("there are bytes after the last level"));
         }
         if stored.is_empty() {
             return Err(MedialLevelsError::Empty);
@@ -177,16 +177,16 @@ impl MedialLevels {
     /// Reads a `.medial` file.
     ///
     /// # Errors
-    /// Names the file, and why it gives no levels.
+    /// The path of the file and the reason.
     pub fn load(path: &Path) -> Result<Self, MedialFileError> {
         let bytes = fs::read(path).map_err(|source| MedialFileError::Io { path: path.into(), source })?;
         Self::from_bytes(&bytes).map_err(|source| MedialFileError::Content { path: path.into(), source })
     }
 
-    /// Writes a `.medial` file, of which nobody sees a part: it gets its name when it is whole.
+    /// Writes a `.medial` file atomically: the file gets its name when it is complete.
     ///
     /// # Errors
-    /// Names the file that the system does not write.
+    /// The path of the file and the error of the file system.
     pub fn save(&self, path: &Path) -> Result<(), MedialFileError> {
         let written = whole_file::write(path, &self.to_bytes());
         written.map_err(|source| MedialFileError::Io { path: path.into(), source })
@@ -207,7 +207,7 @@ mod tests {
         MedialLevels { levels: levels.into() }
     }
 
-    /// Bytes with a checksum that fits.
+    /// Bytes with a matching checksum.
     fn sealed(body: &[u8]) -> Vec<u8> {
         let head = MAGIC.into_iter().chain(VERSION.to_le_bytes()).chain(crc32fast::hash(body).to_le_bytes());
         head.chain(body.iter().copied()).collect()
@@ -237,19 +237,19 @@ mod tests {
     fn errors_name_cause_and_remedy() {
         let error = |bytes: &[u8]| MedialLevels::from_bytes(bytes).unwrap_err().to_string();
         let good = chain().to_bytes();
-        let no_file = "it is no .medial file; write one with `medial build --levels`";
+        let no_file = "it is not a .medial file; write one with `medial build --levels`";
         assert_eq!((error(b""), error(b"2 1 0\nv 0 0 0 1\n")), (no_file.into(), no_file.into()));
         let mut newer = good.clone();
         newer[6] = 2;
         assert_eq!(error(&newer), "it has version 2 of the format, not 1; build it again");
-        let damaged = "it is damaged: the checksum does not fit; copy or build it again";
+        let damaged = "it is damaged: the checksum does not match; copy or build it again";
         assert_eq!(error(&good[..good.len() - 1]), damaged);
-        assert_eq!(
-            error(&sealed(&[])),
-            "it is damaged: the lists do not end where they should; copy or build it again"
-        );
+        assert_eq!(error(&sealed(&[])), "it is damaged: the lists have the wrong length; copy or build it again");
         let more: Vec<u8> = good[HEADER..].iter().copied().chain([0]).collect();
-        assert_eq!(error(&sealed(&more)), "it is damaged: something follows the last level; copy or build it again");
+        assert_eq!(
+            error(&sealed(&more)),
+            "it is damaged: there are bytes after the last level; copy or build it again"
+        );
         assert_eq!(error(&sealed(&[0])), "it has no levels; build it again");
         let stored = |cones| Stored { spheres: vec![[0.0, 0.0, 0.0, 1.0]], cones, slabs: vec![], error: [0.0; 5] };
         let wild = postcard::to_allocvec(&vec![stored(vec![]), stored(vec![[0, 7]])]).unwrap();
@@ -272,12 +272,12 @@ mod tests {
                 _ => drop(bytes.drain(at..bytes.len().min(at + 1 + random.below(9)))),
             }
             assert!(MedialLevels::from_bytes(&bytes).is_err(), "round {round}");
-            // The same behind a checksum that fits must not panic either, nor ask for memory that the bytes do not back.
+            // With a matching checksum, the same bytes must not cause a panic or an allocation beyond their size.
             if round % 20 == 0 {
                 let body = bytes.get(HEADER..).unwrap_or_default();
                 passed += usize::from(MedialLevels::from_bytes(&sealed(body)).is_ok());
             }
         }
-        assert!(passed > 10, "only {passed} reached the shapes");
+        assert!(passed > 10, "only {passed} have passed the checksum");
     }
 }

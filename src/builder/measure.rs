@@ -10,41 +10,41 @@ use crate::{
     medial_axis::MedialAxis,
 };
 
-/// Distance of the points at which surfaces are sampled, per diagonal.
+/// Distance between surface samples, as a part of the diagonal.
 const SPACING: f64 = 1.0 / 300.0;
 
-/// Most points on the envelope, or on the mesh, beyond those that every patch has. Large parts far from the mesh would ask for more.
+/// Largest number of points on the envelope, or on the mesh, in addition to the minimum of each patch. Large parts far from the mesh would need more.
 const MOST_SAMPLES: f64 = 6.0e5;
 
-/// Points of the envelope's patches deeper inside than this, relative to the size of all, are hidden by other primitives.
+/// Points of the envelope's patches deeper inside than this are hidden by other primitives. Relative to the frame's unit.
 const HIDDEN: f64 = 1.0e-5;
 
-/// How far one surface is from another, in percent of the mesh's diagonal.
+/// Distance of one surface from another, in percent of the mesh's diagonal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deviation {
-    /// Greatest distance of a point.
+    /// Largest distance of a point.
     pub max: f32,
     /// Mean distance over the area.
     pub mean: f32,
 }
 
-/// How well a medial mesh stands for a triangle mesh.
+/// Difference between a medial mesh and a triangle mesh.
 ///
-/// Each direction finds what the other is blind to: a limb that is missing is far from the envelope, while the envelope is near the mesh
-/// everywhere; a sphere too much is far from the mesh.
+/// Each direction detects errors that the other misses. The surface of a missing limb is far from the envelope, although the envelope is near the mesh
+/// everywhere. A surplus sphere is far from the mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TwoSidedError {
-    /// From the mesh's surface to the envelope. Exact outside the envelope, inside a lower bound: the depth in the deepest
+    /// From the mesh's surface to the envelope. Exact outside the envelope; inside it is a lower bound, the depth in the deepest
     /// primitive, which is less than the depth in the union where primitives overlap.
     pub mesh_to_envelope: Deviation,
     /// From the envelope to the mesh's surface.
     pub envelope_to_mesh: Deviation,
-    /// Diagonal of the mesh's bounding box in metres, of which all is a percentage.
+    /// Diagonal of the mesh's bounding box in metres, the reference of all percentages.
     pub diagonal: f32,
 }
 
 impl TwoSidedError {
-    /// Greatest distance in either direction, in percent of the diagonal: the Hausdorff distance, as far as samples tell.
+    /// Largest distance in either direction, in percent of the diagonal: the Hausdorff distance, up to the accuracy of the samples.
     pub fn max(&self) -> f32 {
         self.mesh_to_envelope.max.max(self.envelope_to_mesh.max)
     }
@@ -58,10 +58,10 @@ impl fmt::Display for TwoSidedError {
     }
 }
 
-/// The two-sided error of a medial mesh, both in one frame.
+/// Measures the two-sided error of a medial mesh. Both meshes are in one frame.
 ///
-/// Surfaces are sampled evenly, about 300 points to the diagonal, the mesh also at its vertices; distances are to the surfaces
-/// themselves. The same input gives the same bits, whatever the number of threads.
+/// Surfaces are sampled evenly, with about 300 points per diagonal; the mesh also at its vertices. Distances are to the surfaces
+/// themselves. The result does not depend on the number of threads, down to the last bit.
 ///
 /// # Panics
 /// If an index of the mesh is out of range.
@@ -96,8 +96,8 @@ pub fn measure(mesh: &TriangleMesh, axis: &MedialAxis) -> TwoSidedError {
     }
 }
 
-/// The signed distance of each vertex from the envelope in percent of the diagonal: positive where the envelope is too far inside, negative
-/// where it bulges out of the mesh. For pictures.
+/// The signed distance of each vertex from the envelope in percent of the diagonal. It is positive where the envelope is too far inside, and negative
+/// where it protrudes from the mesh. For pictures.
 ///
 /// # Panics
 /// If an index of the mesh is out of range.
@@ -106,12 +106,12 @@ pub fn vertex_errors(mesh: &TriangleMesh, axis: &MedialAxis) -> Vec<f32> {
     frame.signed(mesh, &frame.envelope(axis)).into_iter().map(|error| frame.percent(error)).collect()
 }
 
-/// Coordinates in which both shapes are near the origin and about 1 in size, where f32 is exact to a few parts in ten million.
+/// Coordinates with both shapes near the origin and of about unit size. There f32 is exact to a few parts in ten million.
 struct Frame {
     origin: DVec3,
-    /// Metres.
+    /// Length of the unit in metres.
     unit: f64,
-    /// Of the mesh, in metres.
+    /// Diagonal of the mesh in metres.
     diagonal: f64,
 }
 
@@ -146,23 +146,23 @@ impl Frame {
         envelope.distances(&Points::new(mesh.positions.iter().map(|&p| self.point(p)).collect()))
     }
 
-    /// A length of the frame in percent of the diagonal.
+    /// Converts a length of the frame to percent of the diagonal.
     fn percent(&self, length: f64) -> f32 {
         (length * self.unit / self.diagonal * 100.0) as f32
     }
 }
 
-/// Distances over an area.
+/// Maximum and area-weighted mean of distances.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Sum {
-    /// The greatest.
+    /// The largest distance.
     pub max: f64,
     sum: f64,
     area: f64,
 }
 
 impl Sum {
-    /// Adds a distance and the area that it stands for.
+    /// Adds a distance and the area that it represents.
     pub fn add(&mut self, distance: f64, area: f64) {
         self.max = self.max.max(distance);
         if area > 0.0 {
@@ -177,7 +177,7 @@ impl Sum {
     }
 }
 
-/// Points of all patches, and the area that each stands for.
+/// Points of all patches, and the areas that they represent.
 fn samples(patches: &[Patch], spacing: f64) -> (Points, Vec<f32>) {
     const PATCHES_PER_TASK: usize = 64;
     let area: f64 = patches.iter().map(|patch| f64::from(patch.area())).filter(|area| area.is_finite()).sum();

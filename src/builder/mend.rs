@@ -1,7 +1,8 @@
-//! The worst places of a shape that fits on the whole: where the envelope leaves a thin limb, bridges a gap or opens to a void.
+//! Improves the worst places of a shape that fits well on the whole: places where the envelope leaves a thin limb, bridges a gap or opens to a void.
 //!
-//! The mean hides them, and so do points as far apart as those of the search. Here errors far beyond the others hit a wall, either way, and the
-//! envelope's points are close around its worst places: spheres go there from where they do little, and edges and faces are chosen anew.
+//! The mean error hides them, and so do the coarse points of the search. Here the cost of errors far beyond the others is very steep in both directions,
+//! and the envelope's points are dense around its worst places. Spheres move there from places where they reduce the cost little, and edges and faces
+//! are chosen again.
 
 use std::ops::ControlFlow;
 
@@ -15,20 +16,20 @@ use super::{
     target::Target,
 };
 
-/// Steps of a descent.
+/// Number of steps of a descent.
 const STEPS: usize = 6;
 
-/// Most rounds.
+/// Largest number of iterations.
 pub(super) const MOST_ROUNDS: usize = 4;
 
-/// Rounds that the time allows: none below 400 triangles a sphere, where that of the search is all there is.
+/// Number of iterations that the time allows: none below 400 triangles per sphere, where the search takes all of the time.
 pub(super) fn rounds(triangles: usize, spheres: usize) -> usize {
     const TRIANGLES_PER_ROUND: usize = 100;
     const WITHOUT: usize = 3;
     (triangles / TRIANGLES_PER_ROUND / spheres).saturating_sub(WITHOUT).min(MOST_ROUNDS)
 }
 
-/// Makes the error less, and the greatest and the mean no more than they were, in up to as many rounds as planned: of spheres, and of edges and faces, in turn.
+/// Reduces the error in up to `plan.mends` iterations, without a larger maximum or mean. Iterations alternate between spheres, and edges and faces.
 pub(super) fn mend(
     complex: &mut Complex,
     parts: &mut Vec<u32>,
@@ -104,7 +105,7 @@ mod tests {
             let end = mend(&mut complex, &mut parts, &mut verdict, &judge, &samples, &plan, &never);
             assert!(end.is_continue());
             assert_eq!(parts.len(), complex.balls.len());
-            assert_eq!(judge.verdict(&complex).max(), verdict.max(), "it knows what it made");
+            assert_eq!(judge.verdict(&complex).max(), verdict.max(), "the verdict is that of the result");
             verdict.max()
         };
         assert_eq!(mended(0), before.max());

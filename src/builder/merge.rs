@@ -1,4 +1,4 @@
-//! Fewer spheres: one is merged into a neighbour where little is lost.
+//! Reduces the number of spheres: a sphere is merged into a neighbour where the cost increases little.
 
 use std::collections::BTreeSet;
 
@@ -34,7 +34,7 @@ pub(super) fn renamed(primitive: &Primitive, from: u32, to: u32) -> Option<Primi
     }
 }
 
-/// What it costs to merge a sphere into a neighbour, least first: cost, sphere, neighbour.
+/// Costs of merging a sphere into a neighbour, in ascending order: cost, sphere, neighbour.
 pub(super) fn mergers(complex: &Complex, state: &State, samples: &Samples, target: &Target) -> Vec<(f64, u32, u32)> {
     let count = complex.balls.len();
     let buckets = state.samples_of_primitives();
@@ -71,7 +71,7 @@ pub(super) fn mergers(complex: &Complex, state: &State, samples: &Samples, targe
     mergers
 }
 
-/// Merges up to `count` spheres into neighbours, apart from one another, where it costs least.
+/// Merges up to `count` spheres into neighbours where it costs least. Merged spheres are not adjacent to each other.
 pub(super) fn merge(
     complex: &mut Complex,
     parts: &mut Vec<u32>,
@@ -105,7 +105,7 @@ pub(super) fn merge(
     *parts = (0..heir.len()).filter(|&i| kept(i)).map(|i| parts[i]).collect();
 }
 
-/// Names the spheres of edges or faces anew. Those of which two spheres have become one are gone, and of equal ones all but one.
+/// Renumbers the spheres of edges or faces. Removes edges or faces with a repeated sphere, and duplicates.
 fn renumber<const N: usize>(simplices: &mut Vec<[u32; N]>, number: impl Fn(u32) -> u32) {
     for simplex in simplices.iter_mut() {
         *simplex = simplex.map(&number);

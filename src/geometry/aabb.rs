@@ -6,14 +6,14 @@ use super::Sphere;
 /// Axis-aligned bounding box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
-    /// Least corner.
+    /// Corner with the smallest coordinates.
     pub min: Vec3,
-    /// Greatest corner.
+    /// Corner with the largest coordinates.
     pub max: Vec3,
 }
 
 impl Aabb {
-    /// The box that holds nothing and grows by [`merge`](Self::merge).
+    /// The empty box: the neutral element of [`merge`](Self::merge).
     pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// The box around `spheres`.
@@ -23,7 +23,7 @@ impl Aabb {
             .fold(Self::EMPTY, |aabb, s| aabb.merge(Aabb { min: s.center - s.radius, max: s.center + s.radius }))
     }
 
-    /// The box around both.
+    /// The smallest box around both boxes.
     #[must_use]
     pub fn merge(self, other: Aabb) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
@@ -35,13 +35,13 @@ impl Aabb {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
-    /// The box times a positive factor.
+    /// The box scaled about the origin by a positive factor.
     #[must_use]
     pub fn scaled(self, factor: f32) -> Self {
         Self { min: self.min * factor, max: self.max * factor }
     }
 
-    /// The box around this box in a frame in which its own frame has the pose `pose` and the size `scale`.
+    /// The box in a parent frame, where this box's frame has the pose `pose` and the size `scale`. The result is axis-aligned there, so it may be larger.
     #[must_use]
     pub fn transformed(self, pose: &Pose3, scale: f32) -> Self {
         let center = pose.transform_point(self.center() * scale);
@@ -49,7 +49,7 @@ impl Aabb {
         Self { min: center - half, max: center + half }
     }
 
-    /// The box around where this box is, moving at `velocity`, between two times.
+    /// The box around all positions of this box between two times, while it moves at `velocity`.
     #[must_use]
     pub fn swept(self, velocity: Vec3, times: [f32; 2]) -> Self {
         let [begin, end] = times.map(|time| velocity * time);
@@ -57,7 +57,7 @@ impl Aabb {
         Self { min: self.min + low, max: self.max + high }
     }
 
-    /// Middle.
+    /// Centre of the box.
     pub fn center(&self) -> Vec3 {
         (self.min + self.max) * 0.5
     }
@@ -72,7 +72,7 @@ impl Aabb {
         self.min.distance_squared(self.max)
     }
 
-    /// By how much its faces may be off by rounding where they are scaled or set off from spheres, in metres.
+    /// Bound of the rounding error of the faces, in metres, after they are scaled or offset from spheres.
     pub(crate) fn rounding(&self) -> f32 {
         4.0 * f32::EPSILON * self.min.abs().max(self.max.abs()).max_element()
     }
@@ -83,7 +83,7 @@ impl Aabb {
         2.0 * size.dot(size.yzx())
     }
 
-    /// True if a point is within it or on its faces.
+    /// True if `point` is inside the box or on its faces.
     pub fn contains_point(&self, point: Vec3) -> bool {
         point.cmpge(self.min).all() && point.cmple(self.max).all()
     }
@@ -98,7 +98,7 @@ impl Aabb {
         point.distance(point.clamp(self.min, self.max))
     }
 
-    /// The times from 0 to `max_time` at which the point `origin + time * direction` enters and leaves the box. None if it never does.
+    /// The times from 0 to `max_time` at which the point `origin + time * direction` enters and leaves the box. `None` if the point misses the box.
     pub fn crossing(&self, origin: Vec3, direction: Vec3, max_time: f32) -> Option<[f32; 2]> {
         let (mut enter, mut leave) = (0.0f32, max_time);
         for axis in 0..3 {
@@ -114,19 +114,19 @@ impl Aabb {
         (enter <= leave).then_some([enter, leave])
     }
 
-    /// True if `other` lies within.
+    /// True if `other` lies inside this box.
     pub fn contains(&self, other: &Aabb) -> bool {
         self.min.cmple(other.min).all() && other.max.cmple(self.max).all()
     }
 }
 
-/// Half extents, along the axes, of a box with the half extents `half` rotated by `rotation`.
+/// Axis-aligned half extents of a box with the half extents `half`, rotated by `rotation`.
 pub(crate) fn rotated_extents(rotation: glam::Quat, half: Vec3) -> Vec3 {
     let axes = glam::Mat3::from_quat(rotation);
     axes.x_axis.abs() * half.x + axes.y_axis.abs() * half.y + axes.z_axis.abs() * half.z
 }
 
-/// The same in a form that is compared quickly.
+/// An [`Aabb`] in SIMD vectors, for fast overlap tests.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Box3A {
     min: Vec3A,

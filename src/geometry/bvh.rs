@@ -4,36 +4,36 @@ use glam::Vec3;
 
 use super::{Aabb, aabb::Box3A};
 
-/// Bounding volume hierarchy of boxes: one item a leaf, flat.
+/// Bounding volume hierarchy of boxes in one flat list of nodes. Each leaf holds one item.
 ///
-/// Nodes lie in depth-first order: the left child follows its parent, and what follows a subtree comes next when that is left out. The
-/// tree of `n` items has `2 n - 1` nodes.
+/// Nodes lie in depth-first order: the left child follows its parent, and the right child follows the left child's subtree. A traversal that
+/// skips a subtree goes on at the node behind it. The tree of `n` items has `2 n - 1` nodes.
 #[derive(Clone, Debug, Default)]
 pub struct Bvh {
     nodes: Vec<Node>,
-    /// The least that it has cost to search since it was built: see [`cost`](Self::cost).
+    /// The smallest search cost since the tree was built: see [`cost`](Self::cost).
     least_cost: f32,
-    /// How often its boxes have moved since.
+    /// Number of refits since the tree was built.
     updates: u32,
 }
 
-/// Two to a cache line.
+/// 32 bytes: two nodes fill a cache line.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Node {
     min: Vec3,
-    /// The node that follows the subtree, or `LEAF` plus the item.
+    /// The index of the node behind the subtree; for a leaf, `LEAF` plus the item.
     link: u32,
     max: Vec3,
     _unused: u32,
 }
 
 const LEAF: u32 = 1 << 31;
-/// Each child has three quarters of its parent's items at most.
+/// Each child has at most three quarters of its parent's items, so a tree of `LEAF` items has at most 75 levels.
 const MAX_DEPTH: usize = 80;
-/// A tree whose items have moved is built anew when it costs so many times as much to search as it did.
+/// A refitted tree is built again when its search cost exceeds its smallest cost by this factor.
 const MOST_COST: f32 = 1.25;
-/// And after so many times in any case: beside an item that is far off it does not show how others have mixed.
+/// The tree is built again after this many refits in any case. A distant item dominates the cost, so the cost alone may not show that the others have mixed.
 const MOST_UPDATES: u32 = 64;
 
 impl Node {
@@ -58,8 +58,8 @@ impl Bvh {
         bvh
     }
 
-    /// Becomes a hierarchy over `boxes`. As long as those of the same items have moved little, it is the tree of before with other boxes, which takes a
-    /// small part of the time. `items`: room to work in.
+    /// Replaces the boxes. The tree's structure is kept and refitted if the number of items is the same and the boxes have moved little: a refit takes a small
+    /// part of the time of a rebuild. `items` is scratch memory.
     pub(crate) fn update(&mut self, boxes: &[Aabb], items: &mut Vec<Item>) {
         let has_as_many = self.nodes.len().div_ceil(2) == boxes.len();
         let cost = if has_as_many && self.updates < MOST_UPDATES { self.refit(boxes) } else { f32::INFINITY };
@@ -95,10 +95,10 @@ impl Bvh {
         aabb
     }
 
-    /// Takes over boxes that have moved; tells what the tree costs now.
+    /// Replaces the boxes and keeps the structure. Returns the new search cost.
     fn refit(&mut self, boxes: &[Aabb]) -> f32 {
         let mut cost = 0.0;
-        // Children come later than their parents.
+        // Children have larger indices than their parents.
         for index in (0..self.nodes.len()).rev() {
             let aabb = match self.nodes[index].item() {
                 Some(item) => boxes[item as usize],
@@ -114,19 +114,19 @@ impl Bvh {
         cost
     }
 
-    /// The surface of all nodes' boxes, in square metres: it is in proportion to how many are met by whatever passes.
+    /// The sum of the surface areas of all nodes' boxes, in square metres. It is proportional to the expected number of nodes that a query visits.
     fn cost(&self) -> f32 {
         self.nodes.iter().map(|node| node.aabb().area()).sum()
     }
 
-    /// The nodes as bytes, for upload: 32 each, `min, link, max, 0`. A link is the node that follows the subtree; of a leaf it is the item, with
-    /// the highest bit set.
+    /// The nodes as bytes for upload, 32 bytes each: `min, link, max, 0`. The link is the index of the node behind the subtree. The link of a leaf is
+    /// the item with the highest bit set.
     #[cfg(feature = "gpu")]
     pub(crate) fn bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.nodes)
     }
 
-    /// Bytes of memory that the nodes take.
+    /// Memory of the nodes, in bytes.
     pub(crate) fn memory(&self) -> usize {
         size_of_val(self.nodes.as_slice())
     }
@@ -136,13 +136,13 @@ impl Bvh {
         self.nodes.first().map_or(Aabb::EMPTY, Node::aabb)
     }
 
-    /// The boxes that hold others, the outermost first.
+    /// The boxes of the inner nodes, parents before children.
     #[cfg(feature = "debug")]
     pub(crate) fn inner_boxes(&self) -> impl Iterator<Item = Aabb> {
         self.nodes.iter().filter(|node| node.item().is_none()).map(Node::aabb)
     }
 
-    /// The node that follows a node's subtree.
+    /// The index of the node behind a node's subtree.
     fn end(&self, index: usize) -> usize {
         let node = &self.nodes[index];
         if node.item().is_some() { index + 1 } else { node.link as usize }
@@ -153,13 +153,13 @@ impl Bvh {
         self.visit_tested(|index| test(&self.nodes[index].aabb()), visit);
     }
 
-    /// Calls `visit` with every item whose box overlaps with another.
+    /// Calls `visit` with every item whose box overlaps with `other`.
     pub fn overlapping(&self, other: &Aabb, visit: impl FnMut(u32)) {
         let other = Box3A::from(*other);
         self.visit_from(0, |index| Box3A::from(self.nodes[index].aabb()).overlaps(&other), visit);
     }
 
-    /// The leaves, one beside the next in space. Those are neither items nor in their order.
+    /// The leaves in depth-first order: neighbours in the list are mostly near in space. [`item`](Self::item) returns the item of a leaf.
     pub fn leaves(&self) -> impl Iterator<Item = Leaf> {
         (0..self.nodes.len()).filter(|&index| self.nodes[index].item().is_some()).map(Leaf)
     }
@@ -169,16 +169,16 @@ impl Bvh {
         self.nodes[leaf.0].link & !LEAF
     }
 
-    /// Calls `visit` with every item whose box overlaps with that of a leaf, if its own leaf comes later: of all leaves it gives each pair once.
+    /// Calls `visit` with every item of a later leaf whose box overlaps with the box of `leaf`. Calls for all leaves report each overlapping pair once.
     pub fn overlapping_later(&self, leaf: Leaf, visit: impl FnMut(u32)) {
         let bounds = Box3A::from(self.nodes[leaf.0].aabb());
         self.visit_from(leaf.0 + 1, |index| Box3A::from(self.nodes[index].aabb()).overlaps(&bounds), visit);
     }
 
-    /// The item of least cost with its cost; none if there are no items.
+    /// The item with the smallest cost, and that cost. `None` if there are no items.
     ///
-    /// `bound` of a box must not exceed the `cost` of an item in it. Nearer boxes come first, and those whose bound is no less than the best cost
-    /// so far are left out.
+    /// `bound` of a box must not exceed the `cost` of any item in the box. The child with the smaller bound is searched first. Boxes whose bound is at
+    /// least the smallest cost found so far are skipped.
     pub fn least(&self, mut bound: impl FnMut(&Aabb) -> f32, mut cost: impl FnMut(u32) -> f32) -> Option<(u32, f32)> {
         let root = self.nodes.first()?;
         let mut best: Option<(u32, f32)> = None;
@@ -205,8 +205,8 @@ impl Bvh {
         best
     }
 
-    /// Values of the nodes whose boxes overlap with another, and whose ancestors' boxes do: those of leaves from their items, the others merged from those of
-    /// their children. Of children that do not overlap it is `none`; what lies below those is left as it is.
+    /// Computes values of the nodes that overlap with `other` and whose ancestors do. Values of leaves come from their items, values of inner nodes are merged
+    /// from their children. A child that does not overlap gets `none`; the values below it are stale.
     pub fn values<T: Copy>(
         &self,
         other: &Aabb,
@@ -228,7 +228,7 @@ impl Bvh {
                 index = self.end(index);
             }
         }
-        // Children come later than their parents.
+        // Children have larger indices than their parents.
         for index in overlapping.iter().rev().map(|&index| index as usize) {
             of_nodes[index] = match self.nodes[index].item() {
                 Some(item) => leaf(item),
@@ -244,12 +244,12 @@ impl Bvh {
         [index + 1, self.end(index + 1)]
     }
 
-    /// Calls `visit` with every item that passes `test`, and whose ancestors do: which is asked with the indices of nodes, those of [`values`](Self::values).
+    /// Calls `visit` with every item whose node and all ancestors pass `test`. `test` takes indices of nodes, which also index [`values`](Self::values).
     pub fn visit_tested(&self, test: impl Fn(usize) -> bool, visit: impl FnMut(u32)) {
         self.visit_from(0, test, visit);
     }
 
-    /// The same from the node `index` on.
+    /// The same, starting at the node `index`.
     fn visit_from(&self, mut index: usize, test: impl Fn(usize) -> bool, mut visit: impl FnMut(u32)) {
         while let Some(node) = self.nodes.get(index) {
             if test(index) {
@@ -263,8 +263,8 @@ impl Bvh {
         }
     }
 
-    /// Calls `visit` with every pair of items, one of each tree, that passes `test`, and whose ancestors do: which is asked with the indices of
-    /// nodes, those of [`values`](Self::values).
+    /// Calls `visit` with every pair of items, one of each tree, whose nodes and visited ancestors pass `test`. `test` takes indices of nodes, which
+    /// also index [`values`](Self::values).
     pub fn visit_pairs(&self, other: &Bvh, test: impl Fn(usize, usize) -> bool, mut visit: impl FnMut(u32, u32)) {
         if self.nodes.is_empty() || other.nodes.is_empty() || !test(0, 0) {
             return;
@@ -292,11 +292,11 @@ impl Bvh {
     }
 }
 
-/// Values for some nodes of a [`Bvh`], by their indices.
+/// Values of some nodes of a [`Bvh`], indexed by node.
 #[derive(Clone, Debug)]
 pub struct Values<T> {
     of_nodes: Vec<T>,
-    /// Nodes that overlap, parents first.
+    /// The nodes that overlap, parents before children.
     overlapping: Vec<u32>,
 }
 
@@ -318,21 +318,21 @@ impl<T> std::ops::Index<usize> for Values<T> {
 #[derive(Clone, Copy, Debug)]
 pub struct Leaf(usize);
 
-/// What a leaf is to hold.
+/// An item of a future leaf.
 #[derive(Debug)]
 pub(crate) struct Item {
     center: Vec3,
     index: u32,
 }
 
-/// Splits items in the middle of the axis along which their centres spread most, or at the median if that would leave less than a
-/// quarter on one side.
+/// Splits items at the middle of the axis along which their centres spread most. Splits at the median if the middle would leave less than a
+/// quarter of the items on one side.
 fn split(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     let spread = items.iter().map(|item| Aabb { min: item.center, max: item.center }).fold(Aabb::EMPTY, Aabb::merge);
     let axis = spread.half_extents().max_position();
     let plane = spread.center()[axis];
     let mut left = 0;
-    // Without a branch on the side, which would be guessed wrong for every other item.
+    // Free of branches on the side, because the branch predictor would miss every other item.
     for i in 0..items.len() {
         let goes_left = items[i].center[axis] < plane;
         items.swap(i, left);
@@ -340,14 +340,14 @@ fn split(items: &mut [Item]) -> (&mut [Item], &mut [Item]) {
     }
     if 4 * left.min(items.len() - left) < items.len() {
         left = items.len() / 2;
-        // Ties by index: the tree depends on nothing but the boxes.
+        // Ties are broken by index, so the tree depends on the boxes alone.
         items
             .select_nth_unstable_by(left, |a, b| a.center[axis].total_cmp(&b.center[axis]).then(a.index.cmp(&b.index)));
     }
     items.split_at_mut(left)
 }
 
-/// A stack that never allocates: every level of a tree leaves at most one node waiting, of two trees at most three pairs.
+/// A stack with a fixed capacity, without allocation. Each level leaves at most one node pending in a search of one tree, and three pairs for two trees.
 type Stack<T> = ArrayVec<T, { 3 * MAX_DEPTH }>;
 
 #[cfg(test)]
@@ -404,7 +404,7 @@ mod tests {
                 assert_eq!(found, (0..count).map(distance).reduce(f32::min));
             }
         }
-        assert!(visited < 50 * 223 / 2, "{visited} items visited: nothing is left out");
+        assert!(visited < 50 * 223 / 2, "{visited} items visited: no box is skipped");
     }
 
     #[test]
@@ -441,7 +441,10 @@ mod tests {
             bvh.update(&items, &mut room);
             let is_kept = bvh.leaves().map(|leaf| bvh.item(leaf)).eq(before);
             *if is_kept { &mut kept } else { &mut built } += 1;
-            assert!(bvh.cost() <= 1.3 * Bvh::new(&items).cost(), "a tree that is bad to search");
+            assert!(
+                bvh.cost() <= 1.3 * Bvh::new(&items).cost(),
+                "the tree costs more than 1.3 times a new one to search"
+            );
             for query in boxes(20, 7) {
                 let mut visited = Vec::new();
                 bvh.overlapping(&query, |item| visited.push(item));
@@ -450,7 +453,7 @@ mod tests {
             }
         }
         assert!(kept > 20 && built > 3, "kept {kept} times, built {built} times");
-        // Built of wide boxes, or beside one that is far off, which hides the others' cost: at once or before long it is as good as another.
+        // The first tree has wide boxes, or one distant box that hides the cost of the others. It is rebuilt at once, or after `MOST_UPDATES`.
         const FAR: Aabb = Aabb { min: Vec3::splat(-1e6), max: Vec3::splat(-1e6) };
         let near_cost = |bvh: &Bvh| -> f32 {
             let near = bvh.nodes.iter().map(Node::aabb).filter(|aabb| aabb.min != FAR.min);
@@ -467,7 +470,10 @@ mod tests {
                 let now = if has_far { [&[FAR], &items[1..]].concat() } else { items.clone() };
                 bvh.update(&now, &mut room);
                 let is_good = near_cost(&bvh) <= 1.3 * near_cost(&Bvh::new(&now));
-                assert!(is_good || has_far && turn < updates, "after {turn} updates it is bad to search");
+                assert!(
+                    is_good || has_far && turn < updates,
+                    "after {turn} updates the tree costs more than 1.3 times a new one"
+                );
             }
         }
         for count in [0, 1, 30] {

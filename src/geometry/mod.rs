@@ -1,4 +1,4 @@
-//! Plain shapes and motions: no ECS.
+//! Shapes and motions as plain data, without ECS.
 //!
 //! A medial primitive is the convex hull of one to three [`Sphere`]s:
 //!

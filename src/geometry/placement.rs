@@ -1,7 +1,7 @@
 use glam::{Mat3A, Vec3, Vec3A};
 use glamx::Pose3;
 
-/// A pose as a matrix, for placing many points.
+/// A pose as a matrix, to transform many points.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
     rotation: Mat3A,
@@ -9,16 +9,16 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Where things are already.
+    /// The identity transform.
     pub const IDENTITY: Placement = Placement { rotation: Mat3A::IDENTITY, translation: Vec3A::ZERO };
 
-    /// The point in the parent frame.
+    /// Maps a local point to the parent frame.
     #[inline]
     pub fn point(&self, point: Vec3) -> Vec3 {
         (self.rotation * Vec3A::from(point) + self.translation).into()
     }
 
-    /// The vector in the parent frame.
+    /// Maps a local vector to the parent frame.
     #[inline]
     pub fn vector(&self, vector: Vec3) -> Vec3 {
         self.rotation * vector

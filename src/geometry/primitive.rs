@@ -13,12 +13,12 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// A sphere from centre and radius.
+    /// A sphere with the given centre and radius.
     pub const fn new(center: Vec3, radius: f32) -> Self {
         Self { center, radius }
     }
 
-    /// True if `other` lies within this sphere. Evaluated in f64, in which the f32 input is exact.
+    /// True if `other` lies inside this sphere. Evaluated in f64, where the f32 input is exact.
     pub fn contains(&self, other: &Sphere) -> bool {
         let reach = f64::from(self.radius) - f64::from(other.radius);
         reach >= 0.0 && self.center.as_dvec3().distance_squared(other.center.as_dvec3()) <= reach * reach
@@ -29,7 +29,7 @@ impl Sphere {
         self.center.distance(point) + self.radius
     }
 
-    /// The sphere on the way from `self` (`t = 0`) to `other` (`t = 1`).
+    /// Linear interpolation from `self` (`t = 0`) to `other` (`t = 1`).
     pub fn lerp(&self, other: &Sphere, t: f32) -> Sphere {
         Sphere::new(self.center.lerp(other.center, t), self.radius + (other.radius - self.radius) * t)
     }
@@ -64,16 +64,16 @@ impl Primitive {
 
     /// The primitive's non-degenerate parts, at most two, whose union is the same set of points (paper, section 3).
     ///
-    /// * A sphere inside another one of the primitive adds nothing, at any blend of the two: it goes.
-    /// * A slab has a plane that touches its three spheres exactly when the in-plane gradient `g` of the radius is
+    /// * A sphere inside another sphere of the primitive adds no volume, for any interpolation of the two, and is removed.
+    /// * A slab has a plane that touches its three spheres exactly if the in-plane gradient `g` of the radius is
     ///   shorter than 1. Otherwise the nearest sphere to any point lies on an edge through which `g` leaves the
-    ///   triangle: along `g` the distance never grows. There are one or two such edges, and their cones are the slab.
-    ///   (Two, where a middle sphere bulges out of the hull of the outer ones; the paper keeps the cone of the two
+    ///   triangle: along `g` the distance never grows. There are one or two such edges, and the slab is the union of their cones.
+    ///   (There are two if a middle sphere bulges out of the hull of the outer ones; the paper keeps the cone of the two
     ///   larger spheres, which can lose volume.)
     /// * Three spheres with centres on a line are a slab of the second kind with `g` across the line.
     ///
-    /// What is degenerate but for 1e-7 of its size counts as such: the surface moves by no more than that, and the f32
-    /// kernels never see a radius gradient of 1 or a triangle of no height.
+    /// Primitives within a relative tolerance of 1e-7 of a degenerate one count as degenerate. The surface moves by no more than that, and the f32
+    /// kernels never see a radius gradient of 1 or a triangle of zero height.
     ///
     /// # Panics
     /// If an index is out of range.
@@ -106,7 +106,7 @@ impl Primitive {
     }
 }
 
-/// By how much, relative to its size, a degenerate primitive may seem proper.
+/// Relative tolerance of the tests for degenerate primitives.
 const NEARLY: f64 = 1.0e-7;
 
 /// One or two primitives.
@@ -120,8 +120,8 @@ impl Parts {
     }
 }
 
-/// For a degenerate slab: whether its radius gradient leaves through the edge opposite to each vertex.
-/// `None` for a proper slab. Evaluated in f64, in which the f32 input is exact.
+/// For a degenerate slab: true for each vertex if the radius gradient leaves the triangle through the opposite edge.
+/// `None` for a proper slab. Evaluated in f64, where the f32 input is exact.
 fn open_edges(spheres: [Sphere; 3]) -> Option<[bool; 3]> {
     let center = spheres.map(|s| s.center.as_dvec3());
     let radius = spheres.map(|s| f64::from(s.radius));
@@ -131,7 +131,7 @@ fn open_edges(spheres: [Sphere; 3]) -> Option<[bool; 3]> {
     let longest =
         (0..3).max_by(|&a, &b| length_opposite(&center, a).total_cmp(&length_opposite(&center, b))).unwrap_or(0);
     if area_squared <= NEARLY * NEARLY * length_opposite(&center, longest).powi(4) {
-        // On a line: the sphere opposite to the longest edge is the middle one. Does it bulge?
+        // Collinear: the sphere opposite to the longest edge is the middle one. It may bulge out of the cone of the other two.
         let [middle, from, to] = [longest, (longest + 1) % 3, (longest + 2) % 3];
         let along = center[to] - center[from];
         let length_squared = along.length_squared();
@@ -142,7 +142,7 @@ fn open_edges(spheres: [Sphere; 3]) -> Option<[bool; 3]> {
     // g . e2 = r2 - r1 and g . e3 = r3 - r1, with g in the plane.
     let g = (e3.cross(normal) * -(radius[1] - radius[0]) + e2.cross(normal) * (radius[2] - radius[0])) / -area_squared;
     (g.length() >= 1.0 - NEARLY).then(|| {
-        // The outward edge normals add up to zero, so one of the three is never open; rounding must not say otherwise.
+        // The outward edge normals sum to zero, so at least one edge is closed. The comparisons guarantee that in spite of rounding.
         let out: [f64; 3] =
             std::array::from_fn(|vertex| g.dot((center[(vertex + 2) % 3] - center[(vertex + 1) % 3]).cross(normal)));
         let least = out.iter().copied().fold(f64::INFINITY, f64::min);

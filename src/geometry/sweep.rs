@@ -6,15 +6,15 @@ use glamx::Pose3;
 use super::Aabb;
 use crate::constants::MAX_CHORDS;
 
-/// Rigid motion over one step: the centre of mass moves on a line, the body turns about it at a constant rate.
+/// Rigid motion over one step: the centre of mass moves on a line, and the body rotates about it at a constant rate.
 ///
-/// A body's start and end poses alone do not tell whole turns, so the rotation is kept beside them.
+/// The start and end poses alone do not determine whole turns, so the rotation is stored as well.
 /// Fractions run from 0 (start) to 1 (end).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sweep {
     /// Pose at fraction 0.
     pub start: Pose3,
-    /// Pose at fraction 1, to the bit.
+    /// Pose at fraction 1, bit for bit.
     pub end: Pose3,
     /// Displacement of the centre of mass, in metres.
     pub translation: Vec3,
@@ -30,14 +30,14 @@ impl Sweep {
         Self { start: pose, end: pose, translation: Vec3::ZERO, rotation: Vec3::ZERO, local_center: Vec3::ZERO }
     }
 
-    /// The motion from `start` to `end`, of all rotations that end there the one nearest to `rotation_hint`
-    /// (axis times angle: the angular velocity times the step, or zero for the shortest).
+    /// The motion from `start` to `end`. Among all rotations that end there, the one nearest to `rotation_hint` is used
+    /// (axis times angle: angular velocity times step, or zero for the shortest rotation).
     pub fn between(start: Pose3, end: Pose3, local_center: Vec3, rotation_hint: Vec3) -> Self {
         let turn = end.rotation * start.rotation.inverse();
         let turn = if turn.w < 0.0 { -turn } else { turn };
         let shortest = turn.to_scaled_axis();
         let angle = shortest.length();
-        // At the shortest rotation of (nearly) nothing the axis is unknown: whole turns go about the hint's.
+        // The axis of a rotation by (nearly) zero is undefined: whole turns use the axis of the hint.
         let axis = if angle > 1e-6 { shortest / angle } else { rotation_hint.normalize_or_zero() };
         let turns = ((rotation_hint.dot(axis) - angle) / TAU).round();
         Self {
@@ -49,7 +49,7 @@ impl Sweep {
         }
     }
 
-    /// The motion at constant rates from `start` on: the centre of mass goes by `translation`, in metres, and the body turns by `rotation` about it,
+    /// The motion from `start` at constant rates. `translation` is the displacement of the centre of mass in metres. `rotation` is the rotation about it:
     /// axis times angle in radians.
     pub fn at_rates(start: Pose3, local_center: Vec3, translation: Vec3, rotation: Vec3) -> Self {
         let mut sweep = Self { start, end: start, translation, rotation, local_center };
@@ -90,7 +90,7 @@ impl Sweep {
         }
     }
 
-    /// True if nothing moves.
+    /// True if the body does not move.
     pub fn is_at_rest(&self) -> bool {
         self.translation == Vec3::ZERO && self.rotation == Vec3::ZERO
     }
@@ -105,7 +105,7 @@ impl Sweep {
         }
     }
 
-    /// The same motion in a frame that has the pose `frame`.
+    /// The same motion in the frame with the pose `frame`.
     pub fn seen_from(&self, frame: &Pose3) -> Self {
         let turn = frame.rotation.inverse();
         Self {
@@ -117,33 +117,33 @@ impl Sweep {
         }
     }
 
-    /// A box in the body's own frame around another body, as it is seen from this one on their ways: around all of its points that ever come within `radius`
-    /// metres of the centre of mass. `aabb`: around the other in its frame.
+    /// A box in this body's frame around the relative motion of another body. It contains all points of the other body at all times at which they are within
+    /// `radius` metres of this body's centre of mass. `aabb` is the other body's box in its own frame.
     ///
-    /// A point is between where it is seen at the start and at the end but for `b / 8`, if `b` is the most by which its way bends: `|x''|` for times
-    /// from 0 to 1.
+    /// In this body's frame a point strays from the chord between its start and end positions by at most `b / 8`. `b` is the largest acceleration `|x''|` for
+    /// times from 0 to 1.
     pub fn view(&self, radius: f32, other: &Sweep, aabb: &Aabb) -> Aabb {
         let [start, end] = [(self.start, other.start), (self.end, other.end)]
             .map(|(own, other)| aabb.transformed(&own.inv_mul(&other), 1.0));
         let [turn, turn2] = [self, other].map(|sweep| sweep.rotation.length());
         let arm = aabb.center().distance(other.local_center) + aabb.half_extents().length();
         let way = self.translation.distance(other.translation) + turn2 * arm;
-        // Its own turn about the other's centre of mass, Coriolis' share, and the centrifugal one.
+        // Acceleration: rotation of the other body about its own centre of mass, Coriolis and centrifugal terms.
         let bend = turn2 * turn2 * arm + 2.0 * turn * way + turn * turn * (radius + way);
         start.merge(end).inflated(bend / 8.0)
     }
 
-    /// How far a point at the distance `radius` from the centre of mass strays from the chord of its arc when the
+    /// Deviation of a point at the distance `radius` from the centre of mass from the chord of its arc, if the
     /// step is split into `chords` equal parts: the sagitta, `radius (1 - cos(angle / 2))`.
     pub fn sagitta(&self, radius: f32, chords: u32) -> f32 {
         let half_angle = self.rotation.length() / (2.0 * chords as f32);
-        // 1 - cos x = 2 sin^2(x / 2), without the cancellation.
+        // 1 - cos x = 2 sin^2(x / 2), which avoids cancellation.
         let sin = (half_angle.min(std::f32::consts::PI) * 0.5).sin();
         2.0 * radius * sin * sin
     }
 
-    /// Into how many chords to split the step so that no point within `radius` of the centre of mass strays from
-    /// its chord by more than `tolerance` metres: a power of two, at most [`MAX_CHORDS`].
+    /// Number of chords to split the step into, so that no point within `radius` of the centre of mass strays from
+    /// its chord by more than `tolerance` metres. The number is a power of two, at most [`MAX_CHORDS`].
     pub fn chords(&self, radius: f32, tolerance: f32) -> u32 {
         let mut chords = 1;
         while chords < MAX_CHORDS && self.sagitta(radius, chords) > tolerance {
@@ -152,7 +152,7 @@ impl Sweep {
         chords
     }
 
-    /// Longest way that a point within `radius` of the centre of mass goes.
+    /// Upper bound of the path length of a point within `radius` of the centre of mass, in metres.
     pub fn reach(&self, radius: f32) -> f32 {
         self.translation.length() + self.rotation.length() * radius
     }

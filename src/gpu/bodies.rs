@@ -1,4 +1,4 @@
-//! Bodies and statics as the GPU has them.
+//! Bodies and statics in the layout of the GPU.
 
 use glam::{Quat, Vec3};
 
@@ -11,7 +11,7 @@ use crate::{
     pipeline::{Body, ConvexParts, Core, Side, Solid, StaticBody},
 };
 
-/// The first of these bodies and statics of which a number that the passes go by is NaN or infinite.
+/// Returns the first of these bodies and statics whose numbers, as far as the passes use them, are NaN or infinite.
 pub(super) fn not_finite(bodies: &[Body], statics: &[StaticBody]) -> Option<Side> {
     let is_finite = |body: &Body| {
         let sweep = &body.sweep;
@@ -32,7 +32,8 @@ fn is_finite_solid(solid: &Solid) -> bool {
     bound.center.is_finite() && bound.radius.is_finite()
 }
 
-/// A body, and whether it is looked at. In metres: how far outside of its bounding sphere it may meet something, and how far it may leave its way.
+/// Layout of a body. `margin`: distance from its bounding sphere within which it may meet others, in metres. `slack`: largest deviation from its
+/// path, in metres.
 pub(super) fn body(body: &Body, is_awake: bool, [margin, slack]: [f32; 2], shapes: &mut Shapes) -> layout::Body {
     let sweep = &body.sweep;
     let (shape, scale, arm) = match &body.solid {
@@ -87,13 +88,13 @@ pub(super) fn still(body: &StaticBody, shapes: &mut Shapes) -> layout::Static {
     }
 }
 
-/// 64 bits as twice 32.
+/// Splits 64 bits into two words, the lower one first.
 fn owner(owner: Option<u64>) -> [u32; 2] {
     let owner = owner.unwrap_or(NO_OWNER);
     [owner as u32, (owner >> 32) as u32]
 }
 
-/// Half size and rounding of a collider that is one box around the middle of its own.
+/// Returns half extents and rounding of a collider that is one box around its own middle. None for other colliders.
 fn single_box(parts: &dyn ConvexParts) -> Option<(Vec3, f32)> {
     if parts.len() != 1 {
         return None;

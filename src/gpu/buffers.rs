@@ -40,16 +40,16 @@ impl Slot {
     }
 }
 
-/// All buffers. Each grows as it has to, to powers of two.
+/// All buffers. They grow on demand, to powers of two.
 pub(super) struct Buffers {
     buffers: [Option<wgpu::Buffer>; SLOTS],
-    /// Grows with each buffer that is made anew: what binds the old one has to be made anew as well.
+    /// Increases with each new buffer. Bind groups with the old buffer have to be replaced then.
     pub generation: u64,
-    /// Bytes that have been written so far.
+    /// Number of bytes written so far.
     pub written: u64,
 }
 
-/// Least size in bytes: that of the largest element, which shaders may ask to be there.
+/// Smallest size in bytes: that of the largest element, because a shader may need one element in each buffer.
 const LEAST: u64 = 256;
 
 impl Buffers {
@@ -57,7 +57,7 @@ impl Buffers {
         Self { buffers: [const { None }; SLOTS], generation: 0, written: 0 }
     }
 
-    /// Makes room for so many bytes. What was in the buffer is lost if it grows.
+    /// Reserves this many bytes. A buffer that grows loses its content.
     pub fn reserve(&mut self, gpu: &GpuDevice, slot: Slot, bytes: u64) -> Result<(), GpuError> {
         let known = &mut self.buffers[slot as usize];
         if known.as_ref().is_some_and(|buffer| buffer.size() >= bytes) {
@@ -79,7 +79,7 @@ impl Buffers {
         self.append(gpu, slot, bytes, 0)
     }
 
-    /// Makes a buffer hold these bytes, of which it has the first `known` already.
+    /// Makes a buffer hold these bytes. It has the first `known` bytes already.
     pub fn append(&mut self, gpu: &GpuDevice, slot: Slot, bytes: &[u8], known: usize) -> Result<(), GpuError> {
         let generation = self.generation;
         self.reserve(gpu, slot, bytes.len() as u64)?;
@@ -89,8 +89,8 @@ impl Buffers {
         Ok(())
     }
 
-    /// A buffer that has room.
+    /// Returns a buffer, which must have been reserved.
     pub fn get(&self, slot: Slot) -> &wgpu::Buffer {
-        self.buffers[slot as usize].as_ref().expect("room was made for it")
+        self.buffers[slot as usize].as_ref().expect("the buffer was reserved before")
     }
 }

@@ -2,7 +2,7 @@ use bevy::prelude::*;
 
 use super::layout::Counters;
 
-/// How many of each there is room for at first. More of them, and the buffers grow.
+/// Initial capacity of the buffers, in elements. The buffers grow if a step needs more.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub struct GpuCapacity {
@@ -12,19 +12,19 @@ pub struct GpuCapacity {
     pub chords: u32,
     /// Primitive pairs that the mid phase leaves.
     pub candidates: u32,
-    /// Those that the narrow phase leaves.
+    /// Primitive pairs that the narrow phase leaves.
     pub survivors: u32,
 }
 
 impl Default for GpuCapacity {
-    /// Some MiB.
+    /// A few MiB in total.
     fn default() -> Self {
         Self { pairs: 1 << 12, chords: 1 << 13, candidates: 1 << 17, survivors: 1 << 15 }
     }
 }
 
 impl GpuCapacity {
-    /// Room for either.
+    /// The larger capacity of both, for each buffer.
     pub(super) fn max(self, other: Self) -> Self {
         Self {
             pairs: self.pairs.max(other.pairs),
@@ -34,7 +34,7 @@ impl GpuCapacity {
         }
     }
 
-    /// What there has to be room for, if that is more.
+    /// Returns a sufficient capacity for these counts, if this one is too small.
     pub(super) fn for_counts(&self, counts: &Counters) -> Option<Self> {
         let larger = |room: u32, count: u32| if count > room { count.saturating_add(count / 4) } else { room };
         let needed = Self {

@@ -1,10 +1,10 @@
-//! Hybrid culling, and the test of what it leaves, as compute passes.
+//! Hybrid culling, and the narrow phase test of the remaining pairs, as compute passes.
 //!
 //! ```text
 //!   poses, shapes, statics
 //!     1 place    swept bounding spheres, and keys along a space-filling curve
 //!     2 sort     bodies by their keys
-//!     3 tree     boxes around what they sweep
+//!      3 tree     boxes around the swept spheres
 //!     4 broad    swept sphere against swept sphere, and against a BVH of static boxes   -> body pairs
 //!     5 chords   motion of each pair as lines, for spinning bodies several               -> chords of pairs
 //!     6 mid      primitive boxes against the primitive BVH, swept along the chord         -> candidate primitive pairs
@@ -12,11 +12,11 @@
 //!   pairs that meet, read back and sorted
 //! ```
 //!
-//! The passes are those of the CPU, stage by stage, with its kernels in f32. Each is widened by what rounding may take, so they find all that the
-//! CPU would find, and little else. What is left, a few primitive pairs for each body pair, goes on to the CPU's narrow phase: impacts, stops
-//! and contacts are the same as if it had culled itself.
+//! The passes are the stages of the CPU, with its kernels in f32. Each pass is widened by its rounding errors, so it finds all pairs that the CPU
+//! would find, and few others. The remaining pairs, a few primitive pairs for each body pair, go to the CPU's narrow phase. So impacts, stops and
+//! contacts are the same as with culling on the CPU.
 //!
-//! Pairs with other colliders than medial meshes and fixed boxes are found here; their primitives are left to the CPU.
+//! Pairs with colliders other than medial meshes and fixed boxes are found here too. The CPU finds their primitives.
 
 use std::time::Duration;
 
@@ -40,10 +40,10 @@ use crate::{
     pipeline::{Candidates, Statics, StepInput, Widening},
 };
 
-/// How many bodies tell where most of them are, about.
+/// Approximate number of bodies from which the box around most bodies is estimated.
 const SAMPLED: usize = 512;
 
-/// Passes of which times are told.
+/// Number of passes whose times are measured.
 const PASSES: u32 = 7;
 
 /// Culls steps on a GPU.
@@ -52,31 +52,31 @@ pub struct GpuCulling {
     passes: Passes,
     shapes: Shapes,
     buffers: Buffers,
-    /// What the passes bind, for buffers of a generation and a number of leaves.
+    /// The bind groups of the passes, with the buffer generation and the number of leaves that they are for.
     bound: Option<(u64, u32, Bound)>,
     capacity: GpuCapacity,
-    /// The last one that the device had room for.
+    /// The last capacity that fitted into the device's memory.
     reserved: GpuCapacity,
-    /// What is read back at once.
+    /// Number of results that are read back at once.
     expected: Room,
-    /// Those that have been uploaded, and how many.
+    /// Identifier and number of the statics that have been uploaded.
     statics: Option<(u64, u32)>,
-    /// Buffers to read from that nobody uses.
+    /// Unused buffers for readback.
     staging: Vec<wgpu::Buffer>,
     timer: Timer,
     times: Vec<(&'static str, Duration)>,
     counts: Counters,
 }
 
-/// How many workgroups a pass has.
+/// Number of workgroups of a pass.
 enum Work {
     Direct(u32),
-    /// The number of the pass in the buffer of workgroups.
+    /// Index of the pass in the buffer of workgroup counts.
     Indirect(u64),
 }
 
 impl GpuCulling {
-    /// The passes on a device.
+    /// Creates the passes on a device.
     ///
     /// # Errors
     /// If the device refuses them.
@@ -84,7 +84,7 @@ impl GpuCulling {
         Self::with_passes(gpu, Passes::new(gpu)?, capacity)
     }
 
-    /// Passes that are there already.
+    /// Uses passes that exist already.
     pub(crate) fn with_passes(gpu: &GpuDevice, passes: Passes, capacity: GpuCapacity) -> Result<Self, GpuError> {
         Ok(Self {
             passes,
@@ -108,32 +108,32 @@ impl GpuCulling {
         &self.gpu
     }
 
-    /// Time of each pass of the last step on the GPU, if it can tell.
+    /// Time of each pass of the last step on the GPU. Empty if the device cannot measure times.
     pub fn times(&self) -> &[(&'static str, Duration)] {
         &self.times
     }
 
-    /// How many body pairs, chords, candidates and primitive pairs that meet the last step had.
+    /// Numbers of body pairs, chords, candidates and surviving primitive pairs in the last step.
     pub fn counts(&self) -> [u32; 4] {
         let Counters { pairs, chords, candidates, survivors } = self.counts;
         [pairs, chords, candidates, survivors]
     }
 
-    /// How many of each there is room for by now.
+    /// Current capacity of the buffers.
     pub fn capacity(&self) -> GpuCapacity {
         self.capacity
     }
 
-    /// How many bytes have been uploaded so far: in each step the bodies with their motion, and what shapes and statics are new.
+    /// Number of bytes uploaded so far: in each step the bodies with their motion, and new shapes and statics.
     pub fn uploaded(&self) -> u64 {
         self.buffers.written
     }
 
-    /// The pairs that may meet within the step, they and their primitives in ascending order; waits for the GPU. Where a buffer is too small, it grows,
-    /// and the step is culled once more.
+    /// Returns the pairs that may meet within the step, with their primitives, all in ascending order. It waits for the GPU. If a buffer is too
+    /// small, it grows and the step is culled again.
     ///
     /// # Errors
-    /// If a place or motion is not finite, the scene is more than the device can take, or the device is lost. Nothing is found then.
+    /// If a position or motion is not finite, if the scene exceeds the limits of the device, or if the device is lost. Nothing is found then.
     pub fn cull(&mut self, input: &StepInput, statics: &Statics) -> Result<Vec<Candidates>, GpuError> {
         let mut widening = Widening::new(input);
         loop {
@@ -153,10 +153,10 @@ impl GpuCulling {
         }
     }
 
-    /// Writes what a step depends on, and makes room. `slack` of each body: how far it may leave its way besides, in metres.
+    /// Uploads the input of a step and reserves the buffers. `slack`: largest deviation of each body from its path, in metres, besides its margin.
     ///
     /// # Errors
-    /// If a place or motion is not finite, or the scene is more than the device can take.
+    /// If a position or motion is not finite, or if the scene exceeds the limits of the device.
     pub(crate) fn upload(
         &mut self,
         input: &StepInput,
@@ -174,7 +174,7 @@ impl GpuCulling {
             .checked(format_args!("the bodies of a step"), |_| self.write(input, statics, known, widening, slack))
             .flatten();
         if written.is_err() {
-            // What there is on the device is unknown. The next step may be smaller.
+            // The content of the device's buffers is unknown. The next step may be smaller.
             (self.shapes, self.statics, self.bound) = (Shapes::default(), None, None);
             self.capacity = self.reserved;
         }
@@ -214,7 +214,7 @@ impl GpuCulling {
         self.shapes.upload(gpu, buffers)?;
 
         let space = most_of(bodies.len(), |index| bodies[index].position);
-        // Cells of bodies in one place are as small as they may be and countable.
+        // If all bodies are at one place, the cells are as small as possible with a finite number per metre.
         let size = (space.max - space.min).max(Vec3::splat(1e-30));
         let GpuCapacity { pairs, chords, candidates, survivors } = self.capacity;
         let params = Params {
@@ -237,7 +237,7 @@ impl GpuCulling {
         Ok(())
     }
 
-    /// Makes room for what the passes write.
+    /// Reserves the buffers that the passes write.
     fn reserve(&mut self, leaves: u32) -> Result<(), GpuError> {
         let GpuCapacity { pairs, chords, candidates, survivors } = self.capacity;
         for (slot, count, size) in [
@@ -252,7 +252,7 @@ impl GpuCulling {
             (Slot::Candidates, candidates, CANDIDATE),
             (Slot::Survivors, survivors, size_of::<Survivor>() as u64),
             (Slot::Groups, 9, 4),
-            // What no step has needed yet.
+            // These may be empty so far, but the passes bind them.
             (Slot::Shapes, 0, 0),
             (Slot::Spheres, 0, 0),
             (Slot::Primitives, 0, 0),
@@ -263,10 +263,10 @@ impl GpuCulling {
         Ok(())
     }
 
-    /// Records the passes for what was uploaded, and the copy of what they find, as far as it is expected.
+    /// Records the passes for the uploaded step, and the copy of as many results as are expected.
     ///
     /// # Errors
-    /// If the scene is more than the device can take.
+    /// If the scene exceeds the limits of the device.
     pub(crate) fn encode(&mut self, encoder: &mut wgpu::CommandEncoder) -> Result<Batch, GpuError> {
         let room = Room {
             pairs: self.expected.pairs.min(self.capacity.pairs),
@@ -276,7 +276,7 @@ impl GpuCulling {
         let staging = self.staging.pop().filter(|staging| staging.size() >= bytes);
         let staging = staging.map_or_else(|| self.gpu.staging(bytes), Ok)?;
         let (buffers, passes) = (&self.buffers, &self.passes);
-        let Some((_, leaves, bound)) = &self.bound else { unreachable!("uploading binds") };
+        let Some((_, leaves, bound)) = &self.bound else { unreachable!("`upload` creates the bind groups") };
 
         let mut labels = Vec::new();
         let timer = &self.timer;
@@ -328,12 +328,12 @@ impl GpuCulling {
         Ok(Batch { staging, bytes, room, capacity: self.capacity, labels })
     }
 
-    /// Takes what the passes have found, the bytes of the batch's staging buffer; nothing if a buffer was too small and has grown.
+    /// Takes the results of the passes from `data`, the bytes of the batch's staging buffer. None if a buffer was too small; it has grown then.
     pub(crate) fn take(&mut self, batch: Batch, data: &[u8]) -> Option<Vec<Candidates>> {
         let counts = Room::counts(data);
-        // Buffers may have grown since it was recorded.
+        // The buffers may have grown since the batch was recorded.
         if let Some(larger) = batch.capacity.for_counts(&counts) {
-            info_once!("GPU buffers grow from {:?} on; `GpuCapacity` sets where they begin", batch.capacity);
+            info_once!("GPU buffers grow beyond {:?}; `GpuCapacity` sets their initial size", batch.capacity);
             self.capacity = self.capacity.max(larger);
             return None;
         }
@@ -345,7 +345,7 @@ impl GpuCulling {
         batch.room.candidates(data)
     }
 
-    /// Makes the bind groups, if buffers have been made anew.
+    /// Creates the bind groups again if buffers have been replaced.
     fn bind(&mut self, leaves: u32) {
         let generation = self.buffers.generation;
         if self.bound.as_ref().is_some_and(|(known, count, _)| (*known, *count) == (generation, leaves)) {
@@ -360,9 +360,9 @@ impl GpuCulling {
     }
 }
 
-/// A box that holds most of the points: a few that are far off would have all others share a cell.
+/// Returns a box around most of the points. A few distant points would otherwise put all others into one cell.
 fn most_of(count: usize, point: impl Fn(usize) -> Vec3) -> Aabb {
-    // Not in even steps, which may go along with those of a grid that the bodies were spawned on.
+    // Regular steps could coincide with a grid on which the bodies were spawned.
     let scattered = |i: usize| (i as f64 * GOLDEN_TURN).fract() * count as f64;
     let sampled = count.min(SAMPLED);
     let sample: Vec<Vec3> =
@@ -399,7 +399,7 @@ mod tests {
         assert!(min.cmpgt(max).all());
     }
 
-    /// Two batches are on their way when it turns out that buffers are too small, as where nobody waits for them.
+    /// Two batches are in progress when buffers turn out to be too small, as in pipelined mode.
     #[test]
     fn a_batch_from_before_buffers_grew_is_not_taken() {
         let gpu = match GpuDevice::request() {
@@ -421,7 +421,7 @@ mod tests {
         });
         assert!(Room::counts(&taken[0].1).candidates > 1);
         for (batch, data) in taken {
-            assert!(culling.take(batch, &data).is_none(), "it lacks candidates");
+            assert!(culling.take(batch, &data).is_none(), "a batch without all candidates was taken");
         }
         assert_eq!(culling.cull(&input, &Statics::default()).unwrap().len(), 1);
     }

@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::pipeline::Side;
 
-/// A device, and the queue that passes are submitted to. Clones are the same device.
+/// A device and its queue. Clones refer to the same device.
 #[derive(Clone, Debug)]
 pub struct GpuDevice {
     pub(super) device: wgpu::Device,
@@ -17,73 +17,73 @@ pub struct GpuDevice {
     info: Arc<wgpu::AdapterInfo>,
 }
 
-/// Why the GPU cannot do it.
+/// An error of the GPU back end.
 #[derive(Debug, Error)]
 pub enum GpuError {
     /// There is no adapter.
-    #[error("no GPU adapter: {0}; a driver is missing, for software rendering on Debian `mesa-vulkan-drivers`")]
+    #[error("no GPU adapter: {0}; install a driver, for software rendering on Debian `mesa-vulkan-drivers`")]
     NoAdapter(#[from] wgpu::RequestAdapterError),
-    /// The adapter gives no device.
-    #[error("the adapter `{adapter}` gives no device: {reason}")]
+    /// The adapter returned no device.
+    #[error("the adapter `{adapter}` returned no device: {reason}")]
     NoDevice {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
-        /// What it says.
+        /// The error of wgpu.
         reason: wgpu::RequestDeviceError,
     },
-    /// The device cannot do what is needed.
+    /// A limit of the device is too small.
     #[error("the GPU `{adapter}` allows {found} {limit}, {wanted} are needed")]
     Limit {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
-        /// Of what.
+        /// Name of the limit.
         limit: &'static str,
-        /// How much it allows.
+        /// Value that the device allows.
         found: u64,
-        /// How much is needed.
+        /// Value that is needed.
         wanted: u64,
     },
-    /// The device has no more memory.
+    /// The device has no memory left.
     #[error("the GPU `{adapter}` has no memory left for {bytes} bytes")]
     Memory {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
-        /// How many were asked for.
+        /// Size of the refused buffer.
         bytes: u64,
     },
-    /// Nothing can be found for a body, or a static: its numbers are NaN or infinite.
+    /// A body or a static cannot be culled, because its numbers are NaN or infinite.
     #[error("{0:?}: its place, motion or size is not finite")]
     NotFinite(Side),
-    /// A shader, a buffer or a step is refused.
+    /// The device refused a shader, a buffer or a step.
     #[error("the GPU `{adapter}` refuses {what}: {reason}")]
     Refused {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
-        /// What it refuses.
+        /// The refused object.
         what: String,
-        /// What it says.
+        /// The error of wgpu.
         reason: String,
     },
-    /// The device is lost: it was reset, removed or destroyed, or had no memory for what it cannot do without.
+    /// The device is lost: it was reset, removed or destroyed, or had no memory for a necessary allocation.
     #[error("the GPU `{adapter}` is lost")]
     Lost {
-        /// Its name.
+        /// Name of the adapter.
         adapter: String,
     },
 }
 
 impl GpuError {
-    /// True if another step may do.
+    /// Returns true if the next step may succeed.
     pub fn is_of_one_step(&self) -> bool {
         matches!(self, Self::Limit { .. } | Self::Memory { .. } | Self::NotFinite(_))
     }
 }
 
 impl GpuDevice {
-    /// A device of the app's own, for programs that render nothing: that of the fastest adapter.
+    /// Requests a device for programs without a renderer, from the fastest adapter.
     ///
     /// # Errors
-    /// If there is no adapter, or it gives no device.
+    /// If there is no adapter, or if it returns no device.
     pub fn request() -> Result<Self, GpuError> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let options = wgpu::RequestAdapterOptions {
@@ -103,10 +103,10 @@ impl GpuDevice {
         Self::new(device, queue, info)
     }
 
-    /// A device that is there already, such as that of the renderer.
+    /// Uses an existing device, such as that of the renderer.
     ///
     /// # Errors
-    /// If it cannot do what is needed.
+    /// If a limit of the device is too small.
     pub fn new(device: wgpu::Device, queue: wgpu::Queue, info: wgpu::AdapterInfo) -> Result<Self, GpuError> {
         let limits = device.limits();
         let gpu = Self { device, queue, info: info.into() };
@@ -122,7 +122,7 @@ impl GpuDevice {
         Err(GpuError::Limit { adapter: self.name().into(), limit, found, wanted })
     }
 
-    /// The device itself.
+    /// The device of wgpu.
     pub fn wgpu_device(&self) -> &wgpu::Device {
         &self.device
     }
@@ -132,7 +132,7 @@ impl GpuDevice {
         &self.info.name
     }
 
-    /// True if it is a program on the CPU.
+    /// Returns true if it is a software implementation on the CPU.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
@@ -141,15 +141,15 @@ impl GpuDevice {
         self.device.limits()
     }
 
-    /// Runs what makes something on the device, whose errors meanwhile become one here. Nobody else sees them, least of all the renderer, which
-    /// would end the app; nor does anybody else's come here, as wgpu with its feature `std` has error scopes for each thread.
+    /// Runs `make` and returns the errors that wgpu reports meanwhile. Error scopes keep them from other handlers, such as that of the renderer,
+    /// which would end the app. Errors of other threads are not returned, because wgpu with its feature `std` has error scopes for each thread.
     pub(super) fn checked<T>(
         &self,
         what: fmt::Arguments,
         make: impl FnOnce(&wgpu::Device) -> T,
     ) -> Result<T, GpuError> {
         self.scoped(make).map_err(|error| match error {
-            // But for buffers, wgpu gives up a device that is out of memory.
+            // Out of memory, wgpu loses the device, except when it creates a buffer.
             wgpu::Error::OutOfMemory { .. } => self.lost(),
             error => self.refusal(what, &error),
         })
@@ -167,7 +167,7 @@ impl GpuDevice {
         GpuError::Refused { adapter: self.name().into(), what: what.to_string(), reason: error.to_string() }
     }
 
-    /// A buffer of so many bytes, at least 16.
+    /// Creates a buffer of at least this many bytes, and at least 16.
     pub(super) fn buffer(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
         let descriptor = wgpu::BufferDescriptor {
             label: Some(label),
@@ -181,25 +181,25 @@ impl GpuDevice {
         })
     }
 
-    /// What a device that is lost comes to.
+    /// Returns the error for a lost device.
     pub(crate) fn lost(&self) -> GpuError {
         GpuError::Lost { adapter: self.name().into() }
     }
 
-    /// Lets callbacks of what is done run, unless the device is lost: wgpu panics where the driver says so.
+    /// Runs the callbacks of finished work. Returns an error if the device is lost; wgpu panics if the driver reports the loss.
     pub(crate) fn poll(&self, until: wgpu::PollType) -> Result<(), GpuError> {
         let polled = catch_unwind(AssertUnwindSafe(|| self.device.poll(until)));
         if matches!(polled, Ok(Ok(_))) { Ok(()) } else { Err(self.lost()) }
     }
 
-    /// A buffer to read so many bytes from.
+    /// Creates a buffer for reading back this many bytes.
     pub(super) fn staging(&self, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
         let size = bytes.next_power_of_two();
         self.require("bytes in a buffer", self.limits().max_buffer_size, size)?;
         self.buffer("staging", size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
     }
 
-    /// Waits for a submission and reads a buffer that it wrote, from the start.
+    /// Waits for a submission, and returns the first bytes of a buffer that it wrote.
     pub(super) fn read(
         &self,
         buffer: &wgpu::Buffer,
@@ -208,7 +208,7 @@ impl GpuDevice {
     ) -> Result<Vec<u8>, GpuError> {
         let (sender, receiver) = std::sync::mpsc::channel();
         copy_when_mapped(buffer, bytes, move |data| {
-            // Nobody listens any more: nothing is lost.
+            // After an error the receiver is gone, and the data are not needed.
             let _ = sender.send(data);
         });
         self.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })?;
@@ -216,11 +216,11 @@ impl GpuDevice {
     }
 }
 
-/// Hands the first bytes of a buffer to `done` once they can be read; none if the device is lost.
+/// Calls `done` with the first bytes of a buffer when they can be read, or with none if the device is lost.
 pub(crate) fn copy_when_mapped(buffer: &wgpu::Buffer, bytes: u64, done: impl FnOnce(Option<Vec<u8>>) + Send + 'static) {
     let mapped = buffer.clone();
     buffer.slice(..bytes).map_async(wgpu::MapMode::Read, move |result| {
-        // Even now the device may be lost: wgpu panics then, and nobody can ask before.
+        // The device may be lost even now. wgpu panics then, and offers no check before.
         let copy = AssertUnwindSafe(|| mapped.slice(..bytes).get_mapped_range().to_vec());
         let data = result.ok().and_then(|()| catch_unwind(copy).ok());
         if data.is_some() {

@@ -11,7 +11,7 @@ use super::{
 };
 use crate::query::{Cuboid, Moving, Separation, TimeOfImpact, TimeOfImpactStatus};
 
-/// A moving primitive, and another one or a box at rest at the origin, as `Pair` in `impacts.wgsl`.
+/// A moving primitive, and another one or a box at rest at the origin: `Pair` in `impacts.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct MovingPair {
@@ -19,16 +19,16 @@ pub struct MovingPair {
     pub(super) second: Side,
 }
 
-/// As `Moving` in `time_of_impact.wgsl`.
+/// `Moving` in `time_of_impact.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Side {
-    /// Spheres at the start as `x y z radius`; of a box half of its size.
+    /// Spheres at the start as `x y z radius`, in metres. For a box the first entry is its half extents.
     pub spheres: [[f32; 4]; 3],
     /// Number of spheres, 0 for a box.
     pub count: u32,
     _unused: [u32; 3],
-    /// Displacements of the spheres.
+    /// Displacements of the spheres, in metres.
     pub motion: [[f32; 4]; 3],
 }
 
@@ -44,12 +44,12 @@ impl<const N: usize> From<&Moving<N>> for Side {
 }
 
 impl MovingPair {
-    /// Two primitives.
+    /// A pair of two primitives.
     pub fn new<const N: usize, const M: usize>(first: &Moving<N>, second: &Moving<M>) -> Self {
         Self { first: first.into(), second: second.into() }
     }
 
-    /// A primitive and a box, in the box's frame.
+    /// A pair of a primitive and a box, in the box's frame.
     pub fn with_cuboid<const N: usize>(first: &Moving<N>, cuboid: &Cuboid) -> Self {
         let mut second = Side::zeroed();
         second.spheres[0] = cuboid.half.extend(0.0).into();
@@ -57,7 +57,7 @@ impl MovingPair {
     }
 }
 
-/// As `Result` in `impacts.wgsl`.
+/// `Result` in `impacts.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 pub(super) struct Answer {
@@ -71,7 +71,7 @@ pub(super) struct Answer {
     _unused: u32,
 }
 
-/// Times of impact of lists of pairs: the kernel of the narrow phase by itself, for tests and benchmarks.
+/// Times of impact of lists of pairs: the narrow phase kernel by itself, for tests and benchmarks.
 pub struct GpuImpacts {
     gpu: GpuDevice,
     pass: Pass,
@@ -80,7 +80,7 @@ pub struct GpuImpacts {
 }
 
 impl GpuImpacts {
-    /// The kernel on a device.
+    /// Creates the kernel on a device.
     ///
     /// # Errors
     /// If the device refuses the shader.
@@ -88,16 +88,16 @@ impl GpuImpacts {
         Ok(Self { pass: Pass::new(gpu, "impacts", text())?, timer: Timer::new(gpu, 1)?, time: None, gpu: gpu.clone() })
     }
 
-    /// How long the device took for the last pairs, without upload and readback, if it can tell.
+    /// Time of the last call on the device, without upload and readback. None if the device cannot measure times.
     pub fn time(&self) -> Option<Duration> {
         self.time
     }
 
-    /// What [`time_of_impact`](crate::query::time_of_impact) finds for each pair over the whole step, up to the rounding of f32. Points are
-    /// relative to where the first sphere of the first side is then, or to the box.
+    /// Computes the result of [`time_of_impact`](crate::query::time_of_impact) for each pair over the whole step, up to the rounding of f32. Points
+    /// are relative to the first sphere of the first side at that time, or to the box.
     ///
     /// # Errors
-    /// If the pairs are more than the device can take at a time, or it is lost.
+    /// If there are more pairs than the device can process at once, or if it is lost.
     pub fn run(&mut self, pairs: &[MovingPair]) -> Result<Vec<TimeOfImpact>, GpuError> {
         let (gpu, limits) = (&self.gpu, self.gpu.device.limits());
         let bytes = size_of_val(pairs) as u64;
@@ -134,7 +134,7 @@ impl GpuImpacts {
     }
 }
 
-/// The shader.
+/// Text of the shader.
 pub(super) fn text() -> String {
     shader(&[KERNELS, &[include_str!("../../shaders/impacts.wgsl")]].concat())
 }

@@ -1,27 +1,27 @@
-//! What is uploaded and read back, as the shaders have it.
+//! Layout of uploaded data and of results, as the shaders declare it.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{Quat, Vec3, Vec4};
 
-/// No shape that the GPU knows.
+/// Shape of a collider that the GPU cannot represent.
 pub(super) const OTHER_SHAPE: u32 = u32::MAX;
-/// A plain box.
+/// Shape of a plain box.
 pub(super) const BOX_SHAPE: u32 = u32::MAX - 1;
-/// Of bodies that are the only shape of theirs.
+/// Owner of a body with a single shape.
 pub(super) const NO_OWNER: u64 = u64::MAX;
-/// Marks statics among the sides of pairs.
+/// Flag of statics among the sides of pairs.
 pub(super) const STATIC: u32 = 1 << 31;
-/// Marks the second side of pairs whose primitives the CPU finds.
+/// Flag of the second side of pairs whose primitives the CPU finds.
 pub(super) const UNKNOWN: u32 = 1 << 30;
 
-/// Sizes in bytes of what only the shaders write: `Swept`, `TreeNode`, an item of `pair_chords`, `Chord`, `Candidate`.
+/// Sizes in bytes of types that only the shaders write: `Swept`, `TreeNode`, an item of `pair_chords`, `Chord`, `Candidate`.
 pub(super) const SWEPT: u64 = 32;
 pub(super) const NODE: u64 = 32;
 pub(super) const PAIR_CHORD: u64 = 16;
 pub(super) const CHORD: u64 = 176;
 pub(super) const CANDIDATE: u64 = 12;
 
-/// `Params` in `step.wgsl`.
+/// `Params` in `step.wgsl`, which describes the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Params {
@@ -39,7 +39,7 @@ pub(super) struct Params {
     pub unused: u32,
 }
 
-/// `Body` in `motion.wgsl`.
+/// `Body` in `motion.wgsl`, which describes the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Body {
@@ -62,7 +62,7 @@ pub(super) struct Body {
     pub unused: u32,
 }
 
-/// `Static` in `motion.wgsl`.
+/// `Static` in `motion.wgsl`, which describes the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Static {
@@ -81,7 +81,7 @@ pub(super) struct Static {
     pub unused: [u32; 2],
 }
 
-/// `Shape` in `chord.wgsl`.
+/// `Shape` in `chord.wgsl`, which describes the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Shape {
@@ -92,7 +92,7 @@ pub(super) struct Shape {
     pub node_count: u32,
 }
 
-/// `Counters` in `step.wgsl`.
+/// `Counters` in `step.wgsl`, which describes the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(super) struct Counters {
@@ -102,7 +102,7 @@ pub(super) struct Counters {
     pub survivors: u32,
 }
 
-/// `Pair` in `step.wgsl`.
+/// `Pair` in `step.wgsl`, which describes the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Pair {
@@ -110,7 +110,7 @@ pub(super) struct Pair {
     pub second: u32,
 }
 
-/// `Survivor` in `narrow_phase.wgsl`.
+/// `Survivor` in `narrow_phase.wgsl`, which describes the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Survivor {
@@ -119,7 +119,7 @@ pub(super) struct Survivor {
     pub second: u32,
 }
 
-/// `Exchange` in `sort.wgsl`.
+/// `Exchange` in `sort.wgsl`, which describes the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Exchange {
@@ -155,7 +155,7 @@ mod tests {
         parse_str(&shader(&files.concat())).unwrap()
     }
 
-    /// Size of a struct in the shaders, and where its members are.
+    /// Returns the size of a struct in the shaders, and names and offsets of its members.
     fn in_shader(module: &Module, name: &str) -> (u32, Vec<(String, u32)>) {
         let found = module.types.iter().find_map(|(_, ty)| match (&ty.name, &ty.inner) {
             (Some(found), TypeInner::Struct { members, span }) if found == name => {
@@ -163,13 +163,13 @@ mod tests {
             }
             _ => None,
         });
-        found.unwrap_or_else(|| panic!("{name} is not there"))
+        found.unwrap_or_else(|| panic!("{name} is missing in the shader"))
     }
 
-    /// A whole number in the shaders, as its bits; of a vector of equal ones, that.
+    /// Returns the bits of an integer constant in the shaders. For a vector of equal components, it returns those of one component.
     fn number(module: &Module, name: &str) -> u32 {
         let constant = module.constants.iter().find(|(_, constant)| constant.name.as_deref() == Some(name));
-        let mut expression = constant.unwrap_or_else(|| panic!("{name} is not there")).1.init;
+        let mut expression = constant.unwrap_or_else(|| panic!("{name} is missing in the shader")).1.init;
         loop {
             match &module.global_expressions[expression] {
                 Expression::Literal(Literal::U32(value)) => return *value,
@@ -251,7 +251,7 @@ mod tests {
         }
     }
 
-    /// What other files lay out for the GPU.
+    /// Layouts that other files write for the GPU.
     #[test]
     fn hierarchies_and_primitives_are_those_of_the_shaders() {
         let step = &module(&[STEP, TREE]);
@@ -274,7 +274,7 @@ mod tests {
             (MedialAxis::sphere(0.5).unwrap(), "SPHERE"),
             (MedialAxis::cone(sphere(0.0), sphere(1.0)).unwrap(), "CONE"),
         ] {
-            // The first is the bound.
+            // The first primitive is the bound.
             let [_, [kind, ..]] = PackedMedialMesh::pack_dynamic(&axis).primitives[..] else { panic!("{axis:?}") };
             assert_eq!(kind.cast_unsigned(), number(&chords, name), "{name}");
         }

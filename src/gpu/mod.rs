@@ -1,14 +1,14 @@
-//! The GPU back end: which pairs may meet, found by compute shaders.
+//! The GPU back end: compute shaders find the pairs that may meet.
 //!
-//! | item | what |
+//! | item | purpose |
 //! |---|---|
-//! | [`GpuCulling`] | finds the pairs of a step, and waits for them |
-//! | [`Prediction`] | several steps ahead, so that nobody has to wait |
+//! | [`GpuCulling`] | finds the pairs of a step, and waits for the result |
+//! | [`Prediction`] | predicts several steps, so that no step waits for the GPU |
 //! | [`GpuImpacts`] | times of impact of a list of pairs, for tests and benchmarks |
-//! | [`GpuDevice`] | the device that all run on |
-//! | [`GpuCapacity`] | for how much there is room at first |
+//! | [`GpuDevice`] | the device that runs all of these |
+//! | [`GpuCapacity`] | initial capacity of the buffers |
 //!
-//! The shaders lie in `shaders/`, each with the name of what it does on the CPU.
+//! The shaders are in `shaders/`. A shader with a counterpart on the CPU has its name.
 
 mod bodies;
 mod buffers;

@@ -3,7 +3,7 @@
 use super::{GpuDevice, GpuError};
 use crate::constants;
 
-/// What all shaders of pairs of primitives share, in order.
+/// Source of the kernels on pairs of primitives, in order.
 pub(super) const KERNELS: &[&str] = &[
     include_str!("../../shaders/primitive.wgsl"),
     include_str!("../../shaders/nearest.wgsl"),
@@ -11,7 +11,7 @@ pub(super) const KERNELS: &[&str] = &[
     include_str!("../../shaders/time_of_impact.wgsl"),
 ];
 
-/// Constants, then some files: WGSL knows no modules.
+/// Joins constants and files into one shader, because WGSL has no modules.
 pub(super) fn shader(files: &[&str]) -> String {
     let mut text = String::new();
     let numbers = [
@@ -30,7 +30,7 @@ pub(super) fn shader(files: &[&str]) -> String {
         ("MAX", f32::MAX),
     ];
     for (name, value) in numbers {
-        // The shortest digits that give the same bits.
+        // This format prints the shortest digits that give the same bits.
         text += &format!("const {name}: f32 = {value:e}f;\n");
     }
     for (name, value) in [
@@ -46,7 +46,7 @@ pub(super) fn shader(files: &[&str]) -> String {
     text
 }
 
-/// An entry point and the layout of what it binds.
+/// A pipeline and the layout of its bindings.
 pub(crate) struct Pass {
     label: &'static str,
     pipeline: wgpu::ComputePipeline,
@@ -54,7 +54,7 @@ pub(crate) struct Pass {
 }
 
 impl Pass {
-    /// A pass whose shader is the `text`, with the label as the name of its entry point.
+    /// Creates a pass from the text of its shader. The label is the name of the entry point.
     pub(super) fn new(gpu: &GpuDevice, label: &'static str, text: String) -> Result<Self, GpuError> {
         gpu.checked(format_args!("the pass `{label}`"), |device| {
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -73,12 +73,12 @@ impl Pass {
         })
     }
 
-    /// A pass of a pipeline without a layout of its own.
+    /// Creates a pass from a pipeline whose layout was derived from the shader.
     pub fn of(label: &'static str, pipeline: wgpu::ComputePipeline) -> Self {
         Self { label, layout: pipeline.get_bind_group_layout(0), pipeline }
     }
 
-    /// The buffers that it binds, with their numbers.
+    /// Creates a bind group of these buffers, which are given with their binding numbers.
     pub(super) fn bind(&self, gpu: &GpuDevice, buffers: &[(u32, wgpu::BufferBinding)]) -> wgpu::BindGroup {
         let entries: Vec<_> = buffers
             .iter()
@@ -94,7 +94,7 @@ impl Pass {
         })
     }
 
-    /// Sets the pass up within a compute pass.
+    /// Sets pipeline and bind group of a compute pass.
     pub(super) fn set(&self, pass: &mut wgpu::ComputePass, group: &wgpu::BindGroup) {
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, group, &[]);

@@ -1,4 +1,4 @@
-//! The compute passes of a step, and what each binds.
+//! The compute passes of a step, and their bindings.
 
 use std::collections::HashMap;
 
@@ -9,23 +9,23 @@ use super::{
     pass::{KERNELS, Pass, shader},
 };
 
-/// Invocations in a workgroup, but for those that sort and make the tree.
+/// Invocations in a workgroup, except in the passes that sort, build the tree or dispatch.
 pub(super) const WORKGROUP: u32 = 64;
-/// Bytes of a key.
+/// Size of a key, in bytes.
 pub(super) const KEY: u64 = 8;
-/// Keys that a workgroup sorts by itself, and leaves whose tree it makes.
+/// Number of keys that a workgroup sorts, and number of leaves whose tree it builds.
 pub(super) const SORT_BLOCK: u32 = 512;
 pub(super) const TREE_BLOCK: u32 = 256;
-/// Bytes between two uniforms of one buffer.
+/// Distance of two uniforms in one buffer, in bytes.
 pub(super) const UNIFORM: u64 = 256;
 
-/// What the passes share.
+/// Source that the passes share.
 const STEP: &[&str] = &[include_str!("../../shaders/motion.wgsl"), include_str!("../../shaders/step.wgsl")];
 const SORT: &[&str] = &[include_str!("../../shaders/sort.wgsl")];
 const TREE: &[&str] = &[include_str!("../../shaders/tree.wgsl")];
 const CHORD: &[&str] = &[include_str!("../../shaders/chord.wgsl")];
 
-/// The entry points, and the files that the shader of each is joined of.
+/// The entry points, and the source of their shaders.
 const ENTRIES: [(&str, &[&[&str]]); 11] = [
     ("place", &[STEP, &[include_str!("../../shaders/place.wgsl")]]),
     ("sort_blocks", &[SORT]),
@@ -40,12 +40,12 @@ const ENTRIES: [(&str, &[&[&str]]); 11] = [
     ("narrow_phase", &[KERNELS, STEP, CHORD, &[include_str!("../../shaders/narrow_phase.wgsl")]]),
 ];
 
-/// The entry points, and the text of the shader of each.
+/// Returns the entry points, and the texts of their shaders.
 pub(crate) fn shaders() -> impl Iterator<Item = (&'static str, String)> {
     ENTRIES.iter().map(|(label, files)| (*label, shader(&files.concat())))
 }
 
-/// The passes.
+/// All passes.
 pub(crate) struct Passes {
     pub(super) place: Pass,
     pub(super) sort_blocks: Pass,
@@ -61,13 +61,13 @@ pub(crate) struct Passes {
 }
 
 impl Passes {
-    /// The passes on a device, made here and now.
+    /// Creates the passes on a device, and waits for them.
     pub fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
         let mut texts: HashMap<&str, String> = shaders().collect();
         Self::each(|label| Pass::new(gpu, label, texts.remove(label).unwrap_or_default()))
     }
 
-    /// Each by its entry point.
+    /// Creates each pass from its entry point.
     pub fn each<E>(mut pass: impl FnMut(&'static str) -> Result<Pass, E>) -> Result<Self, E> {
         Ok(Self {
             place: pass("place")?,
@@ -89,7 +89,7 @@ impl Passes {
 pub(super) struct Bound {
     pub place: wgpu::BindGroup,
     pub sort_blocks: wgpu::BindGroup,
-    /// The steps between blocks, in order; true for those that end within them.
+    /// Bind groups of the merge steps, in order. True for steps within blocks.
     pub exchanges: Vec<(bool, wgpu::BindGroup)>,
     pub tree_bottom: wgpu::BindGroup,
     pub tree_top: wgpu::BindGroup,
@@ -109,7 +109,7 @@ impl Bound {
             offset,
             size: std::num::NonZeroU64::new(size),
         };
-        // The sort asks how many there are.
+        // The sort takes the number of keys from the size of this binding.
         let keys = || (0, part(Keys, 0, u64::from(leaves) * KEY));
         let bind = |pass: &Pass, slots: &[Slot]| {
             let buffers: Vec<_> = (0..).zip(slots).map(|(i, slot)| (i, whole(*slot))).collect();
@@ -144,7 +144,7 @@ impl Bound {
     }
 }
 
-/// The steps that sort blocks into one sequence.
+/// Returns the merge steps that join sorted blocks into one sequence.
 pub(super) fn exchanges(leaves: u32) -> Vec<Exchange> {
     let mut steps = Vec::new();
     let mut size = 2 * SORT_BLOCK;

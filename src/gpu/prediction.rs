@@ -1,8 +1,8 @@
-//! Looking ahead: what bodies will do in the next steps if nothing happens to them, so that nobody has to wait for the GPU.
+//! Look-ahead: predicts the motion of undisturbed bodies over the next steps, so that no step waits for the GPU.
 //!
-//! The GPU sweeps the bodies over several steps and finds the pairs that may meet in any of them, each body a little off its way. By the time the
-//! answer is there, most bodies are where they were expected to be, and their pairs hold. Those that have left their way, are new or have
-//! changed are culled on the CPU, against everything. Nothing is lost.
+//! The GPU sweeps the bodies over several steps and finds the pairs that may meet in any of them, if each body stays near its predicted path. When
+//! the answer arrives, most bodies are near that path, and their pairs are valid. Bodies that have left it, are new or have changed are culled on the
+//! CPU against all others. So no pair is missed.
 
 use std::collections::HashMap;
 
@@ -14,21 +14,21 @@ use crate::{
     pipeline::{self, Body, Candidates, Side, Solid, Statics, StepInput, Widening},
 };
 
-/// The next [`LOOK_AHEAD_STEPS`] steps.
+/// Prediction of the next [`LOOK_AHEAD_STEPS`] steps.
 pub struct Prediction {
     /// The bodies, with their motion over all of these steps.
     pub(crate) input: StepInput,
     pub(crate) statics: Statics,
-    /// How far each may leave its way, in metres.
+    /// Largest deviation of each body from its path, in metres.
     slack: Vec<f32>,
-    /// Which body is whose.
+    /// Index of each body by its key.
     bodies: HashMap<u64, u32>,
-    /// Number of the step before the first.
+    /// Number of the step before the first predicted one.
     after: u64,
 }
 
 impl Prediction {
-    /// What follows a step: each body goes on as it did in that step, from where it has ended it. `keys` tell the bodies from others.
+    /// Predicts the steps after a step. Each body continues its motion of that step, from its pose at the end. `keys` identify the bodies across steps.
     pub fn new(
         input: &StepInput,
         statics: &Statics,
@@ -50,18 +50,18 @@ impl Prediction {
         }
     }
 
-    /// Number of the step before the first that is looked ahead to.
+    /// Returns the number of the step before the first predicted one.
     pub fn after(&self) -> u64 {
         self.after
     }
 
-    /// How far a body may leave its way, in metres.
+    /// Returns the largest deviation of a body from its path, in metres.
     pub(crate) fn slack(&self, body: usize) -> f32 {
         self.slack[body]
     }
 
-    /// The pairs that may meet in a step, by what was found for all of them, and how many bodies had to be culled on the CPU for that; none if the
-    /// step is not one of them, if it is longer, or if statics have changed.
+    /// Returns the pairs that may meet in a step, from those found for all predicted steps, and the number of bodies that were culled on the CPU.
+    /// None if the step was not predicted, if its prediction distance is larger, or if statics have changed.
     pub fn candidates(
         &self,
         found: &[Candidates],
@@ -96,7 +96,7 @@ impl Prediction {
                 Some(Candidates { sides, primitives: primitives.clone() })
             })
             .collect();
-        // What a body carries along leaves its way.
+        // A body that is carried along leaves its path.
         let mut widening = Widening::new(input);
         loop {
             let is_departed = |side: &Side| side.body().is_some_and(|body| departed[body as usize]);
@@ -116,11 +116,11 @@ impl Prediction {
         }
     }
 
-    /// How far any point of a body may be from where it was expected in one of the steps, in metres.
+    /// Returns the largest distance of a point of a body from its predicted position, at any time of the step, in metres.
     fn deviation(&self, known: usize, body: &Body, step: u32) -> f32 {
         let expected = self.input.bodies[known].sweep;
         let Sweep { local_center, .. } = body.sweep;
-        // It comes from poses in the world, each step with another rounding. The way of a point differs by no more than twice of that.
+        // The centre follows from poses in the world, with another rounding error in each step. The path of a point differs by at most twice that error.
         let shift = 2.0 * local_center.distance(expected.local_center);
         let arm = body.solid.bounding_sphere().farthest(local_center);
         let steps = LOOK_AHEAD_STEPS as f32;
@@ -130,19 +130,19 @@ impl Prediction {
             let turn = (pose.rotation * expected.rotation.inverse()).xyz().length().min(1.0).asin();
             apart.length() + 2.0 * turn * arm
         };
-        // In between, rates that differ count besides.
+        // Between the ends of the step, different rates add to the deviation.
         let rates = (body.sweep.rotation - expected.rotation / steps).length() * arm;
         at(&body.sweep.start, step - 1).max(at(&body.sweep.end, step)) + rates + shift
     }
 }
 
-/// A motion that goes on from `start` for the steps ahead.
+/// Returns a motion that continues from `start` over the predicted steps.
 fn continued(sweep: &Sweep, start: Pose3) -> Sweep {
     let steps = LOOK_AHEAD_STEPS as f32;
     Sweep::at_rates(start, sweep.local_center, sweep.translation * steps, sweep.rotation * steps)
 }
 
-/// True if what was found for a body, its motion aside, holds for another.
+/// Returns true if the pairs of a body, apart from its motion, are valid for another body.
 fn is_same(known: &Body, body: &Body) -> bool {
     let solid = match (&known.solid, &body.solid) {
         (Solid::Medial(a), Solid::Medial(b)) => a.axis.address() == b.axis.address() && a.scale == b.scale,

@@ -1,4 +1,4 @@
-//! What the passes have found, as it lies in a buffer that is read back: counters, pairs, survivors, times.
+//! Results of the passes in the readback buffer: counters, pairs, survivors, times.
 
 use bytemuck::{Pod, pod_collect_to_vec};
 
@@ -8,19 +8,19 @@ use super::{
 };
 use crate::pipeline::{Candidates, Side};
 
-/// What is on its way from the GPU.
+/// Results that the GPU is computing.
 pub(crate) struct Batch {
     pub staging: wgpu::Buffer,
-    /// Bytes of it that are of use.
+    /// Number of used bytes in the buffer.
     pub bytes: u64,
     pub(super) room: Room,
-    /// What the passes had room for.
+    /// Capacity of the buffers that the passes write.
     pub(super) capacity: GpuCapacity,
-    /// Passes in the order of their times.
+    /// Names of the passes, in the order of their times.
     pub(super) labels: Vec<&'static str>,
 }
 
-/// For how many pairs and survivors there is room.
+/// Number of pairs and survivors that fit into the readback buffer.
 #[derive(Clone, Copy)]
 pub(super) struct Room {
     pub pairs: u32,
@@ -28,39 +28,39 @@ pub(super) struct Room {
 }
 
 impl Room {
-    /// Where the pairs begin, in bytes.
+    /// Offset of the pairs, in bytes.
     pub const PAIRS_AT: u64 = size_of::<Counters>() as u64;
 
-    /// A quarter more than what there is now.
+    /// Room for these counts and a quarter more.
     pub fn for_counts(counts: &Counters) -> Self {
         let [pairs, survivors] =
             [counts.pairs, counts.survivors].map(|count| (count + count / 4).next_multiple_of(256));
         Self { pairs, survivors }
     }
 
-    /// Room for what is expected after a step that took `now`. It goes down slowly: what does not fit is looked for once more.
+    /// Expected room after a step that needed `now`. It decreases slowly, because a step with too little room is culled again.
     pub fn followed_by(self, now: Self) -> Self {
         let most = |before: u32, now: u32| now.max(before - before / 16);
         Self { pairs: most(self.pairs, now.pairs), survivors: most(self.survivors, now.survivors) }
     }
 
-    /// Where the survivors begin.
+    /// Offset of the survivors, in bytes.
     pub fn survivors_at(self) -> u64 {
         Self::PAIRS_AT + u64::from(self.pairs) * size_of::<Pair>() as u64
     }
 
-    /// Where the times of the passes begin.
+    /// Offset of the times of the passes, in bytes.
     pub fn times_at(self) -> u64 {
         self.survivors_at() + u64::from(self.survivors) * size_of::<Survivor>() as u64
     }
 
-    /// What the passes have counted.
+    /// Returns the counters of the passes.
     pub fn counts(data: &[u8]) -> Counters {
         list(data, 0, 1)[0]
     }
 
-    /// The pairs that were found, with their primitives, all in ascending order; nothing if there was no room for all. The GPU's invocations
-    /// come in any order.
+    /// Returns the pairs with their primitives, all in ascending order, because the invocations of the GPU finish in any order. None if there was not
+    /// enough room.
     pub fn candidates(self, data: &[u8]) -> Option<Vec<Candidates>> {
         let counts = Self::counts(data);
         if counts.pairs > self.pairs || counts.survivors > self.survivors {
@@ -75,7 +75,7 @@ impl Room {
         }
         for primitives in found.iter_mut().filter_map(|pair| pair.primitives.as_mut()) {
             primitives.sort_unstable();
-            // Those that meet along several chords.
+            // Primitives that meet along several chords occur several times.
             primitives.dedup();
         }
         found.sort_unstable_by_key(|pair| pair.sides);
@@ -84,7 +84,7 @@ impl Room {
 }
 
 impl Pair {
-    /// The pair, as yet without primitives.
+    /// Converts the pair, without primitives.
     fn candidates(&self) -> Candidates {
         let index = self.second & !(STATIC | UNKNOWN);
         let second = if self.second & STATIC == 0 { Side::Body(index) } else { Side::Static(index) };
@@ -93,7 +93,7 @@ impl Pair {
     }
 }
 
-/// Elements of a list that begins at a byte.
+/// Returns the elements of a list that begins at an offset in bytes.
 fn list<T: Pod>(data: &[u8], at: u64, count: u32) -> Vec<T> {
     pod_collect_to_vec(&data[at as usize..][..count as usize * size_of::<T>()])
 }

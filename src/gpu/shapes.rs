@@ -1,4 +1,4 @@
-//! Medial meshes as the GPU has them: uploaded once, shared by all bodies.
+//! Medial meshes in the layout of the GPU. Each is uploaded once and shared by all bodies.
 
 use std::collections::HashMap;
 
@@ -14,18 +14,18 @@ use crate::medial_axis::{MedialAxis, WeakMedialAxis, packed::PackedMedialMesh};
 /// The shapes that have been uploaded.
 #[derive(Default)]
 pub(super) struct Shapes {
-    /// By the place of their data, which stays theirs as long as they are known here.
+    /// Index by the address of the shape's data. The weak handle keeps the address from being used again.
     known: HashMap<usize, (WeakMedialAxis, u32)>,
     table: Vec<layout::Shape>,
     spheres: Vec<[f32; 4]>,
     primitives: Vec<[i32; 3]>,
     nodes: Vec<u8>,
-    /// How many bytes of each list have been uploaded.
+    /// Number of bytes of each list that have been uploaded.
     uploaded: [usize; 4],
 }
 
 impl Shapes {
-    /// Index of a shape.
+    /// Returns the index of a shape. A new shape is added.
     pub fn index_of(&mut self, axis: &MedialAxis) -> u32 {
         if let Some((_, index)) = self.known.get(&axis.address()) {
             return *index;
@@ -39,7 +39,7 @@ impl Shapes {
         let nodes = axis.bvh().bytes();
         self.table.push(layout::Shape {
             spheres: self.spheres.len() as u32,
-            // The first is the bound.
+            // The first primitive is the bound.
             primitives: self.primitives.len() as u32 + 1,
             primitive_count: primitives.len() as u32 - 1,
             nodes: (self.nodes.len() / NODE as usize) as u32,
@@ -52,7 +52,7 @@ impl Shapes {
         index
     }
 
-    /// Drops shapes that nobody has any more, once they are the greater part. True if others have new indices then.
+    /// Drops unused shapes if they are the majority. Returns true if the others have new indices then.
     pub fn tidy(&mut self) -> bool {
         let used = || self.known.values().filter_map(|(axis, index)| Some((axis.upgrade()?, *index)));
         if 2 * used().count() >= self.known.len() {
@@ -67,7 +67,7 @@ impl Shapes {
         true
     }
 
-    /// Uploads what is new.
+    /// Uploads new data.
     pub fn upload(&mut self, gpu: &GpuDevice, buffers: &mut Buffers) -> Result<(), GpuError> {
         let lists: [(Slot, &[u8]); 4] = [
             (Slot::Shapes, cast_slice(&self.table)),
@@ -101,7 +101,7 @@ mod tests {
         let kept = make(8);
         let gone = [10, 12, 14].map(&mut make);
         assert_eq!((kept.1, kept.2, gone[2].2), (0, 1, 7));
-        assert!(!shapes.tidy(), "all are in use");
+        assert!(!shapes.tidy(), "shapes in use were dropped");
         let spheres = shapes.spheres.len();
         drop(gone);
         assert!(shapes.tidy() && shapes.known.len() == 2 && shapes.spheres.len() < spheres / 2);

@@ -4,16 +4,16 @@ use bytemuck::pod_collect_to_vec;
 
 use super::{GpuDevice, GpuError};
 
-/// Times of passes, told by the device itself.
+/// Times of passes, measured by the device.
 pub(super) struct Timer {
-    /// None if the device cannot tell.
+    /// None if the device has no timestamps.
     queries: Option<(wgpu::QuerySet, wgpu::Buffer)>,
     passes: u32,
     nanoseconds_per_tick: f64,
 }
 
 impl Timer {
-    /// A timer of so many passes at most.
+    /// Creates a timer for at most this many passes.
     pub fn new(gpu: &GpuDevice, passes: u32) -> Result<Self, GpuError> {
         let mut queries = None;
         if gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
@@ -26,7 +26,7 @@ impl Timer {
         Ok(Self { queries, passes, nanoseconds_per_tick: gpu.queue.get_timestamp_period().into() })
     }
 
-    /// What a pass, by its number, has to write.
+    /// Returns the timestamps that a pass, given by its index, has to write.
     pub fn writes(&self, pass: u32) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         self.queries.as_ref().map(|(query_set, _)| wgpu::ComputePassTimestampWrites {
             query_set,
@@ -35,12 +35,12 @@ impl Timer {
         })
     }
 
-    /// Bytes that are copied to where they are read.
+    /// Number of bytes that are copied to the readback buffer.
     pub fn bytes(&self) -> u64 {
         if self.queries.is_some() { 16 * u64::from(self.passes) } else { 0 }
     }
 
-    /// Records the copy of the times of the first passes to a place in a buffer.
+    /// Records the copy of the times of the first passes to an offset in a buffer.
     pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder, passes: u32, staging: &wgpu::Buffer, at: u64) {
         if let Some((set, buffer)) = &self.queries {
             encoder.resolve_query_set(set, 0..2 * passes, buffer, 0);
@@ -48,7 +48,7 @@ impl Timer {
         }
     }
 
-    /// The times in what was copied: one for each pass, or none at all.
+    /// Converts the copied bytes to times: one for each pass, or none without timestamps.
     pub fn durations(&self, bytes: &[u8]) -> Vec<Duration> {
         let ticks: Vec<u64> = pod_collect_to_vec(bytes);
         let duration = |ticks: &[u64]| {

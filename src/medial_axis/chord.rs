@@ -1,4 +1,4 @@
-//! Where lines parallel to the x axis enter and leave a primitive, in closed form and f64.
+//! Intersections of a primitive with lines parallel to the x axis, in closed form and in f64.
 
 use glam::DVec3;
 
@@ -11,7 +11,7 @@ pub(super) struct Ball {
 /// The convex hull of one to three balls.
 pub(super) struct Hull {
     balls: Vec<Ball>,
-    /// The two flat triangles of a slab; not a number for a degenerate one, and then no line meets them.
+    /// The two flat triangles of a slab. NaN for a degenerate slab, whose triangles then intersect no line.
     faces: Vec<[DVec3; 3]>,
 }
 
@@ -41,15 +41,15 @@ impl Hull {
         (least, greatest)
     }
 
-    /// Area of the rectangle around the shadow along x.
+    /// Area of the bounding rectangle of the projection along x.
     pub fn shadow(&self) -> f64 {
         let [(y0, y1), (z0, z1)] = [1, 2].map(|axis| self.range(axis));
         (y1 - y0) * (z1 - z0)
     }
 
-    /// Where the line along x through `y` and `z` enters and leaves.
+    /// The x coordinates at which the line along x through `y` and `z` enters and leaves the hull.
     ///
-    /// Every candidate below is a point of the hull, and both ends of the chord are among them: on a ball, on the mantle
+    /// Every candidate below is a point of the hull, and both ends of the chord are among the candidates: on a ball, on the mantle
     /// between two balls, or on a face.
     pub fn chord(&self, at: [f64; 2]) -> Option<(f64, f64)> {
         let (mut from, mut to) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -76,11 +76,11 @@ fn offset_squared(center: DVec3, [y, z]: [f64; 2]) -> f64 {
     (center.y - y).powi(2) + (center.z - z).powi(2)
 }
 
-/// Where the line touches a ball between `a` and `b` and is, there, farthest along x or against it.
+/// The smallest x at which the line enters a ball between `a` and `b`, and the largest x at which it leaves one. `None` if that ball is `a` or `b`.
 ///
-/// The ball at `s` is left at `k s + sqrt(Q(s))`, where `Q = A s^2 + 2 B s + C` is its radius squared less the squared
-/// distance of its centre from the line. This is concave; with `y = A s + B` and `D = B^2 - A C` its maximum is at
-/// `y^2 = k^2 D / (k^2 - A)`, with the sign of `y` opposite to that of `k`. To enter, `k` turns round.
+/// The line leaves the ball at `s` at `k s + sqrt(Q(s))`, where `Q = A s^2 + 2 B s + C` is its squared radius minus the squared
+/// distance of its centre from the line. This function is concave; with `y = A s + B` and `D = B^2 - A C` its maximum is at
+/// `y^2 = k^2 D / (k^2 - A)`, where `y` has the opposite sign of `k`. For the entry, `k` changes its sign.
 fn mantle(a: &Ball, b: &Ball, at: [f64; 2]) -> [Option<f64>; 2] {
     let (step, growth) = (b.center - a.center, b.radius - a.radius);
     let across = (a.center.y - at[0]) * step.y + (a.center.z - at[1]) * step.z;
@@ -92,14 +92,14 @@ fn mantle(a: &Ball, b: &Ball, at: [f64; 2]) -> [Option<f64>; 2] {
     [-1.0, 1.0].map(|sense: f64| {
         let k = sense * step.x;
         let y = -root.copysign(k);
-        // The same number twice; each form loses no digits where it is used.
+        // Two forms of the same number: each avoids cancellation in its case.
         let s = if y * qb > 0.0 { (qb * qb - k * k * qc) / (slack * (y + qb)) } else { (y - qb) / qa };
         let square = (qa * s + 2.0 * qb) * s + qc;
         (s > 0.0 && s < 1.0 && square >= 0.0).then(|| a.center.x + step.x * s + sense * square.sqrt())
     })
 }
 
-/// Where the line meets a triangle.
+/// The x coordinate at which the line intersects a triangle.
 fn in_triangle(&[a, b, c]: &[DVec3; 3], at: [f64; 2]) -> Option<f64> {
     let area = |p: DVec3, q: DVec3| (p.y - at[0]) * (q.z - at[1]) - (q.y - at[0]) * (p.z - at[1]);
     let weights = DVec3::new(area(b, c), area(c, a), area(a, b));
@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn a_line_along_the_mantle_is_met() {
-        // The upper rim of this cone is parallel to the line: the radius shrinks as fast as the centre approaches it.
+        // The upper rim of this cone is parallel to the line: the radius shrinks as fast as the centre approaches the line.
         let hull = Hull::new(vec![
             Ball { center: DVec3::ZERO, radius: 1.0 },
             Ball { center: DVec3::new(3.0, 0.5, 0.0), radius: 0.5 },

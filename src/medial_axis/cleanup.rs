@@ -1,24 +1,24 @@
-//! Lists as they come from files and builders, brought into the form that [`MedialAxis`](super::MedialAxis) promises.
+//! Converts lists from files and builders to the form that [`MedialAxis`](super::MedialAxis) guarantees.
 
 use std::{cell::Cell, collections::HashMap, fmt};
 
 use crate::geometry::{Aabb, Bvh, Primitive, Sphere};
 
-/// What a clean-up changed.
+/// Changes made by a clean-up.
 ///
-/// None of it changes the shape. Covered cones are usual, as most files list the edges of their faces; the rest hints
-/// at waste in the source.
+/// None of them changes the shape. Covered cones are common, because most files list the edges of their faces. Other changes hint
+/// at redundant data in the source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CleanupReport {
-    /// Spheres that no primitive referred to, and that became primitives.
+    /// Spheres without a primitive, which became primitives.
     pub isolated_spheres: usize,
-    /// Spheres equal to an earlier one, which took their place.
+    /// Spheres equal to an earlier one, which replaced them.
     pub duplicate_spheres: usize,
     /// Cones with one sphere inside the other, which became spheres.
     pub degenerate_cones: usize,
     /// Slabs without a common tangent plane, which became one or two cones, or a sphere.
     pub degenerate_slabs: usize,
-    /// Primitives that another one repeats.
+    /// Primitives that repeat another one.
     pub duplicate_primitives: usize,
     /// Sphere primitives inside another primitive.
     pub covered_spheres: usize,
@@ -26,7 +26,7 @@ pub struct CleanupReport {
     pub covered_cones: usize,
     /// Slabs inside another primitive.
     pub covered_slabs: usize,
-    /// Spheres that no primitive needs any more.
+    /// Spheres left without a primitive, which were removed.
     pub unused_spheres: usize,
 }
 
@@ -59,9 +59,9 @@ impl fmt::Display for CleanupReport {
     }
 }
 
-/// The same set of points in canonical form. Indices must be in range, numbers finite, radii not negative.
+/// Returns the same set of points in canonical form. Indices must be in range, numbers finite, radii not negative.
 ///
-/// One pass is enough: each stage leaves intact what the stages before it have established.
+/// One pass is enough: each stage preserves the results of the stages before it.
 pub(super) fn clean_up(
     mut spheres: Vec<Sphere>,
     mut primitives: Vec<Primitive>,
@@ -83,13 +83,13 @@ fn add_isolated_spheres(spheres: &[Sphere], primitives: &mut Vec<Primitive>, rep
     report.isolated_spheres = primitives.len() - before;
 }
 
-/// Lets equal spheres share the first one's index.
+/// Replaces the indices of equal spheres by the first one's index.
 fn merge_duplicate_spheres(spheres: &[Sphere], primitives: &mut [Primitive], report: &mut CleanupReport) {
     let mut first_of = HashMap::new();
     let first: Vec<u32> = (0u32..)
         .zip(spheres)
         .map(|(i, s)| {
-            // Adding 0 turns -0 into 0, which equals it.
+            // Adding 0 turns -0 into 0, so both get the same key.
             let key = [s.center.x, s.center.y, s.center.z, s.radius].map(|v| (v + 0.0).to_bits());
             *first_of.entry(key).or_insert(i)
         })
@@ -114,7 +114,7 @@ fn simplify(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mut Cl
         .collect();
 }
 
-/// Sorts the primitives, and the indices in each, and drops repetitions.
+/// Sorts the primitives and the indices in each, and removes duplicates.
 fn drop_duplicates(primitives: &mut Vec<Primitive>, report: &mut CleanupReport) {
     let before = primitives.len();
     for primitive in primitives.iter_mut() {
@@ -125,10 +125,11 @@ fn drop_duplicates(primitives: &mut Vec<Primitive>, report: &mut CleanupReport) 
     report.duplicate_primitives = before - primitives.len();
 }
 
-/// Drops each primitive all of whose spheres are, or are inside, spheres of one other primitive: as the latter is
-/// convex, it holds the hull as well.
+/// Removes each primitive whose spheres all equal, or lie inside, spheres of one other primitive. The other primitive is
+/// convex, so it contains the hull as well.
 ///
-/// Nothing is lost: as no sphere of a proper primitive holds another of it, and equal spheres are merged, no two
+/// No volume is lost, because no two primitives cover each other: no sphere of a proper primitive contains another sphere of it, and equal spheres
+/// are merged.
 /// primitives cover each other.
 fn drop_covered(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mut CleanupReport) {
     let boxes: Vec<Aabb> = spheres.iter().map(|&sphere| Aabb::from_spheres([sphere])).collect();
@@ -144,8 +145,8 @@ fn drop_covered(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mu
             let by = primitives[*other].indices();
             *other != number && indices.iter().all(|&i| by.iter().any(|&j| holds(j, i)))
         };
-        // Whatever covers the primitive covers each of its spheres, whose box lies in that of the sphere which holds it, but for rounding. That of the
-        // fewest primitives has the fewest to ask.
+        // A covering primitive covers each sphere of this one. The box of a covered sphere lies in the box of the sphere that contains it, up to rounding.
+        // The search starts from the sphere with the fewest primitives, which gives the fewest candidates.
         let Some(sphere) = indices.iter().copied().min_by_key(|&i| users[i as usize].len()) else { return false };
         let own = boxes[sphere as usize];
         let core = own.inflated(-own.rounding());
@@ -184,7 +185,7 @@ fn drop_unused_spheres(spheres: &mut Vec<Sphere>, primitives: &mut [Primitive], 
     renumber(primitives, |i| number[i as usize]);
 }
 
-/// The number of each item that is kept when the others are gone; what those have means nothing.
+/// The new index of each kept item after the others are removed. The entries of removed items are meaningless.
 pub(crate) fn numbers_of_kept(kept: impl Iterator<Item = bool>) -> Vec<u32> {
     let mut next = 0;
     kept.map(|kept| {
@@ -194,7 +195,7 @@ pub(crate) fn numbers_of_kept(kept: impl Iterator<Item = bool>) -> Vec<u32> {
     .collect()
 }
 
-/// Whether a primitive refers to each of `count` spheres.
+/// For each of `count` spheres, true if a primitive refers to it.
 fn used(count: usize, primitives: &[Primitive]) -> Vec<bool> {
     let mut used = vec![false; count];
     primitives.iter().flat_map(Primitive::indices).for_each(|&i| used[i as usize] = true);
@@ -230,7 +231,7 @@ mod tests {
         Sphere::new(Vec3::new(x, y, z), radius)
     }
 
-    /// Checks all that a clean-up promises, with `points` random points near the surface.
+    /// Checks all guarantees of a clean-up, with `points` random points near the surface.
     fn check(
         name: &str,
         spheres: Vec<Sphere>,
@@ -295,11 +296,11 @@ mod tests {
             println!("{name}: {degenerate} degenerate; {report}");
             assert_eq!(degenerate > 0, report.degenerate_cones + report.degenerate_slabs > 0, "{name}");
             let must_be_degenerate = index < own.len() || path.ends_with("shared/models/dinosaur.ma");
-            assert!(!must_be_degenerate || degenerate > 0, "{name}: the model no longer tests degenerate primitives");
+            assert!(!must_be_degenerate || degenerate > 0, "{name}: the model has no degenerate primitives to test");
         }
     }
 
-    /// Adds cones and slabs to spheres that lie within another sphere. The files of the project have no degenerate primitive.
+    /// Adds cones and slabs with spheres inside another sphere, because the project's files contain no degenerate primitive.
     fn add_degenerate_primitives(spheres: &mut Vec<Sphere>, primitives: &mut Vec<Primitive>) {
         for (number, primitive) in primitives.clone().iter().enumerate().step_by(5) {
             let [i, j] = [primitive.indices()[0], primitive.indices()[1]];
@@ -325,7 +326,7 @@ mod tests {
             sum[2] += usize::from(report.unused_spheres == 1);
             sum[3] += usize::from(report.unused_spheres == 2);
         }
-        // Kept whole; simplified; to one cone; to one sphere. The rest of the simplified are pairs of cones.
+        // Counts: kept slabs, simplified slabs, slabs that became one cone, slabs that became one sphere. The other simplified slabs became two cones.
         println!("{sum:?}");
         assert!(sum[0] > 500 && sum[2] > 500 && sum[3] > 100 && sum[1] > sum[2] + sum[3] + 500, "{sum:?}");
     }
@@ -356,12 +357,12 @@ mod tests {
             sum.unused_spheres += report.unused_spheres;
         }
         println!("{sum}");
-        assert_eq!(sum.to_string().split(", ").count(), 9, "some kind of change never happened: {sum}");
+        assert_eq!(sum.to_string().split(", ").count(), 9, "some kind of change did not occur: {sum}");
     }
 
     #[test]
     fn simplified_slab_is_the_union_of_its_parts() {
-        // The distance field of a slab, sampled without any closed form, against that of its parts.
+        // Compares the distance field of a slab, sampled without any closed form, with the field of its parts.
         let mut random = Random(5);
         let mut parts_seen = [0; 3];
         for case in 0..600 {
@@ -386,14 +387,14 @@ mod tests {
         let (_, primitives, report) = clean_up(spheres.clone(), vec![Primitive::Slab([0, 1, 2])]);
         assert_eq!(primitives, [Primitive::Cone([0, 1]), Primitive::Cone([1, 2])]);
         assert_eq!(report, CleanupReport { degenerate_slabs: 1, ..Default::default() });
-        // The one cone of the two larger spheres would lose the smallest.
+        // The single cone of the two larger spheres would lose the smallest sphere.
         let kept = Envelope::new(&spheres, &[Primitive::Cone([1, 2])]);
         assert!(kept.distance(DVec3::new(-2.4, 0.0, 0.0)) > 1.0);
     }
 
     #[test]
     fn of_spheres_that_touch_from_inside_the_outer_stays() {
-        // The inner ball's starts and ends coincide with the outer's, along each axis in turn.
+        // The inner ball's surface touches the outer's at one side, along each axis in turn.
         for axis in [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X] {
             let spheres = vec![Sphere::new(axis, 1.0), Sphere::new(Vec3::ZERO, 2.0), Sphere::new(axis, 1.0)];
             let (kept, primitives, report) = clean_up(spheres, vec![]);

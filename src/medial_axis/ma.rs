@@ -1,4 +1,4 @@
-//! The `.ma` text format, as Q-MAT and the Blender MAT add-on write it.
+//! The `.ma` text format, as written by Q-MAT and the Blender MAT add-on.
 //!
 //! ```text
 //! 3 1 1                     spheres, edges, faces
@@ -7,8 +7,8 @@
 //! f 0 1 2                   a face (a medial slab): three spheres; its edges need not be listed
 //! ```
 //!
-//! Blank lines and lines that start with `#` may stand anywhere. Records may come in any order, but in the numbers that
-//! the first line states.
+//! Blank lines and lines that start with `#` are allowed everywhere. Records may come in any order, but their numbers must match
+//! the first line.
 
 use std::{fmt::Write, io, path::Path};
 
@@ -32,81 +32,81 @@ pub struct MaFile {
     pub faces: Vec<[u32; 3]>,
 }
 
-/// Why bytes are not a `.ma` file, and where.
+/// Reason and line of a syntax error in a `.ma` file.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("line {line}: {kind}")]
 pub struct MaError {
-    /// The line, counted from 1. For records that are missing, that of the header.
+    /// The line, counted from 1. For missing records, the line of the header.
     pub line: usize,
-    /// What is wrong.
+    /// Kind of error.
     pub kind: MaErrorKind,
 }
 
-/// What is wrong with a line.
+/// Kind of error in a line.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum MaErrorKind {
-    /// The bytes are no text.
+    /// The bytes are not UTF-8 text.
     #[error("not UTF-8 text")]
     NotUtf8,
     /// There are only blank lines and comments.
     #[error("no header: expected `spheres edges faces`")]
     NoHeader,
-    /// The header promises no sphere.
-    #[error("an empty mesh: the header promises no spheres")]
+    /// The header declares zero spheres.
+    #[error("an empty mesh: the header declares no spheres")]
     Empty,
     /// The line ends before the value.
     #[error("{0} is missing")]
     Missing(&'static str),
-    /// A count or index is no whole number from 0 to 4,294,967,295.
+    /// A count or index is not a whole number from 0 to 4,294,967,295.
     #[error("{what} is `{token}`, not a whole number from 0 to {}", u32::MAX)]
     NotCount {
-        /// Which value.
+        /// Name of the value.
         what: &'static str,
-        /// What stands there.
+        /// Text found in its place.
         token: String,
     },
-    /// A coordinate or radius is no number, NaN or beyond the range of f32.
+    /// A coordinate or radius is not a number, is NaN, or is beyond the range of f32.
     #[error("{what} is `{token}`, not a finite number")]
     NotFinite {
-        /// Which value.
+        /// Name of the value.
         what: &'static str,
-        /// What stands there.
+        /// Text found in its place.
         token: String,
     },
     /// A radius is negative.
     #[error("the radius is `{0}`, which is negative")]
     NegativeRadius(String),
     /// An index is not less than the number of spheres.
-    #[error("there is no sphere {index}: the header promises {spheres}")]
+    #[error("there is no sphere {index}: the header declares {spheres}")]
     IndexOutOfRange {
         /// The index.
         index: u32,
-        /// Number of spheres that the header promises.
+        /// Number of spheres declared by the header.
         spheres: u32,
     },
-    /// An edge or face names a sphere twice.
+    /// An edge or face refers to the same sphere twice.
     #[error("sphere {0} is repeated")]
     RepeatedIndex(u32),
-    /// A line goes on after its last value.
+    /// A line continues after its last value.
     #[error("trailing `{0}`")]
     Trailing(String),
-    /// A line is no record.
+    /// A line is not a record.
     #[error("expected a record `v`, `e` or `f`, found `{0}`")]
     UnknownRecord(String),
-    /// There are more records than the header promises; this is the first in excess.
-    #[error("one `{record}` record more than the {promised} that the header promises")]
+    /// There are more records than the header declares; the line is that of the first excess record.
+    #[error("one `{record}` record more than the {promised} that the header declares")]
     TooMany {
         /// Letter of the record.
         record: char,
-        /// Number that the header promises.
+        /// Number declared by the header.
         promised: u32,
     },
-    /// There are fewer records than the header promises.
-    #[error("the header promises {promised} `{record}` records, the file has {found}")]
+    /// There are fewer records than the header declares.
+    #[error("the header declares {promised} `{record}` records, the file has {found}")]
     TooFew {
         /// Letter of the record.
         record: char,
-        /// Number that the header promises.
+        /// Number declared by the header.
         promised: u32,
         /// Number in the file.
         found: usize,
@@ -122,11 +122,11 @@ impl MaFile {
         cones.chain(self.faces.iter().map(|&f| Primitive::Slab(f))).collect()
     }
 
-    /// The shape, cleaned up, with what the clean-up changed.
+    /// The cleaned-up shape, and a report of the clean-up.
     ///
     /// # Errors
-    /// As for [`MedialAxis::new`]: numbers beyond [`MAX_EXTENT`](super::MAX_EXTENT), and more spheres than
-    /// [`MAX_SPHERES`](super::MAX_SPHERES), are the causes that [`parse`] lets pass.
+    /// The errors of [`MedialAxis::new`]. After [`parse`], only numbers beyond [`MAX_EXTENT`](super::MAX_EXTENT) and more spheres than
+    /// [`MAX_SPHERES`](super::MAX_SPHERES) can cause one.
     pub fn into_medial_axis(self) -> Result<(MedialAxis, CleanupReport), MedialAxisError> {
         let primitives = self.primitives();
         MedialAxis::new(self.spheres, primitives)
@@ -134,7 +134,7 @@ impl MaFile {
 }
 
 impl From<&MedialAxis> for MaFile {
-    /// Sphere primitives are the spheres that no edge or face names, so all is kept.
+    /// Keeps all primitives. Sphere primitives are not listed, because a sphere without an edge or face becomes a primitive on reading.
     fn from(axis: &MedialAxis) -> Self {
         let mut file = Self { spheres: axis.spheres().to_vec(), ..Self::default() };
         for primitive in axis.primitives() {
@@ -148,11 +148,11 @@ impl From<&MedialAxis> for MaFile {
     }
 }
 
-/// Reads the text of a `.ma` file.
+/// Parses the text of a `.ma` file.
 ///
 /// # Errors
-/// The first line that breaks the format, with the reason. Memory use is bounded by the size of `bytes`, whatever the
-/// header promises.
+/// The first line that violates the format, with the reason. Memory use is bounded by the size of `bytes`, independent of the
+/// header.
 pub fn parse(bytes: &[u8]) -> Result<MaFile, MaError> {
     let bytes = without_mark(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
@@ -183,7 +183,7 @@ pub fn parse(bytes: &[u8]) -> Result<MaFile, MaError> {
     Ok(file)
 }
 
-/// Writes the text of a `.ma` file, from which [`parse`] reads the very same numbers.
+/// Formats the text of a `.ma` file. [`parse`] reads the same numbers from it, bit for bit.
 pub fn write(file: &MaFile) -> String {
     let mut text = format!("{} {} {}\n", file.spheres.len(), file.edges.len(), file.faces.len());
     // Writing to a string cannot fail. `{:?}` is the shortest text that reads back as the same f32.
@@ -199,28 +199,28 @@ pub fn write(file: &MaFile) -> String {
     text
 }
 
-/// Writes a `.ma` file, of which nobody sees a part: it gets its name when it is whole.
+/// Writes a `.ma` file atomically: the file gets its name when it is complete.
 ///
 /// # Errors
-/// What the system says.
+/// The error of the file system.
 pub fn save(path: &Path, file: &MaFile) -> io::Result<()> {
     whole_file::write(path, write(file).as_bytes())
 }
 
-/// A text without the byte order mark that some programs begin it with.
+/// Strips the UTF-8 byte order mark, which some programs write at the start of a text.
 pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes)
 }
 
-/// Most characters of a field in a message.
+/// Maximum number of characters of a field in a message.
 const LONGEST_QUOTE: usize = 60;
 
-/// What a message says of a field: its first characters, as a file of another kind may be one long line.
+/// The first characters of a field, for a message. A file of another format may be one long line.
 fn quoted(token: &str) -> String {
     token.chars().take(LONGEST_QUOTE).collect()
 }
 
-/// The rest of a line.
+/// The remaining fields of a line.
 struct Fields<'a>(std::str::SplitWhitespace<'a>);
 
 impl<'a> Fields<'a> {
@@ -323,16 +323,16 @@ mod tests {
         let cases: &[(&str, &str)] = &[
             ("", "line 1: no header: expected `spheres edges faces`"),
             ("# only\n\n", "line 1: no header: expected `spheres edges faces`"),
-            ("\n0 0 0\n", "line 2: an empty mesh: the header promises no spheres"),
+            ("\n0 0 0\n", "line 2: an empty mesh: the header declares no spheres"),
             ("1 0\nv 0 0 0 1", "line 1: the number of faces is missing"),
             ("1 0 0 0\nv 0 0 0 1", "line 1: trailing `0`"),
             ("-1 0 0", "line 1: the number of spheres is `-1`, not a whole number from 0 to 4294967295"),
             ("1 4294967296 0", "line 1: the number of edges is `4294967296`, not a whole number from 0 to 4294967295"),
-            ("4294967295 0 0\nv 0 0 0 1", "line 1: the header promises 4294967295 `v` records, the file has 1"),
-            ("1 0 4294967295\nv 0 0 0 1", "line 1: the header promises 4294967295 `f` records, the file has 0"),
-            ("# c\n1 1 0\nv 0 0 0 1", "line 2: the header promises 1 `e` records, the file has 0"),
-            ("1 0 0\nv 0 0 0 1\n\nv 0 0 0 1", "line 4: one `v` record more than the 1 that the header promises"),
-            ("2 0 0\nv 0 0 0 1\nv 0 0 1 1\ne 0 1", "line 4: one `e` record more than the 0 that the header promises"),
+            ("4294967295 0 0\nv 0 0 0 1", "line 1: the header declares 4294967295 `v` records, the file has 1"),
+            ("1 0 4294967295\nv 0 0 0 1", "line 1: the header declares 4294967295 `f` records, the file has 0"),
+            ("# c\n1 1 0\nv 0 0 0 1", "line 2: the header declares 1 `e` records, the file has 0"),
+            ("1 0 0\nv 0 0 0 1\n\nv 0 0 0 1", "line 4: one `v` record more than the 1 that the header declares"),
+            ("2 0 0\nv 0 0 0 1\nv 0 0 1 1\ne 0 1", "line 4: one `e` record more than the 0 that the header declares"),
             ("1 0 0\nv 0 0 0", "line 2: the radius is missing"),
             ("1 0 0\nv 0 0 0 1 7", "line 2: trailing `7`"),
             ("1 0 0\nv 0 0 0 1 # no", "line 2: trailing `#`"),
@@ -343,7 +343,7 @@ mod tests {
             ("1 0 0\nv 1e39 0 0 1", "line 2: x is `1e39`, not a finite number"),
             ("1 0 0\nv 0 0 0 one", "line 2: the radius is `one`, not a finite number"),
             ("1 0 0\nv 0 0 0 -0.5", "line 2: the radius is `-0.5`, which is negative"),
-            ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 0 2", "line 4: there is no sphere 2: the header promises 2"),
+            ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 0 2", "line 4: there is no sphere 2: the header declares 2"),
             ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 1 1", "line 4: sphere 1 is repeated"),
             ("2 1 0\nv 0 0 0 1\nv 0 0 1 1\ne 1", "line 4: an index is missing"),
             (
@@ -413,7 +413,7 @@ mod tests {
                     accepted += 1;
                     let text = write(&file);
                     assert_eq!(parse(text.as_bytes()).as_ref(), Ok(&file), "{text}");
-                    // Numbers beyond the extent are the one thing that the format allows and a shape does not.
+                    // Only numbers beyond the extent are valid in the format and invalid in a shape.
                     shapes += usize::from(super::super::validate(&file.spheres, &file.primitives()).is_ok());
                 }
                 Err(error) => {

@@ -5,12 +5,12 @@ use glam::{DMat3, DQuat, DVec3, Mat3, Vec3};
 use super::chord::{Ball, Hull};
 use crate::geometry::{Aabb, Primitive, Sphere};
 
-/// About how many chords the lines through a shape have with its primitives, in all.
+/// Approximate number of intersections of the grid's lines with the primitives of a shape, in total.
 ///
-/// Cost grows linearly, the error falls with its power of -3/4 or faster.
+/// The cost grows linearly with it. The error falls with its power of -3/4 or faster.
 const CHORDS: f64 = 150_000.0;
 
-/// Direction of the lines, as the rotation that turns them to the x axis. Askew, so that the faces of boxes and the
+/// Direction of the lines, as the rotation that maps them to the x axis. It is oblique, so that the faces of boxes and the
 /// sides of rods along an axis do not fall between two rows of lines.
 const LINES: DQuat = DQuat::from_xyzw(1.0 / 11.0, 5.0 / 11.0, 4.0 / 11.0, 8.888_194_417_315_589 / 11.0);
 
@@ -18,24 +18,24 @@ const LINES: DQuat = DQuat::from_xyzw(1.0 / 11.0, 5.0 / 11.0, 4.0 / 11.0, 8.888_
 ///
 /// # Method
 /// A square grid of parallel lines runs through the shape. On each line the exact intervals inside the primitives are
-/// united, so that overlaps count once, and the moments are integrated exactly along it; across, by the midpoint rule.
-/// All in f64, from the middle of the shape. The same lists give the same bits.
+/// merged, so that overlaps count once. The moments are integrated exactly along the lines, and by the midpoint rule across them.
+/// All computations use f64, relative to the middle of the shape. Equal lists give bitwise equal results.
 ///
 /// # Error
-/// One ball is exact. On boxes, capsules, cones and rings: the volume is within 0.1 %, the centre of mass within 0.1 % of the size,
+/// One ball is exact. For boxes, capsules, cones and rings, the error of the volume is within 0.1 %. The centre of mass is within 0.1 % of the size,
 /// and moments of inertia are within 0.2 %.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MassProperties {
     /// Volume in cubic metres: the mass, at unit density. Zero for a shape whose radii are all zero.
     pub volume: f32,
-    /// Centre of mass in metres, in the shape's frame. The middle of the bounding box where there is no volume.
+    /// Centre of mass in metres, in the shape's frame. The centre of the bounding box if the volume is zero.
     pub center_of_mass: Vec3,
-    /// Inertia about the centre of mass along the shape's axes, in metres to the fifth: at unit density.
+    /// Inertia tensor at unit density about the centre of mass, along the shape's axes, in m^5.
     pub inertia: Mat3,
 }
 
 impl MassProperties {
-    /// Of the union of `primitives`, whose indices must be in range. See the type for method and error.
+    /// Mass properties of the union of `primitives`, whose indices must be in range. The type describes method and error.
     pub(super) fn of_union(spheres: &[Sphere], primitives: &[Primitive]) -> Self {
         if let ([sphere], [Primitive::Sphere(_)]) = (spheres, primitives) {
             return Self::of_ball(sphere);
@@ -76,16 +76,16 @@ impl MassProperties {
 struct Chord {
     /// Number of the line along y and z.
     line: [i64; 2],
-    /// Where the line is.
+    /// The y and z coordinates of the line.
     at: [f64; 2],
-    /// Where the line enters and leaves.
+    /// The x coordinates at which the line enters and leaves.
     from: f64,
     to: f64,
 }
 
 /// The chords of all lines of a grid around the origin with the union of `hulls`.
 fn chords(hulls: &[Hull], spacing: f64) -> Vec<Chord> {
-    // Lines run through the middles of the cells: symmetric shapes are met symmetrically.
+    // Lines run through the middles of the cells, so the samples of a symmetric shape are symmetric.
     let position = |number: i64| (number as f64 + 0.5) * spacing;
     let mut chords = Vec::new();
     for hull in hulls {
@@ -113,7 +113,7 @@ fn chords(hulls: &[Hull], spacing: f64) -> Vec<Chord> {
     chords
 }
 
-/// Integrals over a solid of 1, of the position `p` and of `p p^T`.
+/// Integrals over a solid of 1, of the position `p` and of `p p^T`, at unit density.
 struct Moments {
     volume: f64,
     first: DVec3,
@@ -121,7 +121,7 @@ struct Moments {
 }
 
 impl Moments {
-    /// Adds a prism along x.
+    /// Adds a prism along x with the cross-section area `section`.
     fn add(&mut self, Chord { at: [y, z], from, to, .. }: Chord, section: f64) {
         // Integrals of 1, x and x^2.
         let length = (to - from) * section;
@@ -133,7 +133,7 @@ impl Moments {
         self.second += DMat3::from_cols(DVec3::new(xx, x * y, x * z), first * y, first * z);
     }
 
-    /// Back to the shape's frame, and about the centre of mass.
+    /// Converts the moments to the shape's frame and to the centre of mass.
     fn finish(self, middle: DVec3) -> MassProperties {
         if self.volume <= 0.0 {
             return MassProperties { volume: 0.0, center_of_mass: middle.as_vec3(), inertia: Mat3::ZERO };
@@ -164,7 +164,7 @@ mod tests {
         random::Random,
     };
 
-    /// Checks the stated error; `moments` are the expected principal moments along x, y, z.
+    /// Checks the documented error. `moments` are the expected principal moments along x, y, z.
     fn check(name: &str, axis: &MedialAxis, volume: f64, center: Vec3, moments: [f64; 3]) {
         let mass = axis.mass();
         let error = f64::from(mass.volume) / volume - 1.0;
@@ -179,8 +179,8 @@ mod tests {
         }
     }
 
-    /// Volume, distance of the centre of mass from the larger ball's centre, moments along and across (about the centre
-    /// of mass), of a tapered capsule as a solid of revolution, by fine slices.
+    /// Properties of a tapered capsule as a solid of revolution, computed with fine slices: volume, distance of the centre of mass from the larger ball's
+    /// centre, and the moments along and across the axis about the centre of mass.
     fn tapered(r0: f64, r1: f64, length: f64) -> (f64, f64, f64, f64) {
         let steps = 400_000;
         let (least, greatest) = (-r0, length + r1);
@@ -249,7 +249,7 @@ mod tests {
             assert_eq!(mass.center_of_mass, center);
             let moment = 0.4 * volume * radius * radius;
             assert!((mass.inertia - Mat3::from_diagonal(Vec3::splat(moment))).abs_diff_eq(Mat3::ZERO, 1e-6 * moment));
-            // The same ball twice, which takes the way of all other shapes.
+            // The same ball twice, which takes the general code path.
             let twice = MassProperties::of_union(&[ball], &[Primitive::Sphere([0]); 2]);
             assert!(
                 (twice.volume - volume).abs() <= 1e-3 * volume
@@ -267,7 +267,7 @@ mod tests {
             let needle = MedialAxis::capsule(-end, end, 0.005).unwrap();
             let error = f64::from(needle.mass().volume) / volume - 1.0;
             assert!(error.abs() < 1e-3, "{error:e} along {end}");
-            // The moment about the middle, across: nearly m l^2 / 12.
+            // The moment about the middle, across the needle: nearly m l^2 / 12.
             let across = needle.mass().inertia.mul_vec3(end.any_orthonormal_vector()).length();
             assert!((f64::from(across) / (volume * 4.0 / 12.0) - 1.0).abs() < 0.01, "{across} along {end}");
         }
@@ -277,7 +277,7 @@ mod tests {
     fn overlaps_count_once_and_flat_shapes_weigh_nothing() {
         let at = |x: f32| Sphere::new(Vec3::new(x, 0.0, 0.0), 1.0);
         let (pair, _) = MedialAxis::new(vec![at(0.0), at(1.0)], vec![]).unwrap();
-        // Two unit balls less their lens.
+        // Two unit balls minus their lens.
         let volume = 8.0 / 3.0 * PI - PI * 5.0 / 12.0;
         assert!((f64::from(pair.mass().volume) / volume - 1.0).abs() < 1e-3);
         let corners = [Vec3::X, Vec3::Y, Vec3::Z].map(|c| Sphere::new(c, 0.0)).to_vec();

@@ -4,7 +4,7 @@
 //! .ma text --ma::parse--> lists --MedialAxis::new--> validate -> clean up -> derive (boxes, balls) -> MedialAxis
 //! ```
 //!
-//! Everything is in the shape's own frame, in metres, at unit scale and unit density.
+//! All values are in the shape's own frame, in metres, at unit scale and unit density.
 
 mod chord;
 mod cleanup;
@@ -35,22 +35,22 @@ pub(crate) use surface::face_normals;
 pub(crate) use surface::mantle_directions;
 pub use surface::{Surface, triangulate};
 
-/// Largest coordinate or radius of a shape, in metres: up to here no derived value overflows an f32.
+/// Largest coordinate or radius of a shape, in metres. Within this range no derived value overflows an f32.
 pub const MAX_EXTENT: f32 = 1.0e6;
 
-/// Largest number of spheres of a shape, far below what would overflow the indices of the packed form.
+/// Largest number of spheres of a shape, far below the range of the packed form's indices.
 pub const MAX_SPHERES: usize = 1 << 20;
 
 /// An immutable solid shape: the union of medial primitives.
 ///
-/// Invariants, which every constructor establishes:
+/// Invariants, established by every constructor:
 /// * there is at least one primitive, all indices are in range and no sphere is unused;
 /// * all values are finite, no radius is negative;
-/// * no primitive is degenerate, none is listed twice, and none lies inside another because each of its spheres
-///   is, or is inside, a sphere of the other: the edges of a slab are not listed beside it;
+/// * no primitive is degenerate or listed twice, and for no primitive does each sphere equal, or lie inside, a sphere
+///   of one other primitive: for example, the edges of a slab are not listed in addition to the slab;
 /// * primitives are in ascending order (spheres, cones, slabs), as are the indices in each.
 ///
-/// A clone shares everything.
+/// Clones share all data.
 #[derive(Asset, Reflect, Clone, Debug)]
 #[reflect(opaque, Clone, Debug)]
 pub struct MedialAxis(Arc<Data>);
@@ -68,20 +68,20 @@ struct Data {
     coarser: Vec<(MedialAxis, f32)>,
 }
 
-/// A medial axis that others may drop.
+/// A weak reference to a medial axis.
 #[cfg(feature = "gpu")]
 #[derive(Debug)]
 pub(crate) struct WeakMedialAxis(Weak<Data>);
 
 #[cfg(feature = "gpu")]
 impl WeakMedialAxis {
-    /// The axis, if anybody has it, alone or as a level of detail.
+    /// The axis, if it still exists on its own or as a level of detail.
     pub fn upgrade(&self) -> Option<MedialAxis> {
         self.0.upgrade().map(MedialAxis)
     }
 }
 
-/// Why lists or parameters do not describe a shape.
+/// Reasons why lists or parameters do not describe a shape.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum MedialAxisError {
     /// There is no sphere.
@@ -95,7 +95,7 @@ pub enum MedialAxisError {
     NotFinite {
         /// Index of the sphere.
         sphere: usize,
-        /// The offending coordinate or radius.
+        /// The invalid coordinate or radius.
         value: f32,
     },
     /// A radius is negative.
@@ -111,7 +111,7 @@ pub enum MedialAxisError {
     IndexOutOfRange {
         /// Index of the primitive.
         primitive: usize,
-        /// The offending index.
+        /// The invalid index.
         index: u32,
         /// Number of spheres.
         spheres: usize,
@@ -123,20 +123,20 @@ pub enum MedialAxisError {
         name: &'static str,
         /// Its value.
         value: f32,
-        /// What is allowed.
+        /// Description of the allowed range.
         range: &'static str,
     },
 }
 
 impl MedialAxis {
-    /// A shape from its spheres and primitives.
+    /// Creates a shape from its spheres and primitives.
     ///
-    /// Each sphere that no primitive refers to becomes a primitive. Then the lists are cleaned up, which leaves the
-    /// set of points that they fill the same; the report says what was changed.
+    /// Each sphere without a primitive becomes a primitive. Then the lists are cleaned up, which does not change the
+    /// set of points that they fill. The report lists the changes.
     ///
     /// # Errors
     /// If there are no spheres or too many, if a number is not finite or too large, if a radius is negative or if an
-    /// index is out of range. A primitive that names a sphere twice is degenerate, which is no error.
+    /// index is out of range. A primitive that refers to a sphere twice is degenerate, which is not an error.
     pub fn new(
         spheres: Vec<Sphere>,
         primitives: Vec<Primitive>,
@@ -146,10 +146,10 @@ impl MedialAxis {
         Ok((Self::derive(spheres, primitives), report))
     }
 
-    /// A shape from spheres, edges and faces; see [`new`](Self::new).
+    /// Creates a shape from spheres, edges and faces; see [`new`](Self::new).
     ///
     /// # Errors
-    /// As for [`new`](Self::new); primitives are counted edges first.
+    /// The errors of [`new`](Self::new). Primitives are counted edges first.
     pub fn from_lists(
         spheres: Vec<Sphere>,
         edges: &[[u32; 2]],
@@ -160,7 +160,7 @@ impl MedialAxis {
         Self::new(spheres, cones.chain(slabs).collect())
     }
 
-    /// Computes all that follows from clean lists.
+    /// Computes all values derived from clean lists.
     fn derive(spheres: Vec<Sphere>, primitives: Vec<Primitive>) -> Self {
         let boxes: Vec<Aabb> =
             primitives.iter().map(|p| Aabb::from_spheres(p.indices().iter().map(|&i| spheres[i as usize]))).collect();
@@ -178,9 +178,9 @@ impl MedialAxis {
         }))
     }
 
-    /// The same shape with coarser levels of detail, the finer first, each with its error in metres.
+    /// The same shape with coarser levels of detail, finer levels first, each with its error in metres.
     ///
-    /// They take over this one's mass properties, which are computed here: a body moves alike, whichever of them it collides by.
+    /// The levels take over the mass properties of this shape, which are computed here. So a body moves alike at all levels of detail.
     #[must_use]
     pub fn with_coarser(mut self, mut coarser: Vec<(MedialAxis, f32)>) -> Self {
         let mass = *self.mass();
@@ -191,23 +191,23 @@ impl MedialAxis {
         self
     }
 
-    /// The coarser levels of detail, the finer first, each with its error in metres: how far its surface is from that of the body it stands for.
+    /// The coarser levels of detail, finer levels first. Each has an error in metres: the distance between its surface and that of the original body.
     pub fn coarser(&self) -> &[(MedialAxis, f32)] {
         &self.0.coarser
     }
 
-    /// The number of the coarsest level of detail with an error of at most so many metres: 0, this shape itself, if no coarser one is as good.
+    /// The index of the coarsest level of detail with an error of at most `error` metres. It is 0, this shape, if no coarser level is accurate enough.
     pub fn level_within(&self, error: f32) -> usize {
         self.0.coarser.iter().rposition(|level| level.1 <= error).map_or(0, |at| at + 1)
     }
 
-    /// A level of detail: 0 is this shape itself, 1 the first of the [coarser](Self::coarser). The coarsest, if the number is beyond it.
+    /// A level of detail: 0 is this shape, 1 the first of the [coarser](Self::coarser) ones. A larger number than the last one's gives the coarsest level.
     pub fn level(&self, number: usize) -> &MedialAxis {
         let coarser = &self.0.coarser[..number.min(self.0.coarser.len())];
         coarser.last().map_or(self, |(level, _)| level)
     }
 
-    /// Bytes of memory that the shape and its coarser levels of detail take, whatever the number of its clones.
+    /// Memory of the shape and its coarser levels of detail, in bytes. Clones share it.
     pub fn memory(&self) -> usize {
         let Data { spheres, primitives, bvh, coarser, .. } = &*self.0;
         let own = size_of::<Data>() + size_of_val::<[Sphere]>(spheres) + size_of_val::<[Primitive]>(primitives);
@@ -224,12 +224,12 @@ impl MedialAxis {
         &self.0.primitives
     }
 
-    /// A number that no other axis has as long as this one, or a weak one, is kept.
+    /// A number that is unique among all axes as long as this axis or a weak reference to it exists.
     pub(crate) fn address(&self) -> usize {
         Arc::as_ptr(&self.0).addr()
     }
 
-    /// What tells whether anybody still has it.
+    /// A weak reference, which shows whether the axis still exists.
     #[cfg(feature = "gpu")]
     pub(crate) fn downgrade(&self) -> WeakMedialAxis {
         WeakMedialAxis(Arc::downgrade(&self.0))
@@ -240,27 +240,27 @@ impl MedialAxis {
         &self.0.bvh
     }
 
-    /// The least axis-aligned box around the shape, up to rounding.
+    /// The smallest axis-aligned box around the shape, up to rounding.
     pub fn aabb(&self) -> Aabb {
         self.0.aabb
     }
 
-    /// A sphere around the shape, at most about 1 % larger than the least one.
+    /// A sphere around the shape, at most about 1 % larger than the smallest one.
     pub fn bounding_sphere(&self) -> Sphere {
         self.0.bounding_sphere
     }
 
-    /// Distance from the middle of the [bounding sphere](Self::bounding_sphere) to the farthest centre of a sphere, in metres.
+    /// Distance from the centre of the [bounding sphere](Self::bounding_sphere) to the farthest sphere centre, in metres.
     pub fn center_reach(&self) -> f32 {
         self.0.center_reach
     }
 
-    /// Volume, centre of mass and inertia of the shape at unit density. Computed when first asked for, in some milliseconds; loaded assets have them.
+    /// Volume, centre of mass and inertia of the shape at unit density. Computed on the first call, in some milliseconds; loaded assets have them already.
     pub fn mass(&self) -> &MassProperties {
         self.0.mass.get_or_init(|| MassProperties::of_union(&self.0.spheres, &self.0.primitives))
     }
 
-    /// Least radius of all spheres, in metres: no part of the shape is thinner than twice this.
+    /// Smallest radius of all spheres, in metres. No part of the shape is thinner than twice this value.
     pub fn min_radius(&self) -> f32 {
         self.0.min_radius
     }
@@ -275,7 +275,7 @@ fn validate(spheres: &[Sphere], primitives: &[Primitive]) -> Result<(), MedialAx
     }
     for (sphere, s) in spheres.iter().enumerate() {
         let values = [s.center.x, s.center.y, s.center.z, s.radius];
-        // NaN is in no range.
+        // NaN is not contained in any range.
         if let Some(&value) = values.iter().find(|v| !(-MAX_EXTENT..=MAX_EXTENT).contains(*v)) {
             return Err(MedialAxisError::NotFinite { sphere, value });
         }
@@ -291,7 +291,7 @@ fn validate(spheres: &[Sphere], primitives: &[Primitive]) -> Result<(), MedialAx
     Ok(())
 }
 
-/// A small sphere around all spheres: the centre walks towards the sphere that sticks out most, in ever shorter steps.
+/// A small sphere around all spheres: its centre moves towards the sphere that sticks out most, in ever smaller steps.
 fn bounding_sphere(spheres: &[Sphere]) -> Sphere {
     const ROUNDS: u32 = 256;
     const SHRINK: f64 = 0.97;
@@ -310,7 +310,7 @@ fn bounding_sphere(spheres: &[Sphere]) -> Sphere {
         center += (farthest.center.as_dvec3() - center).normalize_or_zero() * (radius * step);
         step *= SHRINK;
     }
-    // Measured again, and rounded up, from the centre as an f32 holds it.
+    // Radius measured from the rounded f32 centre, and rounded up.
     let center: Vec3 = best.as_vec3();
     let radius = reach(center.as_dvec3()).map_or(0.0, |(radius, _)| radius as f32);
     Sphere::new(center, radius.next_up())
@@ -373,7 +373,7 @@ mod tests {
             .collect();
         let cube = bounding_sphere(&corners);
         assert!((cube.radius - (14f32.sqrt() + 0.25)).abs() < 0.02, "{cube:?}");
-        // A regular triangle, whose box is not centred where the ball is.
+        // A regular triangle, whose bounding box and bounding ball have different centres.
         let triangle = [0.0, 120.0, 240f32].map(|a| ball(a.to_radians().cos(), a.to_radians().sin(), 0.0, 0.0));
         assert!((bounding_sphere(&triangle).radius - 1.0).abs() < 0.005);
     }

@@ -1,4 +1,4 @@
-//! Independent f64 answers, and hard cases, for the tests of this room.
+//! Independent reference results in f64, and hard cases, for the tests of this module.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use crate::{
     random::Random,
 };
 
-/// Files of models: those of the project, and those of a folder of research models if it exists beside the repository.
+/// Files of models: the project's own, and those of a folder of research models if it exists beside the repository.
 pub fn model_files(own: &[&str], research: &[&str]) -> Vec<PathBuf> {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
     let (assets, shared) = (root.join("assets/models"), root.join("../shared/models"));
@@ -18,29 +18,29 @@ pub fn model_files(own: &[&str], research: &[&str]) -> Vec<PathBuf> {
     own.chain(research.iter().map(|name| shared.join(name))).collect()
 }
 
-/// The kinds of [`hard_slab`].
+/// Number of kinds of [`hard_slab`].
 pub const HARD_KINDS: usize = 8;
 
-/// Three spheres that are, or almost are, no proper slab, at random sizes and places.
+/// Three spheres of random size and position that are a degenerate slab, or nearly so.
 pub fn hard_slab(random: &mut Random, kind: usize) -> [Sphere; 3] {
     let [a, b, c] = [(); 3].map(|()| random.in_cube());
     let [ra, rb] = [(); 2].map(|()| 0.3 * random.unit());
     let t = random.unit();
     let nearly = [0.0, 1e-6, -1e-6, 1e-3, -1e-3][random.below(5)];
     let (c, rc) = match kind {
-        // Any three.
+        // Three random spheres.
         0 => (c, random.unit()),
-        // The third inside the first, or nearly so, perhaps touching from inside.
+        // The third inside the first, or nearly so, possibly touching it from inside.
         1 => (a + c.normalize_or_zero() * ra * t, ra * (1.0 - t) + nearly),
         // The third inside the hull of the others, or nearly so.
         2 => (a.lerp(b, t), (ra + (rb - ra) * t) * random.unit().sqrt() + nearly),
-        // A middle that bulges.
+        // A middle sphere that bulges out of the hull of the others.
         3 => (a.lerp(b, t) + 0.05 * c, ra + (rb - ra) * t + 0.2),
-        // On a line.
+        // Collinear centres.
         4 => (a + (b - a) * (3.0 * t - 1.0), random.unit()),
-        // Centres coincide.
+        // Coincident centres.
         5 => (if t < 0.5 { a } else { b }, random.unit()),
-        // A sliver with about linear radii.
+        // A sliver with nearly linear radii.
         6 => (a.lerp(b, t) + c * nearly, ra + (rb - ra) * t + nearly),
         // A radius gradient of about 1.
         _ => (c, ra + a.distance(c) * (1.0 + nearly)),
@@ -51,7 +51,7 @@ pub fn hard_slab(random: &mut Random, kind: usize) -> [Sphere; 3] {
     slab.map(|s| Sphere::new((s.center + offset) * scale, s.radius * scale))
 }
 
-/// True if a primitive is no proper one of its kind, by its radius gradient in an orthonormal frame.
+/// True if a primitive is degenerate, according to its radius gradient in an orthonormal frame.
 pub fn is_degenerate(spheres: &[Sphere], primitive: &Primitive) -> bool {
     let at = |i: u32| (spheres[i as usize].center.as_dvec3(), f64::from(spheres[i as usize].radius));
     let edge = |i: u32, j: u32| (at(j).0 - at(i).0, at(j).1 - at(i).1);
@@ -61,7 +61,7 @@ pub fn is_degenerate(spheres: &[Sphere], primitive: &Primitive) -> bool {
         Primitive::Slab([i, j, k]) => {
             let ((u, p), (v, q)) = (edge(i, j), edge(i, k));
             let x = u.normalize_or_zero();
-            // Twice, for what rounding leaves of the first.
+            // The second projection removes the rounding error of the first.
             let across = v - x * v.dot(x);
             let across = across - x * across.dot(x);
             let height = across.length();
@@ -91,20 +91,20 @@ impl Envelope {
         Self(hulls.collect())
     }
 
-    /// Diameter of a ball around the union.
+    /// Diameter of a ball around the union, not the smallest one.
     pub fn size(&self) -> f64 {
         let middle = self.0.iter().map(|h| h.1).sum::<DVec3>() / self.0.len() as f64;
         2.0 * self.0.iter().map(|h| h.1.distance(middle) + h.2).fold(0.0, f64::max)
     }
 
-    /// Least signed distance of `point` to a primitive.
+    /// Smallest signed distance of `point` to a primitive.
     pub fn distance(&self, point: DVec3) -> f64 {
         self.0.iter().fold(f64::INFINITY, |least, (hull, middle, reach)| {
             if middle.distance(point) - reach > least { least } else { least.min(hull_distance(hull, point)) }
         })
     }
 
-    /// A point within a few percent of the size of the surface of a random primitive.
+    /// A point near the surface of a random primitive, within a tenth of the primitive's size.
     pub fn point_near_surface(&self, random: &mut Random) -> DVec3 {
         let (hull, _, reach) = &self.0[random.below(self.0.len())];
         let mut weights: Vec<f64> = hull.iter().map(|_| f64::from(random.unit()).powi(2) + 1e-9).collect();
@@ -117,8 +117,8 @@ impl Envelope {
     }
 }
 
-/// Signed distance to the hull of one to three spheres: the least of its corners, the stationary points of its edges
-/// and, if there is one, that of its triangle.
+/// Signed distance to the hull of one to three spheres: the minimum over its corners, the stationary points of its edges
+/// and, if it exists, the stationary point of its triangle.
 fn hull_distance(hull: &[(DVec3, f64)], point: DVec3) -> f64 {
     let mut least = hull.iter().map(|(c, r)| c.distance(point) - r).fold(f64::INFINITY, f64::min);
     for i in 0..hull.len() {
@@ -151,10 +151,10 @@ fn hull_distance(hull: &[(DVec3, f64)], point: DVec3) -> f64 {
     least
 }
 
-/// Signed distance to a slab by nested search: slow, but built on nothing except convexity.
+/// Signed distance to a slab by nested search: slow, but based on convexity alone.
 pub fn searched_distance(slab: &[Sphere; 3], point: DVec3) -> f64 {
     let [(a, ra), (b, rb), (c, rc)] = slab.map(|s| (s.center.as_dvec3(), f64::from(s.radius)));
-    // Chords parallel to a-b, from that edge (t = 0) to c (t = 1): the least along each is convex in t.
+    // Chords parallel to a-b, from that edge (t = 0) to c (t = 1): the minimum along each chord is convex in t.
     least_of_convex(|t| {
         let (from, to) = (a.lerp(c, t), b.lerp(c, t));
         let (r_from, r_to) = (ra + (rc - ra) * t, rb + (rc - rb) * t);
@@ -162,7 +162,7 @@ pub fn searched_distance(slab: &[Sphere; 3], point: DVec3) -> f64 {
     })
 }
 
-/// Least value of a convex function on [0, 1], by golden section.
+/// Minimum of a convex function on [0, 1], by golden section.
 fn least_of_convex(f: impl Fn(f64) -> f64) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let (mut from, mut to) = (0.0, 1.0);

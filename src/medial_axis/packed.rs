@@ -8,9 +8,9 @@
 //!            primitives  [n n+1 n+2] | [-2 i i]  [-1 i j]  [i j k] ..
 //! ```
 //!
-//! A sphere is `(x, y, z, radius)`. A primitive's first number tells its kind: -2 a sphere, -1 a cone, an index a slab.
-//! The first primitive is the bound: a sphere, or the box `{ o + u t1 + v t2 + w t3, 0 <= t <= 1 }`, whose primitive is
-//! told from a slab by its place.
+//! A sphere is `(x, y, z, radius)`. The first number of a primitive is its kind: -2 for a sphere, -1 for a cone, an index for a slab.
+//! The first primitive is the bound: a sphere, or the box `{ o + u t1 + v t2 + w t3, 0 <= t <= 1 }`. The position in the list
+//! distinguishes the box from a slab.
 
 use glam::{Mat3, Quat, Vec3, Vec4};
 use thiserror::Error;
@@ -21,7 +21,7 @@ use crate::geometry::{Obb, Pose3, Primitive, Sphere};
 const SPHERE: i32 = -2;
 const CONE: i32 = -1;
 
-/// Cosine by which the edges of a box may miss a right angle: some hundred roundings of an f32.
+/// Largest allowed cosine between two edges of a box: about a hundred times the rounding error of an f32.
 const SKEW: f32 = 1.0e-4;
 
 /// A shape and its bound as flat lists.
@@ -33,30 +33,30 @@ pub struct PackedMedialMesh {
     pub primitives: Vec<[i32; 3]>,
 }
 
-/// A shape and its bound, as [`PackedMedialMesh::unpack`] finds them.
+/// A shape and its bound, as returned by [`PackedMedialMesh::unpack`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnpackedMedialMesh {
     /// The broad-phase bound.
     pub bound: Bound,
     /// Spheres in metres.
     pub spheres: Vec<Sphere>,
-    /// Primitives; none for a plain box.
+    /// Primitives; empty for a plain box.
     pub primitives: Vec<Primitive>,
 }
 
-/// What bounds a shape in the broad phase.
+/// Bound of a shape in the broad phase.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
-    /// Of a dynamic shape.
+    /// Bound of a dynamic shape.
     Sphere(Sphere),
-    /// Of a static shape. Its own axes may have been reversed by packing; the box is the same.
+    /// Bound of a static shape. Packing may reverse the box's own axes; the box is the same.
     Obb(Obb),
 }
 
-/// Why lists are no packed medial mesh.
+/// Reasons why lists are not a packed medial mesh.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum PackedError {
-    /// There is no primitive, so no bound.
+    /// There is no primitive, so the bound is missing.
     #[error("the bound is missing: there are no primitives")]
     NoBound,
     /// The first primitive is a cone, or does not refer to the end of the sphere list.
@@ -70,12 +70,12 @@ pub enum PackedError {
     /// The basis of the bounding box is not orthogonal.
     #[error("the basis vectors of the box are not orthogonal: {0:?}")]
     SkewBox([Vec3; 3]),
-    /// A primitive has no known kind, or refers to a sphere that does not exist or belongs to the bound.
-    #[error("primitive {primitive}: {indices:?} is no primitive of {spheres} spheres")]
+    /// A primitive has an unknown kind, or refers to a sphere that does not exist or belongs to the bound.
+    #[error("primitive {primitive}: {indices:?} is not a primitive of {spheres} spheres")]
     BadPrimitive {
-        /// Its place in the list.
+        /// Index of the primitive in the list.
         primitive: usize,
-        /// What stands there.
+        /// Its three numbers.
         indices: [i32; 3],
         /// Number of spheres, without those of the bound.
         spheres: usize,
@@ -83,9 +83,9 @@ pub enum PackedError {
     /// A number is NaN or infinite, or a radius is negative.
     #[error("sphere {sphere}: {values:?} is not finite or has a negative radius")]
     BadSphere {
-        /// Its place in the list.
+        /// Index of the sphere in the list.
         sphere: usize,
-        /// What stands there.
+        /// Its four numbers.
         values: [f32; 4],
     },
 }
@@ -98,7 +98,7 @@ impl PackedMedialMesh {
         Self::pack(Some(axis), &[bound.center.extend(bound.radius)], [SPHERE, at, at])
     }
 
-    /// A static shape, bounded by `obb` in the shape's own frame; without a shape, the plain box.
+    /// A static shape, bounded by `obb` in the shape's own frame. Without a shape, the plain box.
     pub fn pack_static(axis: Option<&MedialAxis>, obb: &Obb) -> Self {
         let edges = Mat3::from_quat(obb.pose.rotation) * Mat3::from_diagonal(obb.half_extents * 2.0);
         let corner = obb.pose.transform_point(-obb.half_extents);
@@ -110,7 +110,7 @@ impl PackedMedialMesh {
     fn pack(axis: Option<&MedialAxis>, bound: &[Vec4], primitive: [i32; 3]) -> Self {
         let (spheres, primitives) = axis.map_or((&[][..], &[][..]), |axis| (axis.spheres(), axis.primitives()));
         let spheres = spheres.iter().map(|s| s.center.extend(s.radius)).chain(bound.iter().copied());
-        // No index exceeds `MAX_SPHERES`.
+        // The casts are lossless, because no index exceeds `MAX_SPHERES`.
         let primitives = primitives.iter().map(|primitive| match *primitive {
             Primitive::Sphere([i]) => [SPHERE, i as i32, i as i32],
             Primitive::Cone([i, j]) => [CONE, i as i32, j as i32],
@@ -125,7 +125,7 @@ impl PackedMedialMesh {
     /// The shape and its bound.
     ///
     /// # Errors
-    /// If the bound is missing or malformed, if a primitive is, or if a number is not finite or a radius negative.
+    /// If the bound or a primitive is missing or malformed, if a number is not finite, or if a radius is negative.
     pub fn unpack(&self) -> Result<UnpackedMedialMesh, PackedError> {
         let bad = self.spheres.iter().position(|values| values.iter().any(|v| !v.is_finite()));
         if let Some(sphere) = bad {
@@ -168,7 +168,7 @@ impl PackedMedialMesh {
 
 fn sphere(number: usize, values: [f32; 4]) -> Result<Sphere, PackedError> {
     let [x, y, z, radius] = values;
-    // `unpack` has seen that all are finite.
+    // `unpack` has checked that all values are finite.
     if radius < 0.0 {
         return Err(PackedError::BadSphere { sphere: number, values });
     }
@@ -184,14 +184,14 @@ fn primitive(indices: [i32; 3], spheres: usize) -> Option<Primitive> {
     })
 }
 
-/// The box with these edges from a corner.
+/// The box with the given edges from a corner.
 fn obb(edges: [Vec3; 3], corner: Vec3) -> Result<Obb, PackedError> {
     let mut axes = edges.map(Vec3::normalize_or_zero);
     if (0..3).any(|i| axes[i].dot(axes[(i + 1) % 3]).abs() > SKEW) {
         return Err(PackedError::SkewBox(edges));
     }
     for i in 0..3 {
-        // A flat box tells no direction across: any that is orthogonal to the others will do.
+        // A flat box has no direction across it: any direction orthogonal to the other axes is valid.
         let others = [axes[(i + 1) % 3], axes[(i + 2) % 3]];
         if axes[i] == Vec3::ZERO {
             let across = others[0].cross(others[1]).normalize_or_zero();
@@ -199,7 +199,7 @@ fn obb(edges: [Vec3; 3], corner: Vec3) -> Result<Obb, PackedError> {
             axes[i] = if across == Vec3::ZERO { known.any_orthonormal_vector() } else { across };
         }
     }
-    // A left-handed basis spans the same box as the one with an axis reversed.
+    // Reversing an axis makes a left-handed basis right-handed and keeps the box.
     axes[2] *= axes[0].cross(axes[1]).dot(axes[2]).signum();
     Ok(Obb {
         pose: Pose3::from_parts(
@@ -261,7 +261,7 @@ mod tests {
         let mut random = Random(13);
         for case in 0..500 {
             let rotation = Quat::from_scaled_axis(random.in_cube() * 3.0);
-            // All eight ways to be flat.
+            // All eight combinations of flat axes.
             let flat = Vec3::new((case & 1) as f32, (case >> 1 & 1) as f32, (case >> 2 & 1) as f32);
             let half_extents = (random.in_cube() + 1.1) * flat;
             let obb = Obb { pose: Pose3::from_parts(random.in_cube() * 10.0, rotation), half_extents };
@@ -273,7 +273,7 @@ mod tests {
             let Bound::Obb(found) = unpacked.bound else { panic!("{unpacked:?}") };
             assert_same_box(&obb, &found);
             assert!(found.pose.rotation.is_normalized());
-            // The mirror image of the basis, from the opposite corner along the last axis.
+            // The mirror image of the basis, starting at the opposite corner along the last axis.
             let n = packed.spheres.len();
             let w = Vec4::from(packed.spheres[n - 1]).truncate();
             for (row, shift) in packed.spheres[n - 3..].iter_mut().zip(w.to_array()) {
@@ -298,7 +298,7 @@ mod tests {
         assert_eq!(refused(&|p| p.primitives[0] = [-2, 4, 4]), format!("the bound [-2, 4, 4] {bound}"));
         assert_eq!(refused(&|p| p.primitives[0] = [-1, 4, 5]), format!("the bound [-1, 4, 5] {bound}"));
         assert_eq!(refused(&|p| p.primitives[0] = [0, 1, 2]), format!("the bound [0, 1, 2] {bound}"));
-        let spheres = "is no primitive of 5 spheres";
+        let spheres = "is not a primitive of 5 spheres";
         assert_eq!(refused(&|p| p.primitives[2] = [-1, 1, 5]), format!("primitive 2: [-1, 1, 5] {spheres}"));
         assert_eq!(refused(&|p| p.primitives[1] = [-3, 1, 1]), format!("primitive 1: [-3, 1, 1] {spheres}"));
         assert_eq!(refused(&|p| p.primitives[1] = [-2, 1, 2]), format!("primitive 1: [-2, 1, 2] {spheres}"));

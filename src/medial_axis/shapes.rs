@@ -1,4 +1,4 @@
-//! Common shapes.
+//! Constructors of common shapes.
 
 use std::f32::consts::TAU;
 
@@ -35,8 +35,8 @@ impl MedialAxis {
 
     /// A torus around the y axis, as a ring of capsules.
     ///
-    /// `major` is the radius of the ring's middle line, `minor` that of the tube, in metres. The capsules' ends lie on
-    /// the middle line, and between them the surface is too far inside by at most `major (1 - cos(pi / segments))`:
+    /// `major` is the radius of the ring's centre line, `minor` that of the tube, in metres. The capsules' ends lie on
+    /// the centre line. Between them the surface is too far inside by at most `major (1 - cos(pi / segments))`:
     /// 0.5 % of `major` for 32 segments.
     ///
     /// # Errors
@@ -54,37 +54,37 @@ impl MedialAxis {
         Self::of(ring.collect(), cones.collect())
     }
 
-    /// A box around the origin whose edges and corners are rounded with `radius`: all in metres. Exact.
+    /// A box around the origin with edges and corners rounded by `radius`. All values are in metres. Exact.
     ///
-    /// On each sheet of a box's medial axis the radius changes linearly, so slabs reproduce it:
+    /// On each sheet of a box's medial axis the radius changes linearly, so slabs reproduce the box exactly:
     ///
     /// ```text
     ///    o---------------------o      o  corner: radius `radius`
     ///    | \                 / |
-    ///    |   O-------------O   |      O  middle: radius of the least half extent; the sheet between the four (seen
-    ///    | /                 \ |         from the side that shows it) and those that slope down from it
+    ///    |   O-------------O   |      O  middle: radius of the smallest half extent; the middle sheet between these four
+    ///    | /                 \ |         (seen along the thinnest axis), and the sheets that slope down from it
     ///    o---------------------o
     /// ```
     ///
-    /// In general that is 12 spheres and 22 slabs; fewer where extents are equal, and with the least half extent as
+    /// In general the shape has 12 spheres and 22 slabs. It has fewer if extents are equal. With the smallest half extent as
     /// radius it is a plate of 2 slabs.
     ///
     /// # Errors
-    /// If a half extent is not positive or not finite, or if `radius` is not from 0 to the least half extent.
+    /// If a half extent is not positive or not finite, or if `radius` is not from 0 to the smallest half extent.
     #[doc(alias = "cuboid")]
     pub fn rounded_box(half_extents: Vec3, radius: f32) -> Result<Self, MedialAxisError> {
         for half in half_extents.to_array() {
             parameter("half_extents", half, half > 0.0, "positive")?;
         }
         let least = half_extents.min_element();
-        parameter("radius", radius, (0.0..=least).contains(&radius), "from 0 to the least half extent")?;
+        parameter("radius", radius, (0.0..=least).contains(&radius), "from 0 to the smallest half extent")?;
 
-        // The axis with the least extent; the middle sheet spans the other two.
+        // The axis with the smallest extent. The middle sheet spans the other two axes.
         let thin = half_extents.to_array().iter().position(|&half| half == least).unwrap_or(0);
         let mut wide = Vec3::ONE;
         wide[thin] = 0.0;
         let sign = |bit: usize| if bit == 0 { -1.0 } else { 1.0 };
-        // Bit 0 and 1 of a sphere's number are the signs along the wide axes, bit 2 that along the thin axis.
+        // Bits 0 and 1 of a sphere's index are the signs along the wide axes, bit 2 is the sign along the thin axis.
         let signs = |number: usize| {
             let mut signs = Vec3::splat(sign(number & 4));
             signs[(thin + 1) % 3] = sign(number & 1);
@@ -95,18 +95,18 @@ impl MedialAxis {
         let middle = (0..4).map(|i| Sphere::new((half_extents - least) * wide * signs(i), least));
 
         let mut slabs = vec![[8, 9, 10], [9, 10, 11]];
-        // From each side of the middle sheet to the edges of the box along it, above and below ...
+        // Slabs from each side of the middle sheet to the parallel edges of the box, above and below.
         for [i, j] in [[0, 1], [1, 3], [3, 2], [2, 0]] {
             for side in [0, 4] {
                 slabs.extend([[8 + i, 8 + j, side + i], [8 + j, side + i, side + j]]);
             }
         }
-        // ... and from each of its corners to the edge across.
+        // Slabs from each corner of the middle sheet to the edge across.
         slabs.extend((0..4).map(|i| [8 + i, i, 4 + i]));
         Self::of(corners.chain(middle).collect(), slabs.into_iter().map(Primitive::Slab).collect())
     }
 
-    /// As [`new`](Self::new), where nobody needs the report.
+    /// The same as [`new`](Self::new), without the report.
     fn of(spheres: Vec<Sphere>, primitives: Vec<Primitive>) -> Result<Self, MedialAxisError> {
         Self::new(spheres, primitives).map(|(axis, _)| axis)
     }
@@ -160,7 +160,7 @@ mod tests {
     #[test]
     fn boxes_are_exact() {
         let mut random = Random(12);
-        // Half extents, radius, spheres and primitives.
+        // Half extents, radius, number of spheres and number of primitives.
         let cases = [
             (Vec3::new(3.0, 2.0, 1.0), 0.0, (12, 22)),
             (Vec3::new(1.0, 3.0, 2.0), 0.25, (12, 22)),
@@ -177,7 +177,7 @@ mod tests {
             let envelope = Envelope::new(axis.spheres(), axis.primitives());
             for _ in 0..5_000 {
                 let point = half * 1.5 * random.in_cube();
-                // Signed distance to the core box, less the radius.
+                // Signed distance to the core box minus the radius.
                 let out = point.abs() - (half - radius);
                 let truth = out.max(Vec3::ZERO).length() + out.max_element().min(0.0) - radius;
                 let found = envelope.distance(point.as_dvec3()) as f32;
@@ -198,7 +198,7 @@ mod tests {
         assert!(MedialAxis::capsule(Vec3::NAN, Vec3::ZERO, 1.0).is_err());
         assert_eq!(
             message(MedialAxis::rounded_box(Vec3::ONE, 1.5)),
-            "radius is 1.5, but must be from 0 to the least half extent"
+            "radius is 1.5, but must be from 0 to the smallest half extent"
         );
         assert_eq!(message(MedialAxis::rounded_box(Vec3::X, 0.0)), "half_extents is 0, but must be positive");
         assert!(MedialAxis::rounded_box(Vec3::ONE, f32::NAN).is_err());

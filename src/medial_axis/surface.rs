@@ -1,7 +1,7 @@
 //! The envelope as triangles, for rendering.
 //!
-//! A convex hull of spheres touches the plane with the outward normal `n` at `c + r n`, for the sphere (or spheres) with
-//! the greatest `c . n + r`. So every vertex here is a sphere and a direction, and the envelope is three kinds of
+//! The plane with the outward normal `n` touches a convex hull of spheres at `c + r n`, for the sphere (or spheres) with
+//! the largest `c . n + r`. So every vertex here is a sphere and a direction, and the envelope consists of three kinds of
 //! patches:
 //!
 //! ```text
@@ -12,7 +12,7 @@
 //!     `--'
 //! ```
 //!
-//! Patches of neighbouring primitives pass through each other; only what is well inside is left out.
+//! Patches of neighbouring primitives intersect each other; only triangles well inside are omitted.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::TAU;
@@ -44,16 +44,16 @@ impl From<Surface> for bevy::mesh::Mesh {
     }
 }
 
-/// The envelope of `primitives`, with about `segments` (at least 4) vertices around each sphere and cone.
+/// Triangulates the envelope of `primitives`, with about `segments` (at least 4) vertices around each sphere and cone.
 ///
 /// Each sphere, each cone (also as the side of a slab) and each slab is drawn once. Vertices lie on the true envelope or
-/// inside it, normals are those of the true envelope. Degenerate primitives are drawn as what they are.
+/// inside it, and normals are those of the true envelope. Degenerate primitives are simplified first.
 ///
 /// # Panics
 /// If an index of a primitive is out of range.
 pub fn triangulate(spheres: &[Sphere], primitives: &[Primitive], segments: u32) -> Surface {
     let segments = segments.max(4);
-    // Balls and mantles, each with the spheres that share a primitive with it and so may hide a part of it.
+    // Balls and mantles, each with the spheres that share a primitive with it and may therefore hide a part of it.
     let mut balls = BTreeMap::<u32, BTreeSet<u32>>::new();
     let mut mantles = BTreeMap::<[u32; 2], BTreeSet<u32>>::new();
     let mut faces = BTreeSet::<[u32; 3]>::new();
@@ -94,13 +94,13 @@ pub fn triangulate(spheres: &[Sphere], primitives: &[Primitive], segments: u32) 
 /// A piece of the envelope of one sphere, cone or slab.
 #[derive(Clone, Default)]
 struct Patch {
-    /// Sphere and outward direction.
+    /// Index of the sphere, and outward unit direction.
     vertices: Vec<(u32, DVec3)>,
     triangles: Vec<[usize; 3]>,
 }
 
 impl Patch {
-    /// All directions, on sphere 0: an octahedron with its edges divided, unfolded onto a square.
+    /// All directions, on sphere 0: an octahedron with divided edges, unfolded to a square.
     fn directions(segments: u32) -> Self {
         let half = segments.div_ceil(4) as usize;
         let side = 2 * half + 1;
@@ -115,7 +115,7 @@ impl Patch {
         }
         for at in (0..side * (side - 1)).filter(|at| at % side + 1 < side) {
             let [a, b, c, d] = [at, at + 1, at + side + 1, at + side];
-            // Cut along the octahedron's own lines, which never cross the fold.
+            // Split along the octahedron's own lines, which never cross the fold.
             let same_sign = (at % side < half) == (at / side < half);
             patch.triangles.extend(if same_sign { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
         }
@@ -147,7 +147,7 @@ impl Patch {
     }
 }
 
-/// The unit vectors, `count` of them around, that are normals of planes which touch both spheres of a cone. None if the centres are one.
+/// `count` unit normals around a cone, of planes that touch both of its spheres. `None` if the centres coincide.
 pub(crate) fn mantle_directions(
     spheres: &[Sphere],
     cone: [u32; 2],
@@ -164,7 +164,7 @@ pub(crate) fn mantle_directions(
     }))
 }
 
-/// The unit normals of the two planes that touch all spheres of a slab. None if the centres are on a line.
+/// The unit normals of the two planes that touch all spheres of a slab. `None` if the centres are collinear.
 pub(crate) fn face_normals(spheres: &[Sphere], slab: [u32; 3]) -> Option<[DVec3; 2]> {
     let ([c1, c2, c3], [r1, r2, r3]) = exact(spheres, slab);
     let (e2, e3) = (c2 - c1, c3 - c1);
@@ -176,7 +176,7 @@ pub(crate) fn face_normals(spheres: &[Sphere], slab: [u32; 3]) -> Option<[DVec3;
     Some([out - g, -out - g])
 }
 
-/// Centres and radii in f64, in which thin slabs keep their planes.
+/// Centres and radii in f64, because the planes of thin slabs are inaccurate in f32.
 fn exact<const N: usize>(spheres: &[Sphere], indices: [u32; N]) -> ([DVec3; N], [f64; N]) {
     let sphere = |i: u32| &spheres[i as usize];
     (indices.map(|i| sphere(i).center.as_dvec3()), indices.map(|i| f64::from(sphere(i).radius)))
@@ -190,7 +190,7 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Adds the triangles of `patch` that have an area and that no sphere of `hiders` hides, with the vertices they use.
+    /// Adds the triangles of `patch` that have an area and are not hidden by a sphere of `hiders`, with their vertices.
     fn add(&mut self, patch: &Patch, hiders: &BTreeSet<u32>) {
         let touched = |&(sphere, direction): &(u32, DVec3)| {
             let ([center], [radius]) = exact(self.spheres, [sphere]);
@@ -215,8 +215,8 @@ impl Builder<'_> {
         }
     }
 
-    /// True if the hull of sphere `by` and the vertex's own covers the vertex by a segment or more: enough that the
-    /// flat triangles which do the covering leave no gap.
+    /// True if the hull of sphere `by` and the vertex's own sphere covers the vertex by a segment or more. With this margin the
+    /// flat triangles of the covering patches leave no gap.
     fn hides(&self, by: u32, (sphere, direction): (u32, DVec3)) -> bool {
         let ([c1, c2], [r1, r2]) = exact(self.spheres, [sphere, by]);
         direction.dot(c2 - c1) + r2 - r1 > self.margin * c1.distance(c2)
@@ -234,7 +234,7 @@ mod tests {
         Sphere::new(Vec3::new(x, y, z), radius)
     }
 
-    /// Slabs, and as slabs with a repeated corner cones and spheres, fat and thin, each with its surface.
+    /// Random slabs, thick and thin, with their surfaces. Slabs with repeated corners represent cones and spheres.
     fn samples() -> impl Iterator<Item = ([Sphere; 3], Surface)> {
         let mut random = Random(7);
         (0..60).map(move |round| {
@@ -249,7 +249,7 @@ mod tests {
         of.iter().map(|&v| Vec3::from_array(v).as_dvec3()).collect()
     }
 
-    /// Signed distance of `point` to the hull of three spheres: a grid over the weights closes in on its best node.
+    /// Signed distance of `point` to the hull of three spheres, by a grid over the weights that is refined around its best node.
     fn distance(point: DVec3, spheres: &[Sphere; 3]) -> f64 {
         let ([c1, c2, c3], [r1, r2, r3]) = exact(spheres, [0, 1, 2]);
         let gap = |[s, t]: [f64; 2]| {
@@ -295,7 +295,7 @@ mod tests {
             for (_, n) in Patch::directions(20).vertices {
                 let support = |s: &Sphere| n.dot(s.center.as_dvec3()) + f64::from(s.radius);
                 let outermost = spheres.iter().max_by(|a, b| support(a).total_cmp(&support(b))).unwrap();
-                // A little off the direction, so that the ray does not run along an edge of the triangles.
+                // The ray deviates slightly from the direction, so that it does not run along an edge of the triangles.
                 let (from, ray) = (outermost.center.as_dvec3(), n + DVec3::new(1e-3, 2e-3, -1e-3));
                 let hit = surface.indices.chunks_exact(3).any(|triangle| {
                     let [a, b, c] = [0, 1, 2].map(|k| positions[triangle[k] as usize] - from);

@@ -1,8 +1,8 @@
-//! Broad phase: which bodies may touch within the step.
+//! Broad phase: finds the pairs of bodies that may touch within the step.
 //!
-//! The sphere around a moving body sweeps a medial cone. Two bodies are a pair if their cones come within the prediction distance of
-//! each other (paper, section 4), whenever that is: one may stop on its way, and the other run into it. A body and a static
-//! are a pair if the cone comes as near to the static's box (section 4.1).
+//! The bounding sphere of a moving body sweeps a medial cone. Two bodies are a pair if their cones come within the prediction distance of
+//! each other (paper, section 4). The bodies need not be there at the same time, because one may stop on its path and the other may hit it there. A body
+//! and a static are a pair if the cone comes within the prediction distance of the static's box (section 4.1).
 
 use bevy::tasks::TaskPool;
 use glam::Vec3;
@@ -18,7 +18,7 @@ use crate::{
     query::{Cuboid, separation},
 };
 
-/// The sphere around a body at the start of the step, and where it goes.
+/// The bounding sphere of a body at the start of the step, in the world, and its displacement.
 #[derive(Clone, Copy, Debug)]
 struct SweptSphere {
     sphere: Sphere,
@@ -26,7 +26,7 @@ struct SweptSphere {
 }
 
 impl SweptSphere {
-    /// The bounding sphere on the chord of its centre, with the sagitta as margin: twice the arm at most, however far the body turns.
+    /// Sweeps the bounding sphere along the chord of its centre and adds the sagitta to the radius. The sagitta is at most twice the arm, for any rotation.
     fn new(body: &Body, margin: f32) -> Self {
         let bound = body.solid.bounding_sphere();
         let arm = bound.center.distance(body.sweep.local_center);
@@ -41,7 +41,7 @@ impl SweptSphere {
         Aabb::from_spheres([self.sphere, end])
     }
 
-    /// The cone, with a place near it as the origin.
+    /// Returns the cone relative to `origin`. An origin near the cone keeps f32 precision far from the world's origin.
     fn cone(&self, origin: Vec3) -> [Sphere; 2] {
         [Vec3::ZERO, self.motion].map(|motion| Sphere::new(self.sphere.center - origin + motion, self.sphere.radius))
     }
@@ -52,19 +52,19 @@ impl SweptSphere {
     }
 }
 
-/// The cone that the sphere around a body sweeps: where it is at the start and at the end of the step, in the world.
+/// Returns the cone that the bounding sphere of a body sweeps: its spheres at the start and at the end of the step, in the world.
 #[cfg(feature = "debug")]
 pub(crate) fn swept_cone(body: &Body) -> [Sphere; 2] {
     SweptSphere::new(body, 0.0).cone(Vec3::ZERO)
 }
 
-/// True unless two bodies are apart at all times by the spheres around them.
+/// Returns true if the swept bounding spheres of two bodies meet.
 pub(super) fn meet(bodies: &[Body; 2]) -> bool {
     let [first, second] = bodies.each_ref().map(|body| SweptSphere::new(body, 0.0));
     first.meets(&second)
 }
 
-/// What is kept from step to step, so that nothing has to be allocated anew.
+/// Buffers that are kept from step to step to avoid allocations.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     widening: Widening,
@@ -75,7 +75,7 @@ pub(super) struct Buffers {
     leaves: Vec<Leaf>,
 }
 
-/// Finds the pairs of a step.
+/// Finds the body pairs of a step.
 pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
@@ -101,7 +101,7 @@ pub(super) fn run(
     pairs.retain_mut(|pair| consents(input, statics, pair, filter(pair.first, pair.second)));
 }
 
-/// The pairs among given candidates that may collide, in order, with the primitive pairs of each.
+/// Returns the given candidates that may collide as sorted body pairs, each with its sorted primitive pairs.
 pub(super) fn from_candidates(
     input: &StepInput,
     statics: &Statics,
@@ -135,7 +135,7 @@ pub(super) fn from_candidates(
     pairs
 }
 
-/// Notes whether a pair stops, which it does only if both sides consent; false if they do not collide.
+/// Sets [`BodyPair::stops`], which requires the consent of both sides. Returns false if the bodies do not collide.
 fn consents(input: &StepInput, statics: &Statics, pair: &mut BodyPair, meeting: Meeting) -> bool {
     let consent = |side| match side {
         Side::Body(body) => (input.bodies[body as usize].passes, input.bodies[body as usize].stop_groups),
@@ -146,7 +146,7 @@ fn consents(input: &StepInput, statics: &Statics, pair: &mut BodyPair, meeting: 
     meeting != Meeting::Apart
 }
 
-/// The sides of pairs that may come within the prediction distance of each other, of bodies that may leave their way by as much as is known.
+/// Returns the sides of all pairs that may come within the prediction distance of each other, if bodies leave their paths by at most `widening`.
 #[cfg(feature = "gpu")]
 pub(crate) fn near_sides(input: &StepInput, statics: &Statics, widening: &Widening, pool: &TaskPool) -> Vec<[Side; 2]> {
     let mut pairs = Vec::new();
@@ -154,17 +154,17 @@ pub(crate) fn near_sides(input: &StepInput, statics: &Statics, widening: &Wideni
     pairs.into_iter().map(|pair| [pair.first, pair.second]).collect()
 }
 
-/// How far bodies may leave their own way: what a body carries along does, and so does what that carries in turn.
+/// How far bodies may leave their own paths, because kinematic bodies push them or because pushed bodies do.
 #[derive(Debug, Default)]
 pub(crate) struct Widening {
-    /// How far each body can carry along what it hits, or is carried itself, in metres.
+    /// Per body, how far it can push a body that it hits, or be pushed itself, in metres.
     carries: Vec<f32>,
-    /// By how much what may carry it turns, in radians, up to 2: no chord of a turn is longer than twice the arm. Empty, as what follows counts for
-    /// nothing then, if nobody carries.
+    /// Per body, the largest rotation of the bodies that may push it, in radians. At most 2, because no chord of a turn is longer than twice the arm.
+    /// Empty if no body pushes; the fields below are not used then.
     turns: Vec<f32>,
-    /// What is joined is carried together.
+    /// Joined bodies are pushed together.
     assemblies: Assemblies,
-    /// Of each body the size of what it is joined with, in metres; 0 if there is nothing.
+    /// Per body, the diagonal of the box around its assembly, in metres; 0 for a body without joints.
     spans: Vec<f32>,
 }
 
@@ -175,7 +175,7 @@ impl Widening {
         new
     }
 
-    /// Knows of no pair.
+    /// Resets to the state in which no pair is known.
     fn reset(&mut self, input: &StepInput) {
         let carries = |body: &Body| {
             if body.stops || body.passes { 0.0 } else { body.push_reach() }
@@ -206,28 +206,29 @@ impl Widening {
         !self.turns.is_empty()
     }
 
-    /// How far outside of what its bounding sphere sweeps a body may meet something, in metres; of two bodies, half of the prediction distance each.
+    /// Returns the margin around the swept bounding sphere within which a body may meet another one, in metres. Each body of a pair takes half of the
+    /// prediction distance.
     pub fn margin(&self, input: &StepInput, body: usize) -> f32 {
         let turn = self.turns.get(body).map_or(0.0, |turn| turn * self.spans[body]);
         0.5 * input.prediction + self.carried(input, body) + turn
     }
 
-    /// How far a body is carried off its way, in metres.
+    /// Returns how far a body may be pushed off its path, in metres.
     fn carried(&self, input: &StepInput, body: usize) -> f32 {
         if input.bodies[body].stops { self.carries[body] } else { 0.0 }
     }
 
-    /// True for a body that is looked at: one that sleeps is if it may be carried along, and then meets what else sleeps or is at rest.
+    /// Returns true if pairs of this body are searched. A sleeping body counts if it may be pushed, because it may then hit other resting bodies.
     pub fn is_awake(&self, input: &StepInput, body: usize) -> bool {
         input.bodies[body].active || self.is_wider(input, body)
     }
 
-    /// True if a body may be carried off its way.
+    /// Returns true if a body may be pushed off its path.
     pub fn is_wider(&self, input: &StepInput, body: usize) -> bool {
         self.carried(input, body) > 0.0
     }
 
-    /// Takes in the pairs that have been found, as far as they may collide; true if bodies go farther than was known, and so may be in more pairs.
+    /// Propagates pushes along the given pairs that may collide. Returns true if the reach of a body has grown, so that more pairs have to be searched.
     pub fn widen(&mut self, input: &StepInput, pairs: impl Iterator<Item = [Side; 2]> + Clone) -> bool {
         if !input.stop_at_impact || !self.somebody_carries() {
             return false;
@@ -258,7 +259,7 @@ impl Widening {
         }
     }
 
-    /// What is joined with a body that is carried goes as far; true if that is farther than was known.
+    /// Gives all members of an assembly the largest push of any member. Returns true if the reach of a body has grown.
     fn join(&mut self, input: &StepInput) -> bool {
         let Self { carries, turns, assemblies, .. } = self;
         let mut more = false;
@@ -279,7 +280,7 @@ impl Widening {
         more
     }
 
-    /// By how much farther than what a body touches of a pusher its own points go as that one turns, in metres.
+    /// Returns how much farther than the touched point of a pusher the points of `body` may move, because the pusher turns, in metres.
     fn beyond(&self, input: &StepInput, body: usize, pusher: usize) -> f32 {
         if input.bodies[pusher].stops {
             return 0.0;
@@ -288,7 +289,7 @@ impl Widening {
     }
 }
 
-/// The pairs whose swept spheres, or sphere and box, come within the prediction distance.
+/// Finds the pairs whose swept spheres, or swept sphere and box, come within the prediction distance of each other.
 fn near(
     input: &StepInput,
     statics: &Statics,
@@ -312,14 +313,14 @@ fn near(
         let i = index as usize;
         let sphere = &spheres[i];
         bvh.overlapping_later(leaf, |other| {
-            // Rounding depends on which of them is asked, and the order of leaves on earlier steps.
+            // The lower index comes first, because rounding depends on the order of the spheres and the order of leaves depends on earlier steps.
             let [a, b] = [index.min(other), index.max(other)].map(|i| &spheres[i as usize]);
             pairs.extend(between(input, widening, index, other).filter(|_| a.meets(b)));
         });
         if !widening.is_awake(input, i) {
             return;
         }
-        // The sphere has half of the prediction distance already.
+        // The swept sphere includes half of the prediction distance.
         let reach = boxes[i].inflated(0.5 * input.prediction);
         statics.bvh.overlapping(&reach, |item| {
             let Some(pair) = with_static(input, statics, widening, index, item) else { return };
@@ -335,7 +336,7 @@ fn near(
     pairs.sort_unstable();
 }
 
-/// True if two owners are the same, or a joint keeps them from colliding. `sensor`: one of them is one.
+/// Returns true if two owners are the same, or if a joint disables their collisions. Joints do not affect sensors.
 fn kept_apart(input: &StepInput, [owner1, owner2]: [Option<u64>; 2], sensor: bool) -> bool {
     match (owner1, owner2) {
         (Some(a), Some(b)) => a == b || !sensor && input.apart.contains(&[a.min(b), a.max(b)]),
@@ -353,7 +354,7 @@ fn may_collide(input: &StepInput, widening: &Widening, bodies: [u32; 2]) -> bool
         && !kept_apart(input, [body1.owner, body2.owner], body1.sensor || body2.sensor)
 }
 
-/// The pair of two bodies, if they may collide.
+/// Returns the pair of two bodies if they may collide.
 fn between(input: &StepInput, widening: &Widening, i: u32, j: u32) -> Option<BodyPair> {
     let [lesser, greater] = [i.min(j), i.max(j)];
     let is_medial = input.bodies[lesser as usize].solid.medial().is_some();
@@ -361,7 +362,7 @@ fn between(input: &StepInput, widening: &Widening, i: u32, j: u32) -> Option<Bod
     may_collide(input, widening, [first, second]).then(|| BodyPair::new(Side::Body(first), Side::Body(second)))
 }
 
-/// The pair of a body and a static, if they may collide.
+/// Returns the pair of a body and a static if they may collide.
 fn with_static(input: &StepInput, statics: &Statics, widening: &Widening, index: u32, item: u32) -> Option<BodyPair> {
     let (body, target) = (&input.bodies[index as usize], &statics.bodies[item as usize]);
     let sides = if body.solid.medial().is_some() {
@@ -377,7 +378,7 @@ fn with_static(input: &StepInput, statics: &Statics, widening: &Widening, index:
     sides.filter(|_| collide).map(|(first, second)| BodyPair::new(first, second))
 }
 
-/// Every pair that may collide.
+/// Collects every pair that may collide, without culling.
 fn all_pairs(input: &StepInput, statics: &Statics, widening: &Widening, pairs: &mut Vec<BodyPair>) {
     pairs.clear();
     let [bodies, still] = [input.bodies.len(), statics.bodies.len()].map(|count| count as u32);
@@ -388,12 +389,12 @@ fn all_pairs(input: &StepInput, statics: &Statics, widening: &Widening, pairs: &
     pairs.sort_unstable();
 }
 
-/// Number of primitives and parts, and how many of them are medial.
+/// Returns the number of primitives and parts, and the number of medial primitives among them.
 pub(super) fn count<'a>(solids: impl Iterator<Item = &'a Solid>) -> [usize; 2] {
     solids.fold([0, 0], |[all, medial], solid| [all + solid.len(), medial + solid.medial().map_or(0, Shape::len)])
 }
 
-/// Number of primitive pairs in all pairs with a medial side, groups and sleep aside.
+/// Returns the number of primitive pairs in all body pairs with a medial side. Ignores groups and sleep.
 pub(super) fn primitive_pairs(input: &StepInput, statics: &Statics) -> usize {
     let [all, medial] = count(input.bodies.iter().map(|body| &body.solid));
     let [still, still_medial] = statics.primitives;
@@ -411,7 +412,7 @@ mod tests {
         pipeline::{Shape, StaticBody, step, step_from_candidates},
     };
 
-    /// A plate passes a ball that sleeps on a floor, as a joint has it: culling elsewhere may tell of all pairs.
+    /// A kinematic ball moves through a ball that sleeps on a floor, and a joint may disable their collisions. External culling may report all three pairs.
     #[test]
     fn what_may_not_collide_wakes_nobody_by_candidates_either() {
         let body = |center: Vec3, way: f32, owner: u64, is_dynamic: bool| {
@@ -436,7 +437,7 @@ mod tests {
         }
     }
 
-    /// A piston hits one of two balls that are joined, far from each other; the other goes along, and there is a wall.
+    /// A piston hits one of two joined balls that are far from each other. The other one moves with it and has to stop at a wall.
     #[test]
     fn what_is_joined_with_a_body_that_is_carried_stops_at_a_wall_as_well() {
         const RADIUS: f32 = 0.1;
@@ -452,7 +453,7 @@ mod tests {
             let output = step(&input, &Statics::new(walls), &TaskPool::new());
             [(1, near), (2, far)].map(|(body, start)| output.stop_of(body).unwrap().pose.translation.x - start.x)
         };
-        assert!(way(vec![]).iter().all(|way| *way > 0.44), "the piston does not carry both: {:?}", way(vec![]));
+        assert!(way(vec![]).iter().all(|way| *way > 0.44), "the piston does not push both balls: {:?}", way(vec![]));
         let pose = Pose3::from_translation(far + Vec3::X * (RADIUS + 0.2));
         let stopped = way(vec![StaticBody::solid_box(Obb { pose, half_extents: Vec3::new(0.005, 1.0, 1.0) })]);
         assert!(stopped.iter().all(|way| *way < 0.2 && *way > 0.15), "{stopped:?}");

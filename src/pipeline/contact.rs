@@ -1,7 +1,6 @@
 //! Contacts of a pair at an instant: a pure function of shapes, relative pose and prediction distance.
 //!
-//! The narrow phase and rapier's dispatcher both call it, so a contact that the step has found and one that is computed on
-//! demand are the same to the bit.
+//! The narrow phase and rapier's dispatcher call the same function, so contacts from the step and contacts that are computed on demand have the same bits.
 
 use std::cmp::Ordering;
 
@@ -37,9 +36,9 @@ pub enum Second<'a> {
 /// A contact point of two primitives.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// On the first surface, in the frame of body 1.
+    /// Point on the first surface, in the frame of body 1.
     pub point1: Vec3,
-    /// On the second surface, in the frame of body 2.
+    /// Point on the second surface, in the frame of body 2.
     pub point2: Vec3,
     /// Unit normal from 1 to 2, in the frame of body 1.
     pub normal1: Vec3,
@@ -47,12 +46,12 @@ pub struct Contact {
     pub distance: f32,
     /// Primitive of the first body.
     pub primitive1: u32,
-    /// Primitive of the second, or its part.
+    /// Primitive or part of the second body.
     pub primitive2: u32,
 }
 
 impl Contact {
-    /// The deepest first, in an order that depends on the contacts alone.
+    /// Total order with the deepest contact first. It depends only on the contacts themselves.
     pub(super) fn order(&self, other: &Self) -> Ordering {
         let parts = |contact: &Self| (contact.primitive1, contact.primitive2);
         let place = |a: Vec3, b: Vec3| (0..3).map(|i| a[i].total_cmp(&b[i])).fold(Ordering::Equal, Ordering::then);
@@ -66,36 +65,36 @@ impl Contact {
 /// Up to four contacts that share a normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Manifold {
-    /// Unit normal from 1 to 2, in the frame of body 1: that of the deepest contact, which is the first.
+    /// Unit normal of the first and deepest contact, from 1 to 2, in the frame of body 1.
     pub normal1: Vec3,
     points: [Contact; 4],
     len: u8,
 }
 
 impl Manifold {
-    /// A manifold of 1 to 4 contacts, the deepest first.
+    /// Creates a manifold of 1 to 4 contacts, sorted by depth, the deepest first.
     pub(super) fn new(contacts: &[Contact]) -> Self {
         let points = std::array::from_fn(|i| contacts[i.min(contacts.len() - 1)]);
         Self { normal1: contacts[0].normal1, points, len: contacts.len().min(4) as u8 }
     }
 
-    /// The contacts, the deepest first.
+    /// Returns the contacts, the deepest first.
     pub fn contacts(&self) -> &[Contact] {
         &self.points[..usize::from(self.len)]
     }
 }
 
-/// What is kept from pair to pair, so that nothing has to be allocated anew.
+/// Buffers that are kept from pair to pair to avoid allocations.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     near: near::Room,
-    /// Spheres of either side that have been settled with a primitive of the other.
+    /// Per side, each sphere and the primitive of the other side with which it needs no further test.
     settled: [HashSet<[u32; 2]>; 2],
     taken: thin::Taken,
     seams: seams::Room,
 }
 
-/// All manifolds of a pair. `pose12`: pose of body 2 in the frame of body 1.
+/// Returns all manifolds of a pair. `pose12`: pose of body 2 in the frame of body 1.
 pub fn manifolds(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Into<Reach>) -> Vec<Manifold> {
     let (reach, mut contacts, mut manifolds) = (reach.into(), Vec::new(), Vec::new());
     find(shape1, second, pose12, reach, &mut contacts);
@@ -103,13 +102,13 @@ pub fn manifolds(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Int
     manifolds
 }
 
-/// All contacts of a pair, in place of those that are there.
+/// Replaces `contacts` with all contacts of a pair.
 pub fn find(shape1: &Shape, second: Second, pose12: &Pose3, reach: impl Into<Reach>, contacts: &mut Vec<Contact>) {
     contacts.clear();
     find_with(shape1, second, pose12, reach.into(), Culling::Hybrid, contacts, &mut Buffers::default());
 }
 
-/// The same with buffers. `contacts` has to be empty.
+/// [`find`] with buffers. `contacts` has to be empty.
 pub(super) fn find_with(
     shape1: &Shape,
     second: Second,
@@ -134,7 +133,7 @@ pub(super) fn find_with(
     }
 }
 
-/// Contacts of a medial shape and another collider.
+/// Finds the contacts of a medial shape and another collider.
 fn of_parts(
     shape1: &Shape,
     parts: &dyn ConvexParts,
@@ -152,12 +151,12 @@ fn of_parts(
     seams::remove(contacts, pose12.rotation, sides, length_unit, &mut buffers.seams);
 }
 
-/// All of the second body that can come within a distance of the shape, as a box in that body's frame.
+/// Returns the box in the frame of body 2 that contains all points within a distance of the shape.
 fn surroundings(shape1: &Shape, pose12: &Pose3, distance: f32) -> Aabb {
     shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(distance)
 }
 
-/// Contacts of two medial shapes. `candidates`: the primitives that may have some, if they are known.
+/// Finds the contacts of two medial shapes. `candidates`: the primitive pairs that may have contacts, if they are known.
 fn of_shapes(
     shape1: &Shape,
     shape2: &Shape,
@@ -226,12 +225,12 @@ impl seams::Side for Parts<'_> {
     }
 }
 
-/// The part of a number.
+/// Returns the part with an id, by binary search.
 fn part<'p, 'a>(parts: &'p Parts<'a>, id: u32) -> Option<&'p Part<'a>> {
     parts.binary_search_by_key(&id, |part| part.id).ok().map(|at| &parts[at])
 }
 
-/// Contacts within `prediction` of a convex part of another collider.
+/// Collects the contacts within `prediction` metres of a convex part of another collider.
 fn collect_part(
     shape1: &Shape,
     part: &Part,
@@ -264,7 +263,7 @@ fn collect_part(
                 if let (main, true) = one_sided((&first, NONE_SHARED), &Support(&**shape), within, &mut push) {
                     let mut corners = ArrayVec::<Sphere, 4>::new();
                     shape.face(-main.normal, main.point2, &mut |corner| {
-                        // Four tell enough.
+                        // Four corners are enough.
                         let _ = corners.try_push(Sphere::new(corner, 0.0));
                     });
                     on_face(&first, &corners, &main, within, &mut push);
@@ -277,7 +276,7 @@ fn collect_part(
     });
 }
 
-/// The corners of a box's face that looks along `direction`, one after the other around it.
+/// Returns the corners of the box face whose outward normal is closest to `direction`, in order around the face.
 fn face(half: Vec3, direction: Vec3) -> [Sphere; 4] {
     let axis = direction.abs().max_position();
     let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
@@ -289,8 +288,8 @@ fn face(half: Vec3, direction: Vec3) -> [Sphere; 4] {
     })
 }
 
-/// The corners of the other side's face that are near and face the same way as the nearest points: a small box on a large slab rests on its corners. And
-/// where edges cross.
+/// Adds contacts at the corners of the other side's face that are near and have about the normal of the nearest points, and contacts where edges cross. A small
+/// box on a large slab rests on its corners.
 fn on_face<const N: usize>(
     first: &[Sphere; N],
     face: &[Sphere],
@@ -308,7 +307,8 @@ fn on_face<const N: usize>(
     crossings(first, face, main, prediction, push);
 }
 
-/// Where edges of either side that lie on the other side cross: a rod across a wall rests on both edges of the wall, and has its ends in the air.
+/// Adds contacts where an edge of one side crosses an edge of the other in the contact plane. A rod across a wall rests on both edges of the wall, and its ends
+/// touch nothing.
 fn crossings(
     first: &[Sphere],
     second: &[Sphere],
@@ -316,7 +316,7 @@ fn crossings(
     prediction: f32,
     push: &mut impl FnMut(&Separation),
 ) {
-    // Of two cones the nearest points are all there is.
+    // Two cones touch only at their nearest points.
     if first.len() < 2 || second.len() < 2 || first.len() + second.len() < 5 {
         return;
     }
@@ -334,8 +334,8 @@ fn crossings(
     }
 }
 
-/// The spheres of two edges that lie one over the other, seen along the normal. None near an end, which is a contact if it lies on the other side: they
-/// would take turns.
+/// Returns the spheres at the crossing of two edges, as seen along the normal. `None` near an end of an edge, because the end is a contact of its own: the two
+/// contacts would replace each other from step to step.
 fn crossing(ours: &[Sphere; 2], theirs: &[Sphere; 2], normal: Vec3) -> Option<[Sphere; 2]> {
     let [way1, way2] = [ours, theirs].map(|[a, b]| b.center - a.center);
     let [length1, length2] = [way1, way2].map(Vec3::length);
@@ -348,7 +348,8 @@ fn crossing(ours: &[Sphere; 2], theirs: &[Sphere; 2], normal: Vec3) -> Option<[S
         .then(|| [ours[0].lerp(&ours[1], along1), theirs[0].lerp(&theirs[1], along2)])
 }
 
-/// The edges between spheres, or around a face, that lie in the plane of contact all along. `outward`: its normal, away from them.
+/// Returns the edges between spheres, or around a face, that lie in the contact plane over their whole length. `outward`: normal of the plane, pointing away
+/// from the body of the edges.
 fn lying(spheres: &[Sphere], point: Vec3, outward: Vec3, prediction: f32) -> impl Iterator<Item = [Sphere; 2]> {
     let is_low = move |sphere: &Sphere| (sphere.center - point).dot(outward) + sphere.radius >= -prediction;
     let count = if spheres.len() == 2 { 1 } else { spheres.len() };
@@ -356,8 +357,10 @@ fn lying(spheres: &[Sphere], point: Vec3, outward: Vec3, prediction: f32) -> imp
     edges.filter(move |edge| edge.iter().all(is_low))
 }
 
-/// The nearest points of two primitives, and the nearest points of the other spheres on either side that face the same way:
-/// a cone on a floor, or beside another cone, touches along a line, and rests on both its ends. Returns the nearest points, and whether they are near.
+/// Adds the nearest points of two primitives, and those of the other spheres of both sides if they have about the same normal. A cone on a floor or beside
+/// another cone touches along a line and rests on both its ends.
+///
+/// Returns the nearest points, and true if they are within `prediction`.
 fn two_sided<const N: usize, const M: usize>(
     (first, spheres1): (&[Sphere; N], SharedSpheres),
     (second, spheres2): (&[Sphere; M], SharedSpheres),
@@ -376,14 +379,14 @@ fn two_sided<const N: usize, const M: usize>(
     (main, is_near)
 }
 
-/// True if a point, the nearest of a primitive, has been found on this sphere. `normal`: along or against the outward normal there.
+/// Returns true if `point`, the nearest point of a primitive, lies on this sphere. `normal`: the outward normal at the point, with either sign.
 fn is_on(sphere: &Sphere, point: Vec3, normal: Vec3) -> bool {
     let rise = point - sphere.center;
     rise.cross(normal).length_squared() <= (SAME_SPHERE * sphere.radius).powi(2)
         && (rise.length_squared() - sphere.radius.powi(2)).abs() <= SAME_SPHERE * sphere.radius.powi(2)
 }
 
-/// The same for the spheres of the first side alone. Returns the nearest points, and whether they are near.
+/// [`two_sided`] without the spheres of the second side.
 fn one_sided<const N: usize, B: Convex>(
     (first, spheres): (&[Sphere; N], SharedSpheres),
     second: &B,
@@ -406,7 +409,8 @@ fn one_sided<const N: usize, B: Convex>(
     (main, true)
 }
 
-/// The contact of a sphere or a corner, if it is near and faces the same way as the nearest points. True if that is settled whatever these are.
+/// Adds the contact of a sphere or a corner if it is near and its normal is close to `main`. Returns true if the sphere needs no test with another `main`: its
+/// contact has been added, or it is not near.
 fn at_feature(contact: &Separation, main: Vec3, prediction: f32, push: &mut impl FnMut(&Separation)) -> bool {
     let is_near = contact.distance <= prediction;
     let is_contact = is_near && contact.normal.dot(main) >= VERTEX_NORMAL_COSINE;
@@ -416,11 +420,11 @@ fn at_feature(contact: &Separation, main: Vec3, prediction: f32, push: &mut impl
     is_contact || !is_near
 }
 
-/// The spheres of a primitive that faces another one. Primitives share spheres, and a sphere makes its contact once.
+/// The spheres of a primitive in a pair of primitives. Primitives share spheres, and each sphere makes one contact with a primitive of the other side.
 struct SharedSpheres<'a> {
     indices: &'a [u32],
     other: u32,
-    /// Spheres with the other's primitives that have been settled.
+    /// Pairs of a sphere and a primitive of the other side that need no further test.
     settled: Option<&'a mut HashSet<[u32; 2]>>,
 }
 
@@ -431,7 +435,7 @@ impl<'a> SharedSpheres<'a> {
         Self { indices: shape.axis.primitives()[primitive as usize].indices(), other, settled: Some(settled) }
     }
 
-    /// Looks at each sphere that is not settled; `look` tells whether it is then.
+    /// Calls `look` for each sphere that is not settled. A sphere is settled when `look` returns true.
     fn each<const N: usize>(mut self, spheres: &[Sphere; N], mut look: impl FnMut(&Sphere) -> bool) {
         for (i, sphere) in spheres.iter().enumerate() {
             match &mut self.settled {

@@ -23,59 +23,60 @@ use crate::{
 #[derive(Clone, Debug, Default)]
 pub(super) struct ImpactResult {
     pub impact: Option<Impact>,
-    /// Unit normal between the primitives that were nearest to each other at the start, in the world; zero if none was looked at.
+    /// Unit normal between the primitives that are nearest to each other at the start, in the world; zero if no primitives were tested.
     pub normal: Vec3,
 }
 
-/// What searches took.
+/// Counters of searches.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
-    /// How many primitive pairs were left by culling.
+    /// Primitive pairs that culling leaves.
     pub candidates: usize,
     pub toi_tests: usize,
     pub unresolved: usize,
 }
 
-/// What is asked about a pair.
+/// Input of a search for the first impact of a pair.
 #[derive(Clone, Copy)]
 pub(super) struct Question<'a> {
     pub input: &'a StepInput,
     pub statics: &'a Statics,
     pub pair: &'a BodyPair,
-    /// What culling has left of the pair, if that is known, for a step that is searched at once.
+    /// Primitive pairs that culling leaves, if they are known. Used only for a step that is searched in one part.
     pub known: Option<&'a [PrimitivePair]>,
-    /// Between which times of its motion in the step either side is, if it is anywhere near it.
+    /// Per side, the fractions of its original motion between which the side moves. `None` for a side that is off its original path.
     pub times: [Option<[f32; 2]>; 2],
-    /// A direction in the world, from the first body to the second, along which many of their primitives may be apart; zero if none is known.
+    /// A direction from the first body to the second, in the world, along which many of their primitives may be apart; zero if it is not known.
     pub normal: Vec3,
 }
 
-/// What is kept from search to search, so that nothing has to be allocated anew.
+/// Buffers that are kept from search to search to avoid allocations.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     own: OwnBoxes,
-    /// Of each motion.
+    /// Candidates of each motion.
     candidates: Vec<Candidates>,
-    /// What culling has left of the pair that was searched last, if that is to be reported.
+    /// Candidates of the last searched pair after culling, if they are part of the output.
     pub reported: Vec<PrimitivePair>,
     search: SearchBuffers,
 }
 
 #[derive(Debug, Default)]
 struct SearchBuffers {
-    /// Of each motion.
+    /// Chords of each motion.
     chords: Vec<Chords>,
     room: Room,
-    /// The motion of primitives that come nearer to each other, and how they begin the part.
+    /// Primitive pairs that may touch in the part: index of the motion, primitives, and state at the start of the part.
     approaching: Vec<(usize, PrimitivePair, RigidStart)>,
     grazes: Vec<Graze>,
 }
 
-/// The earliest impact of a pair's motions: where cores touch first. None where the path is too short for that: a pile that settles comes to rest.
+/// Finds the earliest impact of a pair's motions: the first touch of cores. Motions with a path shorter than the slop have no impact, so that piles come to
+/// rest.
 ///
-/// Where bodies spin or go far, the step is searched in parts.
+/// The step is searched in parts if bodies spin fast or move far.
 ///
-/// `lap`: a clock for culling and searching.
+/// `lap`: a clock that measures culling and searching.
 pub(super) fn first_impact(
     question: &Question,
     mut motions: Motions,
@@ -99,7 +100,7 @@ pub(super) fn first_impact(
     let count = motions.iter().map(PairMotion::parts).max().unwrap_or(1);
     buffers.grazes.clear();
     let mut search = Search { result, deepest: None, tally, buffers };
-    // Those of the bodies are for all of the path.
+    // Cached boxes have margins for the whole path, so they are too large for a search in parts.
     let boxes = if count == 1 && known.is_none() { question.boxes(cache) } else { [None; 2] };
     let parts = Parts::new(&motions, count);
     candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
@@ -127,7 +128,7 @@ pub(super) fn first_impact(
 }
 
 impl Question<'_> {
-    /// The boxes of either side on its way, as far as it is near it.
+    /// Returns the cached boxes of each side on its original path. `None` for a side that is off its path or is not medial.
     fn boxes<'c>(&self, cache: &'c mut BoxCache) -> [Option<TimedBoxes<'c>>; 2] {
         let places = [(self.pair.first, self.times[0]), (self.pair.second, self.times[1])].map(|(side, times)| {
             let (solid, sweep) = self.input.side(self.statics, side);
@@ -138,9 +139,9 @@ impl Question<'_> {
     }
 }
 
-/// The parts of a step of equal length.
+/// Equal parts of a step.
 struct Parts {
-    /// The motions of either side over the whole step.
+    /// Motions of both sides over the whole step.
     whole: SmallVec<[[Sweep; 2]; 1]>,
     count: usize,
 }
@@ -150,7 +151,7 @@ impl Parts {
         Self { whole: motions.iter().map(|motion| [motion.sweep1, motion.sweep2]).collect(), count }
     }
 
-    /// Leaves one part of the motions.
+    /// Restricts the motions to one part of the step.
     fn cut(&self, motions: &mut [PairMotion], part: usize) {
         let times = [part, part + 1].map(|i| i as f32 / self.count as f32);
         for (motion, whole) in motions.iter_mut().zip(&self.whole) {
@@ -160,17 +161,17 @@ impl Parts {
     }
 }
 
-/// How two primitives touch in a part of the step.
+/// The kind of touch of two primitives in a part of the step.
 enum Touch {
-    /// They stop each other.
+    /// An impact: cores touch, or surfaces touch and separate again.
     Stop(TimeOfImpact),
-    /// Surfaces touch, cores do not, and the part ends so.
+    /// Surfaces touch and are still in touch at the end of the part. Cores do not touch.
     Graze(TimeOfImpact),
-    /// The end of a graze that began in an earlier part.
+    /// Surfaces separate after a graze that began in an earlier part. The value is the index of the graze.
     Known(usize),
 }
 
-/// The begin of a touch of surfaces in an earlier part of the step.
+/// The start of a touch of surfaces in an earlier part of the step.
 #[derive(Debug)]
 struct Graze {
     index: usize,
@@ -181,14 +182,14 @@ struct Graze {
 /// A search for the first impact of a pair, part by part of the step.
 struct Search<'b> {
     result: ImpactResult,
-    /// The deepest overlap of the bodies at the start of the step, if they are in touch there, in metres.
+    /// Largest overlap of the bodies at the start of the step, in metres. `None` if they are not in touch there.
     deepest: Option<f32>,
     tally: &'b mut Tally,
     buffers: &'b mut SearchBuffers,
 }
 
 impl Search<'_> {
-    /// Searches a part of the step, of so many. `candidates` of each motion.
+    /// Searches one part of the step. `candidates`: those of each motion. The last argument is the index of the part and the number of parts.
     fn run(&mut self, motions: &[PairMotion], candidates: &[Candidates], [part, parts]: [usize; 2]) {
         let deepest = self.find_approaching(motions, candidates);
         if part == 0 {
@@ -196,7 +197,7 @@ impl Search<'_> {
         }
         let (result, SearchBuffers { chords: all_chords, approaching, grazes, .. }) =
             (&mut self.result, &mut *self.buffers);
-        // The nearest primitives are likely to meet first. Later pairs are then searched for a shorter time.
+        // The nearest primitives are likely to touch first. An early impact shortens the search of later pairs.
         approaching.sort_unstable_by(|a, b| {
             let order = a.2.distance().total_cmp(&b.2.distance());
             order.then_with(|| (a.0, a.1).cmp(&(b.0, b.1)))
@@ -215,7 +216,7 @@ impl Search<'_> {
                     self.tally.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
                     (toi.status != TimeOfImpactStatus::Separated).then_some(toi)
                 };
-                // Most that get so near at all do not get any nearer.
+                // Test surfaces before cores, because most candidates do not even touch with their surfaces.
                 let is_above = core > shallow && start.distance() > -shallow;
                 let surface = if is_above { impact(shallow) } else { None };
                 if is_above && surface.is_none() {
@@ -263,8 +264,8 @@ impl Search<'_> {
         }
     }
 
-    /// Finds the primitives that come nearer to each other; none of bodies that were put into each other. Returns the deepest overlap at the start, if
-    /// they touch there, in metres.
+    /// Collects the primitive pairs that may touch in this part. Returns the largest overlap at the start in metres, or `None` if the bodies are not in touch
+    /// there.
     fn find_approaching(&mut self, motions: &[PairMotion], candidates: &[Candidates]) -> Option<f32> {
         let SearchBuffers { chords: all_chords, room, approaching, .. } = &mut *self.buffers;
         all_chords.resize_with(motions.len().max(all_chords.len()), Chords::default);

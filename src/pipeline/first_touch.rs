@@ -1,4 +1,4 @@
-//! When two bodies touch first, asked of one pair by itself.
+//! First touch of a single pair of bodies, outside of a step.
 
 use std::time::Duration;
 
@@ -12,14 +12,14 @@ use super::{
     pairs::BodyPair,
 };
 
-/// The first impact of two bodies on their ways, with no overlap allowed: where they touch, or where an overlap that they have from the
-/// start on grows. None if neither happens, or if the first is not medial.
+/// Computes the first impact of two moving bodies without any allowed overlap: the first touch of their surfaces, or the growth of an overlap that they have at
+/// the start. Returns `None` without an impact, or if the first body is not medial.
 ///
-/// A step searches in the same way for cores instead of surfaces. Chords stray a little from the true motion: the result is early by at most that distance. It
-/// is late only by rounding. The function does not consider collision groups.
+/// A step uses the same search for cores instead of surfaces. Chords deviate a little from the true motion, so the result may be early by that distance. It
+/// is late only by rounding. The function ignores collision groups.
 ///
-/// `primitives` of the first and the second, in any order, that may meet, if culling is done elsewhere. The second has to be medial as well then. They count
-/// for a way that is searched at once: a longer one has to be cut into its [parts](search_parts) first.
+/// `primitives`: the primitive pairs that may touch, in any order, from an external culling. The second body has to be medial in this case. The pairs are used
+/// only for a motion that is searched in one part: cut a longer one into [`search_parts`] equal parts first.
 pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u32; 2]]>) -> Option<Impact> {
     if primitives.is_none() && !meet(&bodies) {
         return None;
@@ -33,23 +33,23 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
         statics: &statics,
         pair: &PAIR,
         known: primitives,
-        // Their boxes are of no use to another pair.
+        // Cached boxes would not be used by another pair.
         times: [None; 2],
         normal: Vec3::ZERO,
     };
     first_impact(&question, motions, &mut Scratch::default(), || Duration::ZERO).impact
 }
 
-/// In how many parts of equal length [`first_touch`] searches the way of two bodies, one after the other.
+/// Returns the number of equal parts in which [`first_touch`] searches the motion of two bodies, one after the other.
 pub fn search_parts(bodies: [Body; 2]) -> usize {
     let input = StepInput { bodies: bodies.into(), ..Default::default() };
     motions(&input, &Statics::default()).iter().map(PairMotion::parts).max().unwrap_or(1)
 }
 
-/// The bodies of an input that has two.
+/// The pair of the two bodies of an input.
 const PAIR: BodyPair = BodyPair { first: Side::Body(0), second: Side::Body(1), stops: true };
 
-/// Their motions.
+/// Returns the motions of the pair.
 fn motions<'a>(input: &'a StepInput, statics: &'a Statics) -> Motions<'a> {
     PairMotion::all(input, statics, &PAIR, |body| input.bodies[body as usize].sweep)
 }

@@ -1,4 +1,4 @@
-//! What a step depends on: bodies and their motion, statics, settings.
+//! Input of a step: bodies and their motion, statics, settings.
 
 #[cfg(feature = "gpu")]
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,12 +13,12 @@ use crate::{
     query::Cuboid,
 };
 
-/// Which pairs of bodies may collide: each one's memberships must meet the other's filter.
+/// Collision groups. Two bodies may collide if the memberships of each one share a bit with the filter of the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Groups {
-    /// Groups that the body is in, one per bit.
+    /// Groups of the body, one per bit.
     pub memberships: u32,
-    /// Groups that it collides with.
+    /// Groups that the body collides with.
     pub filter: u32,
 }
 
@@ -26,18 +26,18 @@ impl Groups {
     /// In every group, collides with every group.
     pub const ALL: Groups = Groups { memberships: u32::MAX, filter: u32::MAX };
 
-    /// True if both may collide.
+    /// Returns true if each body accepts the other.
     pub fn test(&self, other: &Groups) -> bool {
         self.memberships & other.filter != 0 && other.memberships & self.filter != 0
     }
 
-    /// True if one of both collides with the other.
+    /// Returns true if at least one body accepts the other.
     pub fn test_either(&self, other: &Groups) -> bool {
         self.memberships & other.filter != 0 || other.memberships & self.filter != 0
     }
 }
 
-/// What a body is made of.
+/// The shape of a body.
 #[derive(Clone)]
 pub enum Solid {
     /// A medial mesh.
@@ -47,7 +47,7 @@ pub enum Solid {
 }
 
 impl Solid {
-    /// The medial mesh, if it is one.
+    /// Returns the medial mesh; `None` for any other collider.
     pub fn medial(&self) -> Option<&Shape> {
         match self {
             Solid::Medial(shape) => Some(shape),
@@ -55,7 +55,7 @@ impl Solid {
         }
     }
 
-    /// It as the second side of a pair.
+    /// Returns the shape as the second side of a pair.
     pub fn second(&self) -> Second<'_> {
         match self {
             Solid::Medial(shape) => Second::Shape(shape),
@@ -63,7 +63,7 @@ impl Solid {
         }
     }
 
-    /// Number of primitives or parts.
+    /// Returns the number of primitives or parts.
     pub fn len(&self) -> usize {
         match self {
             Solid::Medial(shape) => shape.len(),
@@ -71,12 +71,12 @@ impl Solid {
         }
     }
 
-    /// True if it has none.
+    /// Returns true if there are no primitives or parts.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Box around it, in its own frame.
+    /// Returns the bounding box in the body's frame.
     pub fn aabb(&self) -> Aabb {
         match self {
             Solid::Medial(shape) => shape.aabb(),
@@ -84,7 +84,7 @@ impl Solid {
         }
     }
 
-    /// Sphere around it, in its own frame.
+    /// Returns a bounding sphere in the body's frame.
     pub fn bounding_sphere(&self) -> Sphere {
         match self {
             Solid::Medial(shape) => shape.bounding_sphere(),
@@ -108,47 +108,47 @@ impl From<Shape> for Solid {
     }
 }
 
-/// A body and its motion over the step. Pairs are made of a medial body and any other.
+/// A body and its motion over the step. At least one body of each pair is medial.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// What it is made of.
+    /// The shape.
     pub solid: Solid,
-    /// Its motion.
+    /// The motion over the step.
     pub sweep: Sweep,
-    /// Its place in the order of all bodies and statics, from which relative poses are taken: see [`relative_pose`].
+    /// Index in the order of all bodies and statics, which fixes the rounding of relative poses: see [`relative_pose`].
     pub order: u32,
-    /// Whom it collides with.
+    /// Collision groups.
     pub groups: Groups,
-    /// Its type of body, and the types that it collides with: that one of both does is enough.
+    /// Type of the body, and the types that it collides with. A pair collides if at least one body accepts the type of the other.
     pub types: Groups,
-    /// Whom it stops at, among those.
+    /// Solver groups: bodies stop only at bodies with matching solver groups.
     pub stop_groups: Groups,
-    /// The rigid body that it is one of several shapes of: shapes of one owner do not collide.
+    /// The rigid body that this shape belongs to. Shapes of one owner do not collide.
     pub owner: Option<u64>,
-    /// What it is joined with: shapes of one rigid body, and rigid bodies on joints, stop together.
+    /// The assembly of the body. Shapes of one rigid body, and rigid bodies on joints, share an assembly and stop together.
     pub assembly: Option<u64>,
-    /// The world that it is in: bodies of different worlds do not meet.
+    /// The world of the body. Bodies of different worlds do not collide.
     pub world: u32,
-    /// False for bodies that sleep or never move: two of these are not looked at, unless something else may carry one along.
+    /// False for bodies that sleep or never move. Pairs of inactive bodies are skipped unless a third body may push one of them.
     pub active: bool,
-    /// True if it stops where it is at an impact: a dynamic body does, a kinematic one goes on.
+    /// True if the body stops at impacts. Dynamic bodies stop; kinematic bodies do not.
     pub stops: bool,
-    /// True if nothing stops at it, nor it at anything: a sensor.
+    /// True if the body stops at no other body and no body stops at it: a sensor, or a collider with `MedialCcd::DISABLED`.
     pub passes: bool,
-    /// True for a sensor, which is told of what joints keep from colliding with it as well.
+    /// True for a sensor. Sensors detect bodies even if a joint disables the collisions with these bodies.
     pub sensor: bool,
-    /// Axes of the world along which it does not move, whatever pushes it.
+    /// World axes along which no push moves the body.
     pub locked: BVec3,
-    /// True if impacts have held it up for a whole step.
+    /// True if impacts have held up the body for a whole step.
     pub held: bool,
-    /// Its core is that much smaller than the body, in bounding radii of the smaller body of a pair.
+    /// How much smaller the core is than the body, in bounding radii of the smaller body of a pair.
     pub core_depth: f32,
-    /// Its pace in the next step, if a solver acts on contacts: it has use for [fewer](Reach::of_pair) of them.
+    /// Displacement in the next step, if a solver acts on contacts. The solver needs [fewer contacts](Reach::of_pair) then.
     pub pace: Option<Pace>,
 }
 
 impl Body {
-    /// A moving body that collides with all and stops at impacts, without a solver.
+    /// Creates a moving body that collides with all bodies and stops at impacts, without a solver.
     pub fn new(solid: impl Into<Solid>, sweep: Sweep) -> Self {
         Self {
             solid: solid.into(),
@@ -171,45 +171,45 @@ impl Body {
         }
     }
 
-    /// How far any point of a body that impacts do not stop can push others, in metres.
+    /// Returns an upper bound of the path length of any point of the body. A kinematic body pushes other bodies at most that far, in metres.
     pub(super) fn push_reach(&self) -> f32 {
         let radius = self.solid.bounding_sphere().farthest(self.sweep.local_center);
         self.sweep.reach(radius)
     }
 
-    /// The part of a displacement that its locked axes allow, in metres.
+    /// Returns the displacement without its components along locked axes, in metres.
     pub(super) fn free_path(&self, displacement: Vec3) -> Vec3 {
         Vec3::select(self.locked, Vec3::ZERO, displacement)
     }
 }
 
-/// A body that never moves by itself.
+/// A body that does not move in the step.
 #[derive(Clone, Debug)]
 pub struct StaticBody {
-    /// What it is made of.
+    /// The shape.
     pub solid: Solid,
-    /// Where it is.
+    /// Pose in the world.
     pub pose: Pose3,
-    /// Its place in the order of all bodies and statics, from which relative poses are taken: see [`relative_pose`].
+    /// Index in the order of all bodies and statics, which fixes the rounding of relative poses: see [`relative_pose`].
     pub order: u32,
-    /// The rigid body that it is a shape of.
+    /// The rigid body that this shape belongs to.
     pub owner: Option<u64>,
-    /// Whom it collides with.
+    /// Collision groups.
     pub groups: Groups,
-    /// Its type of body, and the types that it collides with: that one of both does is enough.
+    /// Type of the body, and the types that it collides with. A pair collides if at least one body accepts the type of the other.
     pub types: Groups,
-    /// Whom it stops, among those.
+    /// Solver groups: bodies stop only at bodies with matching solver groups.
     pub stop_groups: Groups,
-    /// The world that it is in.
+    /// The world of the body.
     pub world: u32,
-    /// True if nothing stops at it: a sensor.
+    /// True if no body stops at it: a sensor, or a collider with `MedialCcd::DISABLED`.
     pub passes: bool,
-    /// True for a sensor, which is told of what joints keep from colliding with it as well.
+    /// True for a sensor. Sensors detect bodies even if a joint disables the collisions with these bodies.
     pub sensor: bool,
 }
 
 impl StaticBody {
-    /// A body that collides with all.
+    /// Creates a body that collides with all bodies.
     pub fn new(solid: impl Into<Solid>, pose: Pose3) -> Self {
         let all = Groups::ALL;
         let solid = solid.into();
@@ -217,39 +217,41 @@ impl StaticBody {
         Self { solid, pose, order: 0, owner: None, groups, types, stop_groups, world: 0, passes: false, sensor: false }
     }
 
-    /// A box that collides with all.
+    /// Creates a box that collides with all bodies.
     pub fn solid_box(obb: Obb) -> Self {
         Self::new(Solid::Parts(Arc::new(Cuboid { half: obb.half_extents })), obb.pose)
     }
 
-    /// The box around it.
+    /// Returns the oriented bounding box, in the world.
     pub fn obb(&self) -> Obb {
         let aabb = self.solid.aabb();
         Obb { pose: self.pose * Pose3::from_translation(aabb.center()), half_extents: aabb.half_extents() }
     }
 }
 
-/// Pose of the second side of a pair in the frame of the first, by their poses and [`Body::order`]: that of the later in the frame of the
-/// earlier, or its inverse. Rapier's narrow phase does so, and contacts have the same bits whoever asks for them.
+/// Returns the pose of the second side of a pair in the frame of the first, from the pose and the [`Body::order`] of each side.
+///
+/// Computes the pose of the side with the higher order in the frame of the other, and inverts it if necessary. Rapier's narrow phase does the same, so
+/// contacts have the same bits in the step and in rapier.
 pub fn relative_pose([(pose1, order1), (pose2, order2)]: [(Pose3, u32); 2]) -> Pose3 {
     if order1 <= order2 { pose1.inv_mul(&pose2) } else { pose2.inv_mul(&pose1).inverse() }
 }
 
-/// The static bodies and the hierarchy over their boxes, rebuilt only when one of them changes. Clones share them.
+/// The static bodies and the BVH of their bounding boxes. Rebuilt only when a static body changes. Clones share the data.
 #[derive(Clone, Debug, Default)]
 pub struct Statics {
-    /// No other statics have it, but clones and those that are empty by default.
+    /// Unique id, shared only by clones. Statics made by `default` have id 0.
     #[cfg(feature = "gpu")]
     id: u64,
     pub(super) bodies: Arc<[StaticBody]>,
     pub(super) boxes: Arc<[Obb]>,
     pub(super) bvh: Arc<Bvh>,
-    /// Number of primitives and parts, and how many of them are medial.
+    /// Number of primitives and parts, and number of medial primitives among them.
     pub(super) primitives: [usize; 2],
 }
 
 impl Statics {
-    /// Statics from their list, whose positions are the indices of [`Side::Static`].
+    /// Creates statics from a list. The positions in the list are the indices of [`Side::Static`].
     pub fn new(bodies: Vec<StaticBody>) -> Self {
         let boxes: Vec<Obb> = bodies.iter().map(StaticBody::obb).collect();
         let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
@@ -266,52 +268,52 @@ impl Statics {
         }
     }
 
-    /// The bodies.
+    /// Returns the static bodies.
     pub fn bodies(&self) -> &[StaticBody] {
         &self.bodies
     }
 
-    /// Tells these statics from others.
+    /// Returns the id that distinguishes these statics from others.
     #[cfg(feature = "gpu")]
     pub(crate) fn id(&self) -> u64 {
         self.id
     }
 
-    /// The hierarchy over their boxes.
+    /// Returns the BVH of the bounding boxes.
     #[cfg(any(feature = "debug", feature = "gpu"))]
     pub(crate) fn bvh(&self) -> &Bvh {
         &self.bvh
     }
 }
 
-/// Which pairs reach the narrow phase.
+/// How candidate pairs for the narrow phase are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Culling {
     /// Hybrid culling: swept spheres, BVH of static boxes, primitive BVHs.
     #[default]
     Hybrid,
-    /// Every primitive pair of every body pair: the reference to measure against.
+    /// No culling: every primitive pair of every body pair. This is the reference for measurements.
     None,
 }
 
-/// Everything that a step depends on.
+/// The complete input of a step, except for the [`Statics`].
 #[derive(Clone, Debug)]
 pub struct StepInput {
     /// The bodies.
     pub bodies: Vec<Body>,
-    /// Owners that do not collide, the lesser first: bodies that a joint keeps from it.
+    /// Pairs of owners whose collisions a joint disables, the lower owner first.
     pub apart: HashSet<[u64; 2]>,
-    /// Contacts are reported up to this distance, in metres; of bodies with a [pace](Body::pace) up to [`Reach::of_pair`].
+    /// Largest distance of reported contacts, in metres. For bodies with a [pace](Body::pace), [`Reach::of_pair`] gives the distance.
     pub prediction: f32,
-    /// Size of a typical body in metres, 1 if nothing is said: lengths that no shape tells, such as how near is a touch, are in proportion to it.
+    /// Size of a typical body, in metres. Tolerances that do not depend on a shape, such as the touch distance, are proportional to it. Default: 1.
     pub length_unit: f32,
-    /// The same for statics. Impacts are first touches of cores.
+    /// [`Body::core_depth`] of statics.
     pub core_depth: f32,
-    /// Bodies stop at their first impact.
+    /// True if bodies stop at their first impact.
     pub stop_at_impact: bool,
-    /// Which pairs reach the narrow phase.
+    /// How candidate pairs for the narrow phase are found.
     pub culling: Culling,
-    /// The pairs that the mid phase leaves are part of the output.
+    /// True if the output lists the candidate pairs of the mid phase.
     pub report_candidates: bool,
 }
 
@@ -331,12 +333,12 @@ impl Default for StepInput {
 }
 
 impl StepInput {
-    /// True for a body that impacts stop.
+    /// Returns true if the body stops at impacts.
     pub(super) fn is_stopping(&self, body: u32) -> bool {
         self.stop_at_impact && self.bodies[body as usize].stops
     }
 
-    /// What a side of a pair is made of, and its motion over the step.
+    /// Returns the shape of a side of a pair, and its motion over the step.
     pub(super) fn side<'a>(&'a self, statics: &'a Statics, side: Side) -> (&'a Solid, Sweep) {
         match side {
             Side::Body(body) => {
@@ -350,8 +352,9 @@ impl StepInput {
         }
     }
 
-    /// How far contacts of a pair are searched after the step. `moved_until`: the fraction of the step for which a body has moved; the next step is longer for
-    /// the body by the rest.
+    /// Returns the reach of the contact search of a pair at the end of the step.
+    ///
+    /// `moved_until`: the fraction of the step for which a body has moved. The body's next step is longer by the remaining fraction.
     pub(super) fn reach(&self, sides: [Side; 2], moved_until: impl Fn(u32) -> f32) -> Reach {
         let reach = Reach::new(self.prediction, self.length_unit);
         let pace = |body: u32| {
@@ -361,7 +364,7 @@ impl StepInput {
         way(sides, pace).map_or(reach, |way| reach.of_pair(way))
     }
 
-    /// The depth of the core of a side, per metre of the smaller body's bounding radius. Bodies without a medial mesh have no core.
+    /// Returns the core depth of a side, per metre of the smaller body's bounding radius: 0 for a body without a medial mesh, because it has no core.
     pub(super) fn core_depth(&self, statics: &Statics, side: Side) -> f32 {
         let (depth, solid) = match side {
             Side::Body(body) => (self.bodies[body as usize].core_depth, &self.bodies[body as usize].solid),
@@ -371,7 +374,7 @@ impl StepInput {
     }
 }
 
-/// How far a pair goes in a step, in metres, if the paces of its bodies are known.
+/// Returns an upper bound of the relative displacement of a pair in a step, in metres. `None` if the pace of a body is not known.
 fn way(sides: [Side; 2], pace: impl Fn(u32) -> Option<Pace>) -> Option<f32> {
     let [pace1, pace2] = sides.map(|side| side.body().map_or(Some(Pace::REST), &pace));
     Some(pace1?.against(&pace2?))
@@ -380,14 +383,14 @@ fn way(sides: [Side; 2], pace: impl Fn(u32) -> Option<Pace>) -> Option<f32> {
 /// One side of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Side {
-    /// A body, by its index.
+    /// Index of a body in [`StepInput::bodies`].
     Body(u32),
-    /// A static body.
+    /// Index of a static body in [`Statics::bodies()`].
     Static(u32),
 }
 
 impl Side {
-    /// The index of a body.
+    /// Returns the index of a body; `None` for a static body.
     pub fn body(self) -> Option<u32> {
         match self {
             Side::Body(body) => Some(body),
@@ -396,13 +399,13 @@ impl Side {
     }
 }
 
-/// What a pair of bodies that may collide is to each other.
+/// The kind of interaction of a pair of bodies, as the filter decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meeting {
-    /// They do not collide: nothing is found.
+    /// The bodies do not collide. No contacts or impacts are computed.
     Apart,
-    /// Contacts and impacts are found, and neither stops at the other.
+    /// Contacts and impacts are computed, but no body stops at the other.
     Passing,
-    /// They stop at an impact, as far as each by itself does.
+    /// Contacts and impacts are computed. Bodies with [`Body::stops`] stop at the impact.
     Stopping,
 }

@@ -1,9 +1,10 @@
-//! Mid phase: which primitives of a pair may touch within the step.
+//! Mid phase: finds the pairs of primitives of a body pair that may touch within the step.
 //!
-//! The boxes of a body's hierarchy are placed at the start of the step and at its end, once for several pairs, and the two hierarchies of a pair are
-//! traversed against each other: what is left are primitives whose boxes meet on their way. They have room for the arcs of what is in them, so no pair is
-//! lost as long as the bodies keep to their way. A way that is searched for impacts in parts is culled in the same ones: in each, boxes are placed only where
-//! the other body is seen from their own.
+//! The boxes of a body's BVH are computed at the start and at the end of the step, once for several pairs. The two BVHs of a pair are traversed against each
+//! other. The result is the pairs of primitives whose moving boxes meet. The boxes include the arcs of their primitives, so no pair is missed while the bodies
+//! stay on their paths.
+//!
+//! A step that is searched for impacts in parts is culled part by part. In each part, boxes are computed only for primitives that the other body may reach.
 
 use glam::{Vec3, Vec3A};
 
@@ -18,13 +19,13 @@ use crate::{
     geometry::{Aabb, Sweep},
 };
 
-/// Primitives of a pair that may meet, in any order.
+/// Primitive pairs of a body pair that may touch, in any order.
 pub(super) type Candidates = Vec<PrimitivePair>;
 
-/// Boxes that are placed for one look, of either side.
+/// Boxes of both sides that are computed for a single search.
 pub(super) type OwnBoxes = [MovingBoxes; 2];
 
-/// Those of given candidates of a pair that a motion is about.
+/// Adds the given candidates of a pair that belong to one motion: all, or those of one part.
 pub(super) fn of_motion(motion: &PairMotion, primitives: &[PrimitivePair], found: &mut Candidates) {
     match &motion.facing {
         Facing::Shape(_) => found.extend(primitives),
@@ -34,8 +35,9 @@ pub(super) fn of_motion(motion: &PairMotion, primitives: &[PrimitivePair], found
     }
 }
 
-/// Adds the primitives that come within `reach` metres of each other on their way. `boxes`: of either side over its time, if they are known; what a body has
-/// left its way by is part of `reach` then. `own`: room for others.
+/// Adds the primitive pairs that may come within `reach` metres of each other over the motion.
+///
+/// `boxes`: cached boxes of each side over its motion, if there are any. `own`: buffers for boxes that are not cached.
 pub(super) fn candidates(
     motion: &PairMotion,
     culling: Culling,
@@ -54,7 +56,7 @@ pub(super) fn candidates(
     }
 }
 
-/// The primitives of a shape whose boxes, widened by `reach`, meet that of a part.
+/// Adds the primitives of a shape whose boxes come within `reach` metres of the box of a part.
 fn of_part(
     motion: &PairMotion,
     part: &Part,
@@ -66,7 +68,7 @@ fn of_part(
     let [start, end] = [motion.sweep2.start, motion.sweep2.end];
     let target = MovingBox::new([start, end].map(|pose| part.aabb().transformed(&pose, 1.0)));
     let margin = reach + motion.sagitta_of_second();
-    // Boxes with the world's axes do if those are the part's as well.
+    // Cached boxes have the world's axes. They are usable if the part has the same axes.
     let (boxes, offset) = match (boxes, motion.world_offset()) {
         (Some(boxes), Some(frame)) => (boxes, Vec3A::from(frame) - boxes.origin()),
         _ => {
@@ -80,7 +82,7 @@ fn of_part(
     motion.shape1.bvh().visit_tested(meets, |i| found.push([i, 0]));
 }
 
-/// The primitives of two shapes whose boxes, widened by `reach`, meet.
+/// Adds the primitive pairs of two shapes whose boxes come within `reach` metres of each other.
 fn of_shapes(
     motion: &PairMotion,
     shape2: &Shape,
@@ -105,12 +107,13 @@ fn of_shapes(
     moving_boxes::visit_pairs(shapes, boxes, meets, |i, j| found.push([i, j]));
 }
 
-/// Where a shape on its way may come within `reach` of another body, in the shape's frame. `aabb`: around the other in its own.
+/// Returns the box in the shape's frame that contains all points of the other body within `reach` metres of the moving shape. `aabb`: bounding box of the other
+/// body in its own frame.
 fn view(shape: &Shape, sweep: &Sweep, other: &Sweep, aabb: &Aabb, reach: f32) -> Aabb {
     sweep.view(shape.radius_about(sweep.local_center) + reach, other, aabb).inflated(reach)
 }
 
-/// Every pair of so many primitives with so many.
+/// Returns every pair of `count1` and `count2` primitives.
 pub(super) fn all(count1: usize, count2: usize) -> impl Iterator<Item = PrimitivePair> {
     (0..count1 as u32).flat_map(move |i| (0..count2 as u32).map(move |j| [i, j]))
 }
@@ -127,7 +130,7 @@ mod tests {
         random::Random,
     };
 
-    /// The least distance of two primitives over the motion, or a little more.
+    /// Returns the smallest sampled distance of two primitives over the motion, in metres: an upper bound of the minimum.
     fn distance(motion: &PairMotion, pair: PrimitivePair) -> f32 {
         (0..=16).map(|i| motion.distance_at(i as f32 / 16.0, pair)).fold(f32::INFINITY, f32::min)
     }
@@ -155,7 +158,7 @@ mod tests {
                     candidates(&motion, Culling::Hybrid, 0.01, [None; 2], &mut own, &mut found);
                     for pair in all(shape.len(), count) {
                         let is_near = distance(&motion, pair) <= 0.01;
-                        assert!(!is_near || found.contains(&pair), "{pair:?} of case {case} are not found");
+                        assert!(!is_near || found.contains(&pair), "{pair:?} of case {case} is missing");
                         near += usize::from(is_near);
                         left_out += usize::from(!found.contains(&pair));
                     }

@@ -4,15 +4,15 @@
 //!   poses, shapes, statics
 //!     broad   swept bounding spheres against each other, and against a BVH of static boxes  -> body pairs
 //!     mid     pair by pair: primitive BVH against primitive BVH (or box), over the step      -> candidate primitive pairs
-//!     narrow  first impacts of these within the step                                        -> impacts
-//!     respond bodies that stop at impacts or are pushed                                     -> where they end the step
-//!     narrow  contacts there                                                                -> raw contacts
-//!     reduce  a few manifolds per body pair
+//!     narrow  first impacts of the candidates within the step                               -> impacts
+//!     respond bodies that stop at impacts or are pushed                                     -> final poses
+//!     narrow  contacts at the final poses                                                   -> raw contacts
+//!     reduce  a few manifolds per body pair                                                 -> manifolds
 //!   sorted contacts, impacts, counts and times
 //! ```
 //!
-//! Bodies are dense indices; who they are is the caller's business. All stages are pure functions of their input, split into
-//! chunks that are joined in order, so the output has the same bits for any number of threads.
+//! Bodies are dense indices, and the caller maps them to entities. All stages are pure functions of their input. Their work is split into
+//! chunks whose results are joined in order, so the output has the same bits for any number of threads.
 
 mod assemblies;
 mod broad_phase;
@@ -60,14 +60,14 @@ pub(crate) use shape::with_spheres;
 pub use shape::{Hull, Shape};
 pub use workspace::Workspace;
 
-/// Runs stages 2 to 5 of a step by itself; for many, keep a [`Workspace`].
+/// Runs stages 2 to 5 of a single step. For a sequence of steps, keep a [`Workspace`].
 pub fn step(input: &StepInput, statics: &Statics, pool: &TaskPool) -> StepOutput {
     let mut output = StepOutput::default();
     Workspace::default().step(input, statics, |_, _| Meeting::Stopping, pool, &mut output);
     output
 }
 
-/// Runs what follows culling by itself, where that was done elsewhere: [`Workspace::step_from_candidates`].
+/// Runs the stages after culling of a single step, with candidates from an external search: see [`Workspace::step_from_candidates`].
 ///
 /// # Panics
 /// If an index is out of range.
@@ -83,7 +83,7 @@ pub fn step_from_candidates(
     output
 }
 
-/// A clock that tells the time since it was last asked.
+/// Returns a clock: each call returns the time since the last call.
 fn laps() -> impl FnMut() -> Duration {
     let mut clock = Instant::now();
     move || {

@@ -1,4 +1,4 @@
-//! The motion of a pair in the frame in which its primitives are placed.
+//! Relative motion of a pair, in the frame in which its primitives are placed.
 
 use glam::{Quat, Vec3};
 use smallvec::{SmallVec, smallvec};
@@ -15,7 +15,7 @@ use crate::{
     query::Chords,
 };
 
-/// What a medial body faces.
+/// The second side of a pair motion.
 pub(super) enum Facing<'a> {
     /// A medial mesh.
     Shape(&'a Shape),
@@ -24,7 +24,7 @@ pub(super) enum Facing<'a> {
 }
 
 impl Facing<'_> {
-    /// How far the surface of a part is outside of its core, in metres.
+    /// Returns the distance of a part's surface from its core, in metres; 0 for a medial mesh.
     pub fn rounding(&self) -> f32 {
         match self {
             Facing::Shape(_) => 0.0,
@@ -33,8 +33,8 @@ impl Facing<'_> {
     }
 }
 
-/// Runs an expression with a primitive of the first body and what it faces: a primitive of the other, or a part, by whose rounding the first is
-/// larger.
+/// Runs an expression with a primitive of the first side and one of the second: a primitive of a medial mesh, or the core of a part. The rounding of a part is
+/// added to the radii of the first primitive.
 macro_rules! with_sides {
     ($facing:expr, $hull:expr, $primitive2:expr, |$first:ident, $second:ident| $body:expr) => {
         $crate::pipeline::with_spheres!($hull, |$first| match &$facing {
@@ -60,29 +60,30 @@ macro_rules! with_sides {
 }
 pub(super) use with_sides;
 
-/// A medial body and what it faces, in relative coordinates.
+/// A medial body and a second side, in relative coordinates.
 ///
-/// Facing a medial mesh, the axes are the world's and the origin is body 1's position at the start; facing a part, the frame is that part's at
-/// the start. Nothing is lost far from the world's origin.
+/// If the second side is a medial mesh, the frame has the world's axes and its origin is the position of body 1 at the start. If it is a part, the
+/// frame is the part's frame at the start. Relative coordinates keep f32 precision far from the world's origin.
 pub(super) struct PairMotion<'a> {
     pub shape1: &'a Shape,
     pub facing: Facing<'a>,
     pub sweep1: Sweep,
     pub sweep2: Sweep,
-    /// Takes the frame's vectors to the world.
+    /// Pose of the frame in the world.
     frame: Pose3,
-    /// Distance from each body's centre of mass to the farthest point that turns with it. Radii of spheres do not turn.
+    /// Per body, distance from the centre of mass to the farthest point that moves on an arc, in metres. For a medial mesh this is a sphere centre, because
+    /// rotation does not change a radius.
     arms: [f32; 2],
     pub tolerances: Tolerances,
 }
 
-/// The motions of a pair: most have one.
+/// The motions of a pair. Most pairs have one.
 pub(super) type Motions<'a> = SmallVec<[PairMotion<'a>; 1]>;
 
 impl<'a> PairMotion<'a> {
-    /// The motion of a pair: one, or one for each part of the second side that is in reach.
+    /// Creates the motions of a pair: one for a medial second side, or one for each part of another collider that is in reach.
     ///
-    /// `sweep_of`: the motion of a body, the whole step's or what is left of it.
+    /// `sweep_of`: the motion of a body over the whole step, or over the rest of the step.
     pub fn all(
         input: &'a StepInput,
         statics: &'a Statics,
@@ -133,7 +134,8 @@ impl<'a> PairMotion<'a> {
         }
     }
 
-    /// Makes the motion chords. Facing a part that moves, they are seen from it: a box can turn no other way.
+    /// Splits the motion into chords. For a moving part, the chords are those of the first side in the part's frame, because kernels for boxes require a box
+    /// at rest.
     pub fn set_chords(&self, chords: &mut Chords) {
         let sweeps = [&self.sweep1, &self.sweep2];
         let tolerance = CHORD_TOLERANCE * self.tolerances.size;
@@ -145,7 +147,7 @@ impl<'a> PairMotion<'a> {
         }
     }
 
-    /// Takes the vectors of the chords at an instant to the world.
+    /// Returns the pose of the chords' frame in the world at a fraction of the motion.
     pub fn frame_at(&self, fraction: f32) -> Pose3 {
         match self.facing {
             Facing::Part(_) if !self.sweep2.is_at_rest() => self.frame * self.sweep2.pose_at(fraction),
@@ -153,12 +155,12 @@ impl<'a> PairMotion<'a> {
         }
     }
 
-    /// Takes a direction of the world to the frame of the chords at the start.
+    /// Transforms a direction from the world to the frame of the chords at the start.
     pub fn to_chords(&self, direction: Vec3) -> Vec3 {
         self.frame_at(0.0).rotation.inverse() * direction
     }
 
-    /// Unit vector, in the frame of the chords, from the middle of the first shape to that of what it faces, at the start.
+    /// Returns the unit vector from the centre of the first shape to the centre of the second side at the start, in the frame of the chords.
     pub fn center_line(&self) -> Vec3 {
         let center1 = self.sweep1.start.transform_point(self.shape1.bounding_sphere().center);
         let center2 = self.sweep2.start.transform_point(match &self.facing {
@@ -168,7 +170,7 @@ impl<'a> PairMotion<'a> {
         self.to_chords(self.frame.rotation * (center2 - center1).normalize_or(Vec3::Y))
     }
 
-    /// [`Tolerances::core_overlap`] of two primitives.
+    /// Returns [`Tolerances::core_overlap`] of two primitives.
     pub fn core_overlap(&self, [first, second]: PrimitivePair) -> f32 {
         let radius2 = match &self.facing {
             Facing::Shape(shape2) => shape2.hull(second).min_radius(),
@@ -177,7 +179,8 @@ impl<'a> PairMotion<'a> {
         self.tolerances.core_overlap([self.shape1.hull(first).min_radius(), radius2])
     }
 
-    /// How thick two primitives are together: the largest radius, or half of a box's least width, of either, in metres.
+    /// Returns the summed thickness of two primitives in metres. The thickness is the largest radius of a primitive, or half of the smallest width of another
+    /// part.
     pub fn thickness(&self, [first, second]: PrimitivePair) -> f32 {
         let second = match &self.facing {
             Facing::Shape(shape2) => shape2.hull(second).max_radius(),
@@ -186,13 +189,13 @@ impl<'a> PairMotion<'a> {
         self.shape1.hull(first).max_radius() + second
     }
 
-    /// True if no point moves farther than the slop, so that no overlap can grow by more.
+    /// Returns true if no point moves farther than the slop. No overlap can grow by more than the slop then.
     pub fn is_short(&self) -> bool {
         self.path() <= self.tolerances.slop
     }
 
-    /// In how many parts the step is to be searched, one after the other: few primitives are near each other in each, and what comes after an impact is
-    /// not looked at.
+    /// Returns the number of equal parts in which the step is searched, in order. Few primitives are near each other in a short part, and the parts after an
+    /// impact are skipped.
     pub fn parts(&self) -> usize {
         let count2 = if let Facing::Shape(shape2) = &self.facing { shape2.len() } else { 1 };
         let is_long = self.shape1.len() * count2 > PART_PRIMITIVES;
@@ -202,34 +205,34 @@ impl<'a> PairMotion<'a> {
         if parts > 2.0 { (parts.ceil() as usize).min(MAX_STEP_PARTS) } else { 1 }
     }
 
-    /// Leaves what of it is between two times, fractions of it.
+    /// Restricts the motion to the part between two fractions of it.
     pub fn cut(&mut self, times: [f32; 2]) {
         self.sweep1 = self.sweep1.part(times);
         self.sweep2 = self.sweep2.part(times);
     }
 
-    /// The longest way of any point of one body relative to the other, or more, in metres.
+    /// Returns an upper bound of the path length of any point of one body relative to the other, in metres.
     pub fn path(&self) -> f32 {
         let turn = self.sweep1.rotation.length() * self.arms[0] + self.sweep2.rotation.length() * self.arms[1];
         (self.sweep1.translation - self.sweep2.translation).length() + turn
     }
 
-    /// How far both bodies together may stray from their ways as chords of it do, in metres.
+    /// Returns the largest combined deviation of both bodies' paths from their chords, in metres.
     fn stray(&self) -> f32 {
         2.0 * CHORD_TOLERANCE * self.tolerances.size
     }
 
-    /// How near each other primitives come that matter, along chords, in metres.
+    /// Returns the distance within which primitives are candidates, along chords, in metres.
     pub fn reach(&self) -> f32 {
         self.stray().max(self.tolerances.touch)
     }
 
-    /// How far any point of the second body strays from its chord over the motion, in metres.
+    /// Returns the largest distance of a point of the second body from its chord over the motion, in metres.
     pub fn sagitta_of_second(&self) -> f32 {
         self.sweep2.sagitta(self.arms[1], 1)
     }
 
-    /// Where the frame of the sweeps is in the world, if their axes are the same.
+    /// Returns the position of the sweeps' frame in the world. `None` if the frame is rotated.
     pub fn world_offset(&self) -> Option<Vec3> {
         (self.frame.rotation == Quat::IDENTITY).then_some(self.frame.translation)
     }
@@ -237,7 +240,7 @@ impl<'a> PairMotion<'a> {
 
 #[cfg(test)]
 impl PairMotion<'_> {
-    /// The distance of two primitives at a fraction of the motion.
+    /// Returns the distance of two primitives at a fraction of the motion, in metres.
     pub fn distance_at(&self, fraction: f32, [first, second]: [u32; 2]) -> f32 {
         let [pose1, pose2] = [&self.sweep1, &self.sweep2].map(|sweep| sweep.pose_at(fraction));
         let ours = self.shape1.hull(first).placed(&pose2.inv_mul(&pose1).into());
@@ -245,7 +248,7 @@ impl PairMotion<'_> {
     }
 }
 
-/// All of the second body that the shape can meet, as a box in that body's frame.
+/// Returns a box in the frame of the second body that contains all of its points that the shape may touch.
 fn reach(shape1: &Shape, sweep1: &Sweep, sweep2: &Sweep, arm2: f32) -> Aabb {
     let radius = shape1.radius_about(sweep1.local_center);
     let seen = sweep1.seen_from(&sweep2.start);
@@ -253,7 +256,7 @@ fn reach(shape1: &Shape, sweep1: &Sweep, sweep2: &Sweep, arm2: f32) -> Aabb {
     if sweep2.is_at_rest() {
         return Aabb::from_spheres([start, start + seen.translation].map(|center| Sphere::new(center, radius)));
     }
-    // Points that meet were as far apart at the start as both have moved since.
+    // Two points that touch were apart by at most their relative displacement at the start.
     let way = (sweep1.translation - sweep2.translation).length() + sweep2.rotation.length().min(2.0) * arm2;
     Aabb::from_spheres([Sphere::new(start, radius + way)])
 }

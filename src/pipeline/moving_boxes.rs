@@ -1,15 +1,15 @@
-//! The hierarchies of bodies on their way through a step.
+//! BVH boxes of bodies that move through a step.
 
 use glam::{Vec3, Vec3A};
 
 use super::{Shape, Side};
 use crate::geometry::{Aabb, Placement, Pose3, Sphere, Sweep, Values};
 
-/// Rows of two bodies of which the boxes are kept while a step runs. Fewer, and those of a body in many pairs are placed again; more, and they take more
-/// memory, tens of kilobytes each.
+/// Number of cache rows. A row keeps the boxes of two bodies while a step runs. With fewer rows the boxes of a body in many pairs are placed more often; each
+/// row more takes tens of kilobytes of memory.
 const ROWS: usize = 16;
 
-/// The boxes of the bodies that were asked for last, relative to where each is at the start, with the world's axes.
+/// Cache of the boxes of recently requested bodies. Boxes are relative to the position of their body at the start, with the world's axes.
 #[derive(Debug, Default)]
 pub(super) struct BoxCache {
     rows: Vec<[Slot; 2]>,
@@ -19,16 +19,16 @@ pub(super) struct BoxCache {
 struct Slot {
     side: Option<Side>,
     boxes: MovingBoxes,
-    /// Of the row the one that was asked for last: the other is given up for a third.
+    /// True for the slot of the row that was requested last. A new body replaces the other slot.
     is_last: bool,
 }
 
-/// Where the boxes of a body are, until those of two others have been placed.
+/// Location of a body's boxes in the cache. Valid until the boxes of two other bodies have been placed.
 #[derive(Clone, Copy)]
 pub(super) struct Place([usize; 2]);
 
 impl BoxCache {
-    /// Knows no body any more: they have moved.
+    /// Invalidates all boxes, because the bodies have moved.
     pub fn clear(&mut self) {
         for slot in self.rows.iter_mut().flatten() {
             slot.side = None;
@@ -36,7 +36,7 @@ impl BoxCache {
         }
     }
 
-    /// Places the boxes of a body on its motion.
+    /// Computes the boxes of a body over its motion unless the cache has them, and returns their location.
     pub fn place(&mut self, side: Side, shape: &Shape, sweep: &Sweep) -> Place {
         let (Side::Body(index) | Side::Static(index)) = side;
         let row = index as usize % ROWS;
@@ -54,30 +54,30 @@ impl BoxCache {
         Place([row, column])
     }
 
-    /// The boxes at a place between two times of the motion.
+    /// Returns the boxes at a location between two fractions of the motion.
     pub fn between(&self, Place([row, column]): Place, times: [f32; 2]) -> TimedBoxes<'_> {
         self.rows[row][column].boxes.between(times)
     }
 }
 
-/// Boxes around a shape's primitives, and around those: for each node of its hierarchy where it is at the start of a motion and at its
-/// end, with room for what its primitives stray from their chords in between.
+/// Boxes of all BVH nodes of a moving shape, at the start and at the end of its motion. The boxes include the sagitta of the primitives' arcs, so linear
+/// interpolation between both is conservative.
 #[derive(Debug, Default)]
 pub(super) struct MovingBoxes {
     nodes: Values<MovingBox>,
-    /// What they are relative to, in the frame of the sweep.
+    /// Origin of the boxes' coordinates, in the frame of the sweep.
     origin: Vec3,
 }
 
-/// A box whose faces move steadily.
+/// A box whose faces move at constant velocities.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MovingBox {
-    /// At the start and at the end.
+    /// Minimum corners at the start and at the end.
     min: [Vec3A; 2],
     max: [Vec3A; 2],
 }
 
-/// Boxes between two times of their motion, fractions of it.
+/// Boxes between two fractions of their motion.
 #[derive(Clone, Copy)]
 pub(super) struct TimedBoxes<'a> {
     boxes: &'a MovingBoxes,
@@ -86,12 +86,12 @@ pub(super) struct TimedBoxes<'a> {
 }
 
 impl MovingBoxes {
-    /// Become those of the primitives of a shape that are within `target`, a box in the body's frame; others are nowhere. In the frame of the sweep, relative to
-    /// `origin`.
+    /// Computes the boxes of a shape's primitives that overlap with `target`, a box in the body's frame. Other primitives get an empty box. The boxes are in
+    /// the frame of the sweep, relative to `origin`.
     pub fn place(&mut self, shape: &Shape, sweep: &Sweep, origin: Vec3, target: &Aabb) {
         let frame = Pose3::from_translation(origin);
         let placements = [sweep.start, sweep.end].map(|pose| Placement::from(frame.inv_mul(&pose)));
-        // How far a sphere strays from its chord, for each metre from the centre of mass.
+        // Largest distance of a sphere centre from its chord, per metre from the centre of mass.
         let stray = sweep.sagitta(1.0, 1);
         let place = |sphere: &Sphere| {
             let Sphere { center, radius } = sphere.scaled(shape.scale);
@@ -103,25 +103,25 @@ impl MovingBoxes {
             let indices = shape.axis.primitives()[primitive as usize].indices();
             indices.iter().fold(MovingBox::NOWHERE, |all, &i| all.merge(&place(&shape.axis.spheres()[i as usize])))
         };
-        // Back and forth a flat shape's face would be rounded out of its own box.
+        // Scaling back and forth rounds. Without a margin, the face of a flat shape could be outside of its own box.
         let target = target.scaled(shape.scale.recip());
         let target = target.inflated(target.rounding());
         shape.bvh().values(&target, MovingBox::NOWHERE, around, MovingBox::merge, &mut self.nodes);
         self.origin = origin;
     }
 
-    /// Between two times of the motion.
+    /// Returns the boxes between two fractions of the motion.
     fn between(&self, times: [f32; 2]) -> TimedBoxes<'_> {
         TimedBoxes { boxes: self, times, is_whole: times == [0.0, 1.0] }
     }
 
-    /// The whole motion.
+    /// Returns the boxes of the whole motion.
     pub fn whole(&self) -> TimedBoxes<'_> {
         self.between([0.0, 1.0])
     }
 }
 
-/// Visits the primitives of two shapes whose boxes pass a test, which is asked with two boxes, and by what the second is to be shifted.
+/// Visits the pairs of primitives of two shapes whose boxes pass `test`. The arguments of `test` are two boxes and the offset to add to the second.
 pub(super) fn visit_pairs(
     [shape1, shape2]: [&Shape; 2],
     [boxes1, boxes2]: [TimedBoxes; 2],
@@ -139,28 +139,28 @@ pub(super) fn visit_pairs(
 }
 
 impl TimedBoxes<'_> {
-    /// The box of a node.
+    /// Returns the box of a BVH node.
     pub fn node(&self, index: usize) -> MovingBox {
         let boxes = &self.boxes.nodes[index];
         if self.is_whole { *boxes } else { boxes.between(self.times) }
     }
 
-    /// What they are relative to, in the frame of the motion.
+    /// Returns the origin of the boxes' coordinates, in the frame of the sweep.
     pub fn origin(&self) -> Vec3A {
         self.boxes.origin.into()
     }
 
-    /// By how much the other's boxes are to be shifted to be in the same coordinates.
+    /// Returns the offset that takes the other's boxes to the coordinates of these boxes.
     pub fn offset(&self, other: &Self) -> Vec3A {
         other.origin() - self.origin()
     }
 }
 
 impl MovingBox {
-    /// Holds nothing, and meets nothing.
+    /// An empty box. It meets no other box.
     const NOWHERE: Self = Self { min: [Vec3A::INFINITY; 2], max: [Vec3A::NEG_INFINITY; 2] };
 
-    /// From where it is at the start and at the end.
+    /// Creates a moving box from the boxes at the start and at the end.
     pub fn new(boxes: [Aabb; 2]) -> Self {
         Self { min: boxes.map(|aabb| aabb.min.into()), max: boxes.map(|aabb| aabb.max.into()) }
     }
@@ -170,7 +170,7 @@ impl MovingBox {
         Self { min: both.map(|i| self.min[i].min(other.min[i])), max: both.map(|i| self.max[i].max(other.max[i])) }
     }
 
-    /// The part of its way between two times.
+    /// Returns the part of the motion between two fractions.
     fn between(&self, times: [f32; 2]) -> Self {
         let at = |[start, end]: [Vec3A; 2]| {
             let way = end - start;
@@ -179,13 +179,13 @@ impl MovingBox {
         Self { min: at(self.min), max: at(self.max) }
     }
 
-    /// How far the other is beyond this one along each axis, and along each axis' reverse, at the start or at the end.
+    /// Returns the gaps to the other box along each positive axis and along each negative axis. `time`: 0 for the start, 1 for the end.
     #[inline]
     fn gaps(&self, other: &Self, offset: Vec3A, time: usize) -> [Vec3A; 2] {
         [other.min[time] + offset - self.max[time], self.min[time] - other.max[time] - offset]
     }
 
-    /// True if they come within `reach` of each other along all axes at some time, the other shifted by `offset`.
+    /// Returns true if, at some time, the boxes are within `reach` of each other along all axes. `offset` is added to the other box.
     #[inline]
     pub fn meets(&self, other: &Self, offset: Vec3A, reach: f32) -> bool {
         let reach = Vec3A::splat(reach);
@@ -197,7 +197,7 @@ impl MovingBox {
         if starts[0].max(starts[1]).cmple(reach).all() || ends[0].max(ends[1]).cmple(reach).all() {
             return true;
         }
-        // Along each axis by itself they meet. A gap that is there at the start only ends, one at the end begins.
+        // Each axis alone has a time without a gap. A gap at the start closes at its crossing, and a gap at the end opens there.
         let (mut enter, mut leave) = (Vec3A::ZERO, Vec3A::ONE);
         for (start, end) in starts.into_iter().zip(ends) {
             let (start, end) = (start - reach, end - reach);
@@ -215,12 +215,12 @@ mod tests {
     use crate::{geometry::Primitive, medial_axis::MedialAxis, random::Random};
 
     impl MovingBox {
-        /// The box at rest that holds the whole path.
+        /// Returns the box at rest that contains the whole path.
         fn span(&self) -> Self {
             Self { min: [self.min[0].min(self.min[1]); 2], max: [self.max[0].max(self.max[1]); 2] }
         }
 
-        /// True if they come within `reach` of each other along each axis at the start, the other shifted by `offset`.
+        /// Returns true if the boxes are within `reach` of each other along each axis at the start. `offset` is added to the other box.
         fn is_near(&self, other: &Self, offset: Vec3A, reach: f32) -> bool {
             let [above, below] = self.gaps(other, offset, 0);
             above.max(below).cmple(Vec3A::splat(reach)).all()
@@ -287,7 +287,7 @@ mod tests {
             };
             let sampled = (0..=100).any(|i| touches(i as f32 / 100.0));
             let meets = first.meets(&second, offset, reach);
-            assert!(meets || !sampled, "they meet");
+            assert!(meets || !sampled, "boxes that meet are missed");
             met += usize::from(sampled);
             apart += usize::from(!meets);
             apart_though_swept += usize::from(!meets && first.span().meets(&second.span(), offset, reach));

@@ -1,4 +1,4 @@
-//! Narrow phase: the first impact of each pair within the step, and its contacts at the end.
+//! Narrow phase: the first impact of each pair within the step, and its contacts at the final poses.
 
 use bevy::tasks::TaskPool;
 use glam::Vec3;
@@ -15,7 +15,8 @@ use super::{
 };
 use crate::geometry::Pose3;
 
-/// The first impact of each pair, were no body to stop. `known`: of each pair the primitives that may meet, where that is known.
+/// Finds the first impact of each pair on the assumption that no body leaves its path. `known`: the candidate primitive pairs of each pair, where they are
+/// known.
 pub(super) fn impacts(
     input: &StepInput,
     statics: &Statics,
@@ -38,7 +39,7 @@ pub(super) fn impacts(
     });
 }
 
-/// The manifolds of each pair where its bodies end the step. Their number is kept with the tasks.
+/// Finds the manifolds of each pair at the final poses of its bodies. The numbers of manifolds are stored in the tasks' scratch buffers.
 pub(super) fn manifolds(
     input: &StepInput,
     statics: &Statics,
@@ -49,7 +50,7 @@ pub(super) fn manifolds(
     pool: &TaskPool,
 ) {
     parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
-        // Rapier asks for no contacts of sleeping bodies that are not pushed.
+        // Rapier needs no contacts between sleeping bodies that are not pushed.
         if !pair.bodies().any(|body| input.bodies[body as usize].active || courses.leaves_path(body)) {
             return;
         }
@@ -74,8 +75,8 @@ pub(super) fn manifolds(
     });
 }
 
-/// Adds the pairs with something to tell to the output, which has their manifolds. `found`: the pairs that have some, and how many. `reach`: how far
-/// contacts of a pair were searched.
+/// Adds the pairs with manifolds or an impact to the output, whose manifolds are set. `found`: index of each pair with manifolds, and their number. `reach`:
+/// reach of the contact search of a pair.
 pub(super) fn tell(
     pairs: &[BodyPair],
     impacts: &[ImpactResult],
@@ -98,7 +99,7 @@ pub(super) fn tell(
     }
 }
 
-/// Where a side of a pair is, and its place in the order of all.
+/// Returns the pose of a side of a pair, and its [`Body::order`](super::Body::order).
 fn place(input: &StepInput, statics: &Statics, side: Side, pose_of: impl Fn(u32) -> Pose3) -> (Pose3, u32) {
     match side {
         Side::Body(body) => (pose_of(body), input.bodies[body as usize].order),

@@ -1,9 +1,9 @@
-//! Primitives that are near each other at an instant.
+//! Primitives that are near each other at one instant.
 
 use super::{Hull, Part, Shape};
 use crate::geometry::{Aabb, Box3A, Placement, Pose3};
 
-/// Room for the primitives that are near.
+/// Buffers for the primitives that are near.
 #[derive(Debug, Default)]
 pub(super) struct Room {
     in_reach: Vec<u32>,
@@ -11,10 +11,10 @@ pub(super) struct Room {
     second: Vec<(u32, Box3A)>,
 }
 
-/// Calls `visit` with the primitives of two shapes whose boxes come within `reach` metres of each other, and with the first one in the
-/// frame of the second shape, in ascending order. `pose12`: pose of the second shape in the frame of the first.
+/// Calls `visit` in ascending order for each pair of primitives of two shapes whose boxes are within `reach` metres of each other. The second argument of
+/// `visit` is the first primitive in the frame of the second shape. `pose12`: pose of the second shape in the frame of the first.
 ///
-/// Few primitives of either shape are near the other at all: those are held against each other one by one.
+/// Only few primitives of a shape are near the other shape, so these are compared pair by pair.
 pub(super) fn near_shape(
     shape1: &Shape,
     shape2: &Shape,
@@ -51,7 +51,8 @@ pub(super) fn near_shape(
     }
 }
 
-/// The same for the primitives of a shape that are near a part, in the part's frame. `pose12`: pose of the part in the frame of the shape.
+/// [`near_shape`] for the primitives of a shape that are near a part. Primitives are visited in the part's frame. `pose12`: pose of the part in the frame of
+/// the shape.
 pub(super) fn near_part(
     shape1: &Shape,
     part: &Part,
@@ -71,7 +72,7 @@ pub(super) fn near_part(
     }
 }
 
-/// The primitives whose boxes overlap with a box in the shape's frame, in ascending order.
+/// Finds the primitives whose boxes overlap with a box in the shape's frame, in ascending order.
 fn find_in_reach(shape: &Shape, reach: &Aabb, found: &mut Vec<u32>) {
     let unscaled = Aabb { min: reach.min / shape.scale, max: reach.max / shape.scale };
     found.clear();

@@ -1,4 +1,4 @@
-//! What a step yields.
+//! Output of a step.
 
 use std::{ops::Range, time::Duration};
 
@@ -7,79 +7,80 @@ use glam::Vec3;
 use super::{Manifold, Reach, Side};
 use crate::geometry::Pose3;
 
-/// First impact of a pair within the step: the first touch of cores, or of surfaces if these part again within the step. Bodies that are in touch at the
-/// start may gain some overlap first.
+/// First impact of a pair within the step: the first touch of cores, or the first touch of surfaces that separate again within the step. Bodies that are
+/// in touch at the start may gain some overlap before the impact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Impact {
-    /// When, as a fraction of the step.
+    /// Time of the impact, as a fraction of the step.
     pub fraction: f32,
-    /// Where, in the world, at that instant.
+    /// Point of the impact at that time, in the world.
     pub point: Vec3,
     /// Unit normal from the first side to the second, in the world.
     pub normal: Vec3,
     /// Primitive of the first side.
     pub primitive1: u32,
-    /// Primitive of the second, or its part.
+    /// Primitive or part of the second side.
     pub primitive2: u32,
 }
 
 /// A pair of bodies that touch, touched within the step, or are within [`Reach`](super::Reach) of each other at its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
-    /// The first side, which is medial.
+    /// The first side. It is medial.
     pub first: Side,
-    /// The second; if it is medial as well, a body of a higher index or a static.
+    /// The second side. If it is medial too, it is a body of a higher index or a static.
     pub second: Side,
-    /// Its manifolds where the bodies end the step: a range of [`StepOutput::manifolds`].
+    /// Manifolds at the final poses of the step, as a range of [`StepOutput::manifolds`].
     pub manifolds: Range<usize>,
-    /// How far its contacts were searched.
+    /// Reach of the contact search.
     pub reach: Reach,
-    /// Their first impact, if there is one.
+    /// The first impact, if there is one.
     pub impact: Option<Impact>,
 }
 
-/// A body that does not end the step where its motion would take it: it stops at an impact, or is pushed by a kinematic body.
+/// A body that leaves its path, because it stops at an impact or because a kinematic body pushes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stop {
     /// The body.
     pub body: u32,
-    /// When it stopped, as a fraction of the step; 1 for a pushed body.
+    /// Time of the stop, as a fraction of the step; 1 for a pushed body.
     pub fraction: f32,
-    /// Its pose at the end of the step.
+    /// Pose of the body at the end of the step.
     pub pose: Pose3,
 }
 
-/// Two bodies that may come within the prediction distance of each other in the step, wherever each stops, and those of their primitives that may touch
-/// if none does.
+/// A candidate pair: two bodies that may come within the prediction distance of each other in the step, wherever each of them stops.
+///
+/// The primitive pairs are those that may touch if no body stops.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Candidates {
-    /// The bodies, in any order. One of them at least is medial.
+    /// The bodies, in any order. At least one of them is medial.
     pub sides: [Side; 2],
-    /// Primitives of the first side and the second, in any order; of a side that is not medial the parts. None if they are not known: the mid
-    /// phase finds them.
+    /// Pairs of a primitive of the first side and one of the second, in any order. A side that is not medial has parts instead of primitives. `None` if
+    /// the pairs are not known; then the mid phase finds them.
     pub primitives: Option<Vec<[u32; 2]>>,
 }
 
-/// What a step yields, sorted by body indices.
+/// Output of a step. All lists are sorted by body indices.
 #[derive(Clone, Debug, Default)]
 pub struct StepOutput {
     /// Bodies that stop at an impact or are pushed.
     pub stops: Vec<Stop>,
-    /// Pairs with something to tell.
+    /// Pairs with contacts or an impact.
     pub pairs: Vec<Pair>,
-    /// Their manifolds.
+    /// Manifolds of the pairs.
     pub manifolds: Vec<Manifold>,
-    /// What the mid phase has left, if it was to be reported; of a way that is searched in parts, up to the first impact. Of a second side that is not medial,
-    /// the number of the part is not told: it is 0.
+    /// Candidate pairs that the mid phase leaves, if [`StepInput::report_candidates`](super::StepInput::report_candidates) is set. A step that is searched in
+    /// parts lists them up to the first impact. The index of a part of another collider is reported as 0.
     pub candidates: Vec<Candidates>,
-    /// What was counted.
+    /// Counters of the step.
     pub counts: Counts,
-    /// What it took.
+    /// Wall time of the stages.
     pub times: Times,
 }
 
 impl StepOutput {
-    /// Forgets all, but for the room that it has taken.
+    /// Clears everything and keeps the allocations.
     pub(super) fn clear(&mut self) {
         let Self { stops, pairs, manifolds, candidates, counts, times } = self;
         stops.clear();
@@ -89,7 +90,7 @@ impl StepOutput {
         (*counts, *times) = Default::default();
     }
 
-    /// The stop of a body, if it has one.
+    /// Returns the stop of a body, if it has one.
     pub fn stop_of(&self, body: u32) -> Option<&Stop> {
         self.stops.binary_search_by_key(&body, |stop| stop.body).ok().map(|i| &self.stops[i])
     }
@@ -100,17 +101,17 @@ impl StepOutput {
 pub struct Counts {
     /// Bodies.
     pub bodies: usize,
-    /// Primitive pairs of all body pairs that may collide: what brute force would test.
+    /// Primitive pairs of all body pairs with a medial side: the number of tests without culling.
     pub primitive_pairs: usize,
     /// Body pairs that the broad phase leaves.
     pub body_pairs: usize,
     /// Primitive pairs that the mid phase leaves.
     pub candidates: usize,
-    /// Time of impact queries.
+    /// Time-of-impact queries.
     pub toi_tests: usize,
     /// Contact points after reduction.
     pub contacts: usize,
-    /// Time of impact queries that ran out of rounds.
+    /// Time-of-impact queries that reached the iteration limit.
     pub unresolved: usize,
 }
 
@@ -121,16 +122,16 @@ pub struct Times {
     pub broad: Duration,
     /// Mid phase.
     pub mid: Duration,
-    /// Narrow phase: first impacts, and contacts.
+    /// Narrow phase: first impacts and contacts.
     pub narrow: Duration,
-    /// Where bodies stop, and what that changes.
+    /// Response: stopped and pushed bodies, and new searches of their pairs.
     pub stop: Duration,
-    /// Reduction.
+    /// Contact reduction.
     pub reduce: Duration,
 }
 
 impl Times {
-    /// All stages.
+    /// Returns the sum of all stages.
     pub fn total(&self) -> Duration {
         self.broad + self.mid + self.narrow + self.stop + self.reduce
     }

@@ -1,16 +1,16 @@
-//! Pairs of bodies and of their primitives, as the stages hand them on.
+//! Pairs of bodies and of their primitives, as passed from stage to stage.
 
 use super::Side;
 
-/// Indices of a primitive of the first body and one of the second; 0 for the second if that is a part.
+/// Index of a primitive of the first body, and of a primitive of the second. The second index is 0 for a part of another collider.
 pub(super) type PrimitivePair = [u32; 2];
 
-/// A body pair, its first side medial.
+/// A body pair. The first side is medial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct BodyPair {
     pub first: Side,
     pub second: Side,
-    /// True if they stop at each other.
+    /// True if the bodies stop at each other.
     pub stops: bool,
 }
 
@@ -19,25 +19,25 @@ impl BodyPair {
         Self { first, second, stops: false }
     }
 
-    /// The bodies among its sides.
+    /// Returns the sides that are not static.
     pub fn bodies(&self) -> impl Iterator<Item = u32> + use<> {
         [self.first.body(), self.second.body()].into_iter().flatten()
     }
 }
 
-/// The numbers of the pairs of each body.
+/// Lists of the pairs of each body.
 #[derive(Debug, Default)]
 pub(super) struct PairsOf {
     pairs: Vec<u32>,
-    /// Where those of a body begin; one more for the end.
+    /// Start of each body's list in `pairs`; one more entry for the end.
     begins: Vec<u32>,
 }
 
 impl PairsOf {
-    /// Becomes the lists of so many bodies.
+    /// Builds the lists. `bodies`: the number of bodies.
     pub fn set(&mut self, bodies: usize, pairs: &[BodyPair]) {
         let Self { pairs: sorted, begins } = self;
-        // Each pair counts for the body after the next, so that a list begins where the one before it ends once all are filled.
+        // Counting sort. Counts are shifted by two entries, because filling the lists moves each start to the end of its list.
         begins.clear();
         begins.resize(bodies + 2, 0);
         pairs.iter().flat_map(BodyPair::bodies).for_each(|body| begins[body as usize + 2] += 1);
@@ -53,7 +53,7 @@ impl PairsOf {
         }
     }
 
-    /// The numbers of a body's pairs, in ascending order.
+    /// Returns the indices of a body's pairs, in ascending order.
     pub fn of(&self, body: u32) -> impl Iterator<Item = usize> {
         let [begin, end] = [0, 1].map(|i| self.begins[body as usize + i] as usize);
         self.pairs[begin..end].iter().map(|&pair| pair as usize)

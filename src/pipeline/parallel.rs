@@ -1,4 +1,4 @@
-//! Work on many items, in their order, whatever the number of threads.
+//! Parallel work on many items. The order of the results does not depend on the number of threads.
 
 use std::{
     sync::{LazyLock, Mutex, PoisonError},
@@ -7,10 +7,10 @@ use std::{
 
 use bevy::tasks::TaskPool;
 
-/// How many threads there is room for: on one core, two would only take turns.
+/// Number of available cores. More threads than cores would only take turns.
 static CORES: LazyLock<usize> = LazyLock::new(|| available_parallelism().map_or(1, Into::into));
 
-/// What tasks work with, one for each that runs at a time, kept for those that come later.
+/// A pool of scratch buffers. Each running task borrows one, and later tasks reuse it.
 #[derive(Debug)]
 pub(crate) struct Scratches<S>(Mutex<Vec<S>>);
 
@@ -21,7 +21,7 @@ impl<S> Default for Scratches<S> {
 }
 
 impl<S: Default> Scratches<S> {
-    /// Those that there are.
+    /// Returns all buffers of the pool.
     pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut S> {
         self.0.get_mut().unwrap_or_else(PoisonError::into_inner).iter_mut()
     }
@@ -36,7 +36,7 @@ impl<S: Default> Scratches<S> {
     }
 }
 
-/// Applies `function` to every item on the pool's threads. What it adds to the results comes in the items' order, whatever the number of threads.
+/// Calls `function` for every item on the pool's threads. The results are in the order of the items, for any number of threads.
 pub(crate) fn gather<S: Default + Send, T: Sync, R: Send + 'static>(
     pool: &TaskPool,
     scratches: &Scratches<S>,
@@ -52,7 +52,7 @@ pub(crate) fn gather<S: Default + Send, T: Sync, R: Send + 'static>(
             }
         });
     };
-    // Whoever waits works as well. Items take more or less time, so there are several chunks for each.
+    // The waiting thread works too. Items take different times, so there are several chunks per worker.
     let workers = (pool.thread_num() + 1).min(*CORES);
     let chunk = items.len().div_ceil(workers * 8).max(least_per_task);
     if workers == 1 || items.len() <= chunk {
@@ -71,7 +71,7 @@ pub(crate) fn gather<S: Default + Send, T: Sync, R: Send + 'static>(
     results.extend(chunks.into_iter().flatten());
 }
 
-/// One result for each item.
+/// Computes one result for each item. See [`gather`].
 pub(crate) fn map<S: Default + Send, T: Sync, R: Send + 'static>(
     pool: &TaskPool,
     scratches: &Scratches<S>,

@@ -1,4 +1,4 @@
-//! A cheap look at many primitives: along a direction in which some of two bodies are apart, most others are as well.
+//! A cheap separation test for many primitive pairs: along a direction that separates some primitives of two bodies, most others are separated too.
 
 use glam::{BVec4A, Vec3, Vec4};
 
@@ -14,35 +14,36 @@ use crate::{
     query::{Chords, Convex, Cuboid, Support},
 };
 
-/// Directions along which primitives of a pair were apart.
+/// Directions that separate primitives of a pair.
 pub(super) struct Parting<'a> {
     first: Placed<'a>,
     second: Second<'a>,
-    /// Gaps that count, in metres: at the start of the motion, and later.
+    /// Smallest gaps that count as separation, in metres: at the start of the motion, and later.
     least: [f32; 2],
     directions: Directions,
 }
 
-/// Room for the spheres of either side.
+/// Buffers for the spheres of both sides.
 #[derive(Debug, Default)]
 pub(super) struct Room([Vec<Sphere>; 2]);
 
-/// The spheres of a shape wherever a chord begins or ends.
+/// The spheres of a shape at all ends of chords.
 struct Placed<'a> {
     primitives: &'a [Primitive],
-    /// Sphere by sphere, each instant by instant.
+    /// Index: sphere * instants + instant.
     spheres: &'a [Sphere],
     instants: usize,
 }
 
 enum Second<'a> {
     Shape(Placed<'a>),
-    /// It rests in the frame of the chords, and reaches so far against each direction.
+    /// A part at rest in the frame of the chords, and its smallest coordinate along each direction.
     Part(&'a Part<'a>, Vec4),
 }
 
 impl<'a> Parting<'a> {
-    /// `direction`: a unit vector of the frame of the chords, from the first side to the second. None if there are too many chords.
+    /// Creates the test with a first direction: a unit vector from the first side to the second, in the frame of the chords. Returns `None` if there are more
+    /// than [`MAX_PARTING_CHORDS`] chords.
     pub fn new(motion: &'a PairMotion, chords: &Chords, direction: Vec3, room: &'a mut Room) -> Option<Self> {
         let placements = chords.placements();
         if placements.len() > MAX_PARTING_CHORDS + 1 {
@@ -66,7 +67,7 @@ impl<'a> Parting<'a> {
         Some(parting)
     }
 
-    /// Remembers a direction: where a pair was apart, others may be.
+    /// Adds a direction that separates a pair of primitives, because it may separate others.
     pub fn learn(&mut self, direction: Vec3) {
         let lane = self.directions.learn(direction);
         if let Second::Part(part, low) = &mut self.second {
@@ -78,10 +79,10 @@ impl<'a> Parting<'a> {
         }
     }
 
-    /// True if two primitives stay apart along a direction that is known, all the way, and do not begin it in touch: what does is looked at,
-    /// or it would depend on the order of the pairs which of them are.
+    /// Returns true if one known direction separates two primitives over the whole motion, and if they are not in touch at the start. Pairs in touch always get
+    /// a full test; otherwise the tested pairs would depend on the order of the pairs.
     ///
-    /// Spheres move on lines between the instants, so the gap of any two is least at one of them.
+    /// Spheres move on lines between the instants, so the gap of two spheres along a direction is smallest at one of the instants.
     pub fn is_apart(&self, [first, second]: [u32; 2]) -> bool {
         let mut apart = BVec4A::TRUE;
         (0..self.first.instants).all(|instant| {
@@ -112,13 +113,13 @@ impl<'a> Placed<'a> {
         Self { primitives: shape.axis.primitives(), spheres, instants }
     }
 
-    /// The spheres of a primitive at an instant.
+    /// Returns the spheres of a primitive at an instant.
     fn at(&self, primitive: u32, instant: usize) -> impl Iterator<Item = &Sphere> {
         let indices = self.primitives[primitive as usize].indices();
         indices.iter().map(move |&sphere| &self.spheres[sphere as usize * self.instants + instant])
     }
 
-    /// The largest coordinate or radius.
+    /// Returns the largest absolute coordinate or radius, in metres.
     fn extent(&self) -> f32 {
         let most = |s: &Sphere| s.center.abs().max_element().max(s.radius);
         self.spheres.iter().map(most).fold(0.0, f32::max)
@@ -137,7 +138,7 @@ mod tests {
         random::Random,
     };
 
-    /// The distance of the first side's primitive from the other at the start of the step, and the least over all of it.
+    /// Returns the distance of two primitives at the start of the step, and the smallest sampled distance over the step.
     fn distances(motion: &PairMotion, pair: [u32; 2]) -> [f32; 2] {
         let at = |instant: u8| motion.distance_at(f32::from(instant) / 64.0, pair);
         [at(0), (0..=64).map(at).fold(f32::INFINITY, f32::min)]
@@ -163,7 +164,7 @@ mod tests {
             let bodies = vec![Body::new(torus.clone(), sweep(0.3, turn)), Body::new(torus.clone(), sweep(0.3, turn))];
             let obb = Obb { pose: sweep(0.0, 0.0).start, half_extents: Vec3::new(0.3, 0.02, 0.1) };
             let statics = Statics::new(vec![StaticBody::solid_box(obb)]);
-            // Large units: what is a centimetre apart is in touch.
+            // With this length unit, primitives at a distance of 1 cm are in touch.
             let input = StepInput { bodies, length_unit: 10.0, ..Default::default() };
             for second in [Side::Body(1), Side::Static(0)] {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
@@ -189,7 +190,7 @@ mod tests {
             }
         }
         println!(
-            "{apart} apart, {touching} touching, {parting_from_touch} that part from touch, {many_chords} of many chords"
+            "{apart} apart, {touching} touching, {parting_from_touch} touching at first, {many_chords} with many chords"
         );
         assert!(apart > 3000 && touching > 500 && parting_from_touch > 10 && many_chords > 20);
     }

@@ -1,4 +1,4 @@
-//! Colliders that are not medial, as the convex parts that are in reach.
+//! Colliders that are not medial: sets of convex parts.
 
 use glam::Vec3;
 use smallvec::{SmallVec, smallvec};
@@ -9,26 +9,26 @@ use crate::{
     query::{Cuboid, Separation, Support, SupportShape, separation},
 };
 
-/// A collider that is made of convex parts: one box, the triangles of a terrain.
+/// A collider that consists of convex parts, such as one box or the triangles of a terrain.
 pub trait ConvexParts: Send + Sync {
-    /// Box around it, in its own frame.
+    /// Returns the bounding box in the collider's frame.
     fn aabb(&self) -> Aabb;
 
-    /// Sphere around it, in its own frame.
+    /// Returns a bounding sphere in the collider's frame.
     fn bounding_sphere(&self) -> Sphere;
 
-    /// Number of parts.
+    /// Returns the number of parts.
     fn len(&self) -> usize;
 
-    /// True if it has none.
+    /// Returns true if there are no parts.
     fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The parts that come within `reach`, a box in its own frame, in ascending order of their numbers.
+    /// Returns the parts that overlap with `reach`, a box in the collider's frame, in ascending order of their ids.
     fn within(&self, reach: &Aabb) -> Parts<'_>;
 
-    /// A number that nothing of another shape has as long as this one is kept: what was found for it goes on to hold.
+    /// Returns an id that no other shape has while this one exists. Results can be cached under this id.
     fn address(&self) -> usize {
         std::ptr::from_ref(self).addr()
     }
@@ -36,31 +36,31 @@ pub trait ConvexParts: Send + Sync {
 
 /// A convex part of a collider.
 pub struct Part<'a> {
-    /// Which: its number.
+    /// Index of the part in the collider.
     pub id: u32,
-    /// Pose of its frame in the collider's.
+    /// Pose of the part's frame in the collider's frame.
     pub pose: Pose3,
-    /// The part without its rounding, in its frame.
+    /// The part without its rounding, in the part's frame.
     pub core: Core<'a>,
-    /// How far its surface is outside of that, in metres.
+    /// Distance of the surface from the core, in metres.
     pub rounding: f32,
 }
 
-/// Parts of a collider in ascending order of their numbers: most are one by themselves.
+/// Parts of a collider in ascending order of their ids. Most colliders have one part.
 pub type Parts<'a> = SmallVec<[Part<'a>; 1]>;
 
-/// A convex shape.
+/// The convex shape of a part without its rounding.
 pub enum Core<'a> {
     /// A box `[-half, half]`.
     Cuboid(Vec3),
-    /// A primitive: a ball, a capsule, a triangle.
+    /// A primitive: a ball, a capsule or a triangle.
     Hull(Hull),
-    /// Any other.
+    /// Any other shape with a support function.
     Support(Box<dyn SupportShape + 'a>),
 }
 
 impl Part<'_> {
-    /// Box around it, in its frame.
+    /// Returns the bounding box in the part's frame.
     pub fn aabb(&self) -> Aabb {
         let core = match &self.core {
             Core::Cuboid(half) => Aabb { min: -half, max: *half },
@@ -70,7 +70,7 @@ impl Part<'_> {
         core.inflated(self.rounding)
     }
 
-    /// The largest radius of a primitive, or half of the least width of any other part, in metres.
+    /// Returns the thickness in metres: the largest radius of a primitive, or half of the smallest width of any other part.
     pub fn thickness(&self) -> f32 {
         let core = match &self.core {
             Core::Hull(hull) => hull.max_radius(),
@@ -80,7 +80,7 @@ impl Part<'_> {
         core + self.rounding
     }
 
-    /// How the point `point + offset` and the part lie to each other, all in the collider's frame.
+    /// Returns the separation of the point `point + offset` and the part, in the collider's frame. The distance and the normal are valid, but not the points.
     pub(super) fn separation_from(&self, point: Vec3, offset: Vec3) -> Separation {
         let turn = self.pose.rotation.inverse();
         let (local, offset) = (self.pose.inverse_transform_point(point), turn * offset);
@@ -95,14 +95,14 @@ impl Part<'_> {
 }
 
 impl<'a> Part<'a> {
-    /// What is within reach of a box `[-half, half]` that has the pose `pose` in the collider's frame.
+    /// Creates the part of a box `[-half, half]` that overlaps with `reach`. `pose`: pose of the box in the collider's frame.
     pub fn of_cuboid(id: u32, pose: Pose3, half: Vec3, rounding: f32, reach: &Aabb) -> Self {
         let (center, half) = part_within(half, &reach.transformed(&pose.inverse(), 1.0));
         Self { id, pose: pose * Pose3::from_translation(center), core: Core::Cuboid(half), rounding }
     }
 }
 
-/// One box.
+/// A collider with a single box as its part.
 impl ConvexParts for Cuboid {
     fn aabb(&self) -> Aabb {
         Aabb { min: -self.half, max: self.half }

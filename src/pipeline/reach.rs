@@ -1,64 +1,67 @@
-//! How far contacts are searched: only as far as the solver needs them.
+//! Reach of the contact search: only as far as the solver needs contacts.
 //!
-//! A solver keeps the normals and lever arms of contacts for a whole step. That is accurate for bodies that hardly move, so slow bodies are searched as far
-//! as they can move. A fast body that is still apart would be stopped ahead of time by such contacts, whether it comes to touch or passes; the sweep finds its impact. A fast
-//! body in touch needs the contacts that carry it next.
+//! A solver keeps the normals and lever arms of contacts for a whole step. This is accurate for bodies that hardly move, so contacts of slow bodies are
+//! searched as far as the bodies can move. A fast body that is apart would be stopped too early by such contacts, even if it only passes. The sweep finds its
+//! impact instead. A fast body in touch needs the contacts that carry it next.
 
 use glam::Vec3;
 
 use crate::constants::{REST_REACH, TOUCH_DISTANCE};
 
-/// What a collider moves by in a step, at the velocity that its body has.
+/// Motion of a collider in a step at the current velocity of its body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pace {
     /// Displacement of its body's centre of mass, in metres.
     pub way: Vec3,
-    /// Rotation vector of the turn, in radians.
+    /// Rotation over the step: axis times angle in radians.
     pub rotation: Vec3,
-    /// Its bounding radius, in metres.
+    /// Bounding radius of the collider, in metres.
     pub radius: f32,
 }
 
 impl Pace {
-    /// What does not move.
+    /// No motion.
     pub const REST: Pace = Pace { way: Vec3::ZERO, rotation: Vec3::ZERO, radius: 0.0 };
 
-    /// The pace in a step that is so many times as long.
+    /// Returns the motion in a step that is longer by a factor.
     pub fn times(self, factor: f32) -> Self {
         Self { way: self.way * factor, rotation: self.rotation * factor, ..self }
     }
 
-    /// How far any point of one goes relative to the other at most, in metres.
+    /// Returns an upper bound of the relative displacement of any points of both colliders, in metres.
     pub fn against(&self, other: &Self) -> f32 {
         let turn = |pace: &Self| pace.rotation.length() * pace.radius;
         self.way.distance(other.way) + (turn(self) + turn(other))
     }
 }
 
-/// How far contacts of a pair are searched, in metres.
+/// Reach of the contact search of a pair, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reach {
-    /// Contacts are found up to this distance.
+    /// Largest distance of contacts.
     pub prediction: f32,
-    /// The same for bodies that touch: at least [`prediction`](Self::prediction).
+    /// Largest distance of contacts if the bodies touch: at least [`prediction`](Self::prediction).
     pub in_touch: f32,
     /// [`StepInput::length_unit`](super::StepInput::length_unit).
     pub length_unit: f32,
 }
 
 impl Reach {
-    /// The same distance for all pairs.
+    /// Creates a reach that does not depend on the motion of the pair.
     pub fn new(prediction: f32, length_unit: f32) -> Self {
         Self { prediction, in_touch: prediction, length_unit }
     }
 
-    /// The reach for a pair with this relative displacement in the coming step, in metres: as far as the pair moves, and a margin for accelerations. While the pair is apart and faster
-    /// than the prediction distance in a step, the reach falls with the square of the speed.
+    /// Returns the reach for a pair with this relative displacement in the coming step, in metres.
     ///
-    /// One of a few distances, so that it stays the same when velocities change a little.
+    /// The reach is the displacement plus a margin for accelerations, up to the prediction distance. If the pair is apart and moves farther than the prediction
+    /// distance in the step, the reach falls with the square of the speed.
+    ///
+    /// The reach is the prediction distance halved a number of times, or the touch distance if that is larger. So it stays the same when velocities change a
+    /// little.
     pub fn of_pair(self, displacement: f32) -> Self {
         let Self { length_unit, .. } = self;
-        // Infinity cannot be halved.
+        // Halving infinity would not end.
         let prediction = self.prediction.min(f32::MAX);
         let least = prediction.min(TOUCH_DISTANCE * length_unit);
         let needed = displacement + REST_REACH * prediction;
@@ -75,14 +78,14 @@ impl Reach {
         Self { prediction: reach.max(least), in_touch, length_unit }
     }
 
-    /// The distance at which bodies touch, in metres.
+    /// Returns the distance at which bodies touch, in metres.
     pub fn touch(&self) -> f32 {
         TOUCH_DISTANCE * self.length_unit
     }
 }
 
 impl From<f32> for Reach {
-    /// A prediction distance, among bodies of about a metre.
+    /// Creates a reach from a prediction distance in metres, with a length unit of 1 m.
     fn from(prediction: f32) -> Self {
         Self::new(prediction, 1.0)
     }
@@ -102,7 +105,7 @@ mod tests {
             assert_eq!(Reach::from(0.0).of_pair(way).prediction, 0.0);
             assert!(Reach::from(f32::INFINITY).of_pair(way).prediction >= 1.0e-3);
         }
-        // In another length unit all is in proportion.
+        // All lengths are proportional to the length unit.
         let large = Reach::new(2.0, 100.0);
         assert_eq!([0.0, 7.0, 20.0].map(|way| large.of_pair(way).prediction), [0.5, 0.125, 0.1]);
     }

@@ -1,4 +1,4 @@
-//! Reduction: from all contacts of a body pair to a few manifolds, in an order that depends on the contacts alone.
+//! Contact reduction: selects a few manifolds from all contacts of a body pair. The result does not depend on the order of the contacts.
 
 use arrayvec::ArrayVec;
 use glam::Vec3;
@@ -9,19 +9,19 @@ use crate::constants::{
     OBLIQUE_AXIS, TOUCH_DISTANCE,
 };
 
-/// Room to work in.
+/// Buffers of the reduction.
 #[derive(Debug, Default)]
 pub(super) struct Room {
-    /// The group of each contact.
+    /// Index of the group of each contact; `None` for a contact without a group.
     groups: Vec<Option<usize>>,
     group: Vec<Contact>,
 }
 
-/// Those of a group that are kept.
+/// The contacts of a group that are kept.
 type Kept = ArrayVec<Contact, 4>;
 
-/// Groups contacts by normal, each with those that are close to the normal of its deepest, and keeps up to four of each group. `unit`: the length
-/// unit in metres.
+/// Groups contacts whose normals are close to that of the deepest contact of the group, and keeps up to four contacts of each group. `unit`: the length unit in
+/// metres.
 pub(super) fn reduce(
     contacts: &mut [Contact],
     unit: f32,
@@ -35,7 +35,7 @@ pub(super) fn reduce(
         let alignment = |i: &usize| normals[*i].dot(contact.normal1);
         let closest = (0..normals.len()).max_by(|a, b| alignment(a).total_cmp(&alignment(b)));
         let group = closest.filter(|i| alignment(i) >= MANIFOLD_NORMAL_COSINE);
-        // Beyond so many directions the deeper ones are there already.
+        // Contacts that would need more than MAX_MANIFOLDS groups are dropped. They are not the deepest, because contacts are sorted by depth.
         group.or_else(|| normals.try_push(contact.normal1).ok().map(|()| normals.len() - 1))
     }));
     for i in 0..normals.len() {
@@ -45,8 +45,10 @@ pub(super) fn reduce(
     }
 }
 
-/// Up to four contacts of the group, the deepest first. Those about as deep as the deepest, or half as deep, carry the body and come before those that
-/// it may touch next: first the outermost of them, then the others.
+/// Selects up to four contacts of the group, the deepest first.
+///
+/// Contacts about as deep as the deepest one, or at least half as deep, carry the body. They come before contacts that the body may touch next: first the
+/// outermost carrying contacts, then the other carrying contacts.
 fn spread(group: &[Contact], unit: f32) -> Kept {
     let deepest = group[0].distance;
     let limit = deepest.max(0.5 * deepest) + CARRYING_DEPTH * unit;
@@ -60,8 +62,8 @@ fn spread(group: &[Contact], unit: f32) -> Kept {
     kept
 }
 
-/// Adds the deepest of the group that are not close to those kept, until there are four. One that is left out sinks in until it is the deepest, in the
-/// place of one that does then, and the body rocks.
+/// Adds the deepest contacts of the group that are not close to the kept ones, until there are four. A contact that is left out would sink until it replaces
+/// another one, which sinks next, so the body would rock.
 fn fill(group: &[Contact], unit: f32, kept: &mut Kept) {
     let extent = group.iter().map(|contact| contact.point1.distance(kept[0].point1)).fold(0.0, f32::max);
     let apart = CLOSE_CONTACT * extent + DUPLICATE_CONTACT * unit;
@@ -73,7 +75,7 @@ fn fill(group: &[Contact], unit: f32, kept: &mut Kept) {
     kept.sort_unstable_by(Contact::order);
 }
 
-/// Puts the deepest contact in the place of the nearest one that is kept, if it is deeper than all of them by [`DEEPER`].
+/// Replaces the kept contact that is nearest to the deepest one, if the deepest one is deeper than all kept contacts by [`DEEPER`].
 fn keep_deepest(deepest: Contact, unit: f32, kept: &mut [Contact]) {
     let distance = |contact: &Contact| contact.point1.distance_squared(deepest.point1);
     let is_missing = kept.iter().all(|contact| contact.distance > deepest.distance + DEEPER * unit);
@@ -82,9 +84,11 @@ fn keep_deepest(deepest: Contact, unit: f32, kept: &mut [Contact]) {
     }
 }
 
-/// Of many contacts those farthest out along four directions that are fixed to the body, where depth counts for more than place: a body at
-/// rest keeps the same ones from step to step, though rounding changes which is the deepest, and the solver goes on from what they bore. Of those
-/// deeper than what the solver leaves place alone counts: a small body that is held on its deeper side only rocks to the other with each step, and never gets out.
+/// Adds the contacts that are farthest out along four directions fixed to body 1. Depth counts more than position, up to the touch distance.
+///
+/// Because the directions are fixed, a body at rest keeps the same contacts from step to step, although rounding changes which one is the deepest. So the
+/// solver's warm start works. Beyond the touch distance only the position counts: a small, deep body that is held only on its deeper side would rock from side
+/// to side in every step and never be pushed out.
 fn outermost(group: &[Contact], unit: f32, kept: &mut Kept) {
     let normal = group[0].normal1;
     let side = normal.cross(OBLIQUE_AXIS).normalize_or(Vec3::X);
@@ -101,8 +105,8 @@ fn outermost(group: &[Contact], unit: f32, kept: &mut Kept) {
     kept.sort_unstable_by(Contact::order);
 }
 
-/// Adds contacts of the group to those kept, until there are four or the others lie within what is kept: the one farthest from the deepest, the
-/// one farthest from their line, and the one farthest out on the other side of it.
+/// Adds contacts of the group until there are four, or until the others lie within the kept ones. Adds the contact farthest from the deepest one, the one
+/// farthest from the line through both, and the farthest one on the other side of that line.
 fn span(group: &[Contact], unit: f32, kept: &mut Kept) {
     let normal = group[0].normal1;
     let add = |kept: &mut Kept, measure: &dyn Fn(&Contact) -> f32| {
@@ -131,34 +135,34 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    /// A contact of a body with a floor.
+    /// Returns a contact of a body with a floor.
     fn contact(primitive1: usize, point1: Vec3, distance: f32) -> Contact {
         let primitive1 = primitive1 as u32;
         Contact { point1, point2: Vec3::ZERO, normal1: Vec3::NEG_Y, distance, primitive1, primitive2: 0 }
     }
 
-    /// The contacts that are kept, by their primitives.
+    /// Returns the primitives of the kept contacts.
     fn kept_of(contacts: impl Iterator<Item = Contact>) -> Vec<u32> {
         let mut manifolds = Vec::new();
         let mut contacts: Vec<Contact> = contacts.collect();
         reduce(&mut contacts, 1.0, &mut Room::default(), |manifold| manifolds.push(manifold));
         assert_eq!(manifolds.len(), 1);
         let contacts = manifolds[0].contacts();
-        assert!(contacts.windows(2).all(|pair| pair[0].distance <= pair[1].distance), "the deepest is not first");
+        assert!(contacts.windows(2).all(|pair| pair[0].distance <= pair[1].distance), "contacts are not sorted");
         contacts.iter().map(|contact| contact.primitive1).collect()
     }
 
-    /// A place on a ring of 0.2 m.
+    /// Returns a point on a ring with a radius of 0.2 m.
     fn on_ring(i: usize) -> Vec3 {
         let angle = i as f32 / 24.0 * std::f32::consts::TAU;
         Vec3::new(0.2 * angle.cos(), -0.05, 0.2 * angle.sin())
     }
 
-    /// Which contacts are kept of a ring that lies on a floor, one of them deeper than the others.
+    /// Returns the kept contacts of a ring on a floor. The contact `deeper` is 2 mm deeper than the others.
     fn kept_of_ring(random: &mut Random, deeper: usize) -> Vec<u32> {
         let sinks = |i| if i == deeper { 2.0e-3 } else { 0.0 };
         let mut kept = kept_of((0..24).map(|i| contact(i, on_ring(i), 1.0e-6 * random.in_cube().x - sinks(i))));
-        assert!(deeper >= 24 || kept[0] == deeper as u32, "{kept:?} without the deepest, {deeper}");
+        assert!(deeper >= 24 || kept[0] == deeper as u32, "{kept:?} lacks the deepest contact {deeper}");
         kept.sort_unstable();
         kept
     }
@@ -168,7 +172,7 @@ mod tests {
         let mut random = Random(1);
         let expected = kept_of_ring(&mut random, 24);
         assert_eq!(expected.len(), 4);
-        // On every side, so that it does not tip.
+        // Contacts on every side, so that the ring does not tip.
         assert!(expected.windows(2).all(|pair| pair[1] - pair[0] >= 4), "{expected:?}");
         for _ in 0..50 {
             assert_eq!(kept_of_ring(&mut random, 24), expected);
@@ -180,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_small_ring_that_is_deep_and_tilted_is_held_on_every_side() {
-        // A coin's size, and a few of its thicknesses deep, by a tenth of that deeper on one side.
+        // The ring has a radius of 10 mm and an overlap of 20 mm. One side is 10 % deeper than the middle.
         let on_coin = |i: usize| on_ring(i) * 0.05;
         let kept = kept_of((0..24).map(|i| contact(i, on_coin(i), -0.02 - 0.2 * on_coin(i).x)));
         assert_eq!(kept.len(), 4);
@@ -191,12 +195,12 @@ mod tests {
 
     #[test]
     fn a_contact_in_the_middle_that_is_deeper_is_kept() {
-        // Less deep than places farther out count for.
+        // The weight of depth, limited to the touch distance, does not make up for the distance to the ring.
         let middle = contact(24, Vec3::NEG_Y * 0.05, -3.0e-3);
         let kept = kept_of((0..24).map(|i| contact(i, on_ring(i), 0.0)).chain([middle]));
         assert_eq!(kept.len(), 4);
         assert_eq!(kept[0], 24);
-        // By less than rounding may tell.
+        // A difference in depth of the order of rounding does not count.
         let middle = Contact { distance: -1.0e-5, ..middle };
         let kept = kept_of((0..24).map(|i| contact(i, on_ring(i), 0.0)).chain([middle]));
         assert!(!kept.contains(&24));
@@ -204,7 +208,7 @@ mod tests {
 
     #[test]
     fn feet_that_carry_are_kept_before_what_is_far_off() {
-        // A foot between two others that lie farther out, about as deep as they, and a leg in the air that is farthest out on its side.
+        // One foot lies between two others and is about as deep. A leg in the air is the farthest contact on its side.
         let feet = [(0.24, -0.12, -0.6e-3), (-0.28, 0.0, -0.1e-3), (0.3, 0.15, 0.0), (0.31, -0.16, 0.6e-3)];
         let leg = [(0.15, 0.25, 12.0e-3)];
         let contacts = feet.into_iter().chain(leg).enumerate();

@@ -1,8 +1,8 @@
-//! Seams: where the parts of a body meet, its surface goes on, and no edge or side of a part there is the body's own.
+//! Seams (internal edges): where two parts of a body meet, the surface continues, and the edges and sides of the parts are not on the surface of the body.
 //!
-//! A ball on a plain of triangles touches the one beneath it, and is near the edges of the next. Contacts with those would push it back, yet
-//! it slides over them. They show: where such a contact touches, the surface of another part passes, and the contact's normal leans over it.
-//! The same goes for boxes side by side, and for the primitives of a medial mesh.
+//! A ball on a plane of triangles touches the triangle below it and is near the edges of the next triangles. Contacts with these edges would push the ball
+//! back, although it can slide over them. Such a contact is recognised by two properties: the surface of another part passes through the contact point, and the
+//! contact normal leans over this surface. The same applies to adjacent boxes and to the primitives of a medial mesh.
 
 use bevy::platform::collections::{HashMap, hash_map::Entry};
 use glam::{Quat, Vec3};
@@ -16,28 +16,29 @@ use crate::{
 
 /// One side of a pair, in its own frame.
 pub(super) trait Side {
-    /// The box around a part.
+    /// Returns the bounding box of a part.
     fn aabb(&self, part: u32) -> Aabb;
 
-    /// How the point `point + normal * height` and a part lie to each other. None if the part stays more than `flush` beneath the plane through
-    /// `point` across `normal`, a unit vector, or if there is no such part.
+    /// Returns the separation of the point `point + normal * height` and a part. `normal` is a unit vector.
+    ///
+    /// Returns `None` if there is no such part. May return `None` if the part stays more than `flush` below the plane through `point` with this normal.
     fn separation(&self, part: u32, point: Vec3, normal: Vec3, height: f32, flush: f32) -> Option<Separation>;
 }
 
-/// Room to work in.
+/// Buffers of the search.
 #[derive(Debug, Default)]
 pub(super) struct Room {
     kept: Vec<(Contact, [Touch; 2])>,
-    /// Those that are covered.
+    /// Covered contacts.
     removed: Vec<Contact>,
     parts: [TouchedParts; 2],
 }
 
-/// The deepest touch of each part of a side, with the box around the part and around all that it may cover.
+/// The deepest touch of each part of a side, with a box that contains the part and all points that the part may cover.
 #[derive(Debug, Default)]
 struct TouchedParts {
     list: Vec<(Touch, Aabb)>,
-    /// Where in the list a part is.
+    /// Index of each part in the list.
     places: HashMap<u32, usize>,
 }
 
@@ -47,7 +48,7 @@ impl TouchedParts {
         self.places.clear();
     }
 
-    /// Takes in a touch, unless there is one of that part.
+    /// Adds a touch unless the list has one of the same part.
     fn insert(&mut self, touch: Touch, reach: impl FnOnce(u32) -> Aabb) {
         if let Entry::Vacant(place) = self.places.entry(touch.part) {
             place.insert(self.list.len());
@@ -55,16 +56,15 @@ impl TouchedParts {
         }
     }
 
-    /// The box around all that a part may cover.
+    /// Returns the box that contains all points that a part may cover.
     fn reach(&self, part: u32) -> Option<&Aabb> {
         self.places.get(&part).map(|place| &self.list[*place].1)
     }
 }
 
-/// Removes contacts with edges and sides of parts that other parts cover, which are in deeper contact or about as deep; leaves the others
-/// sorted by depth, as they have to be.
+/// Removes contacts with edges and sides of parts that are covered by other parts, if these parts have deeper contacts or contacts of about the same depth.
 ///
-/// `rotation12`: rotation of body 2 in the frame of body 1. `unit`: the length unit in metres.
+/// `contacts` have to be sorted by depth and stay sorted. `rotation12`: rotation of body 2 in the frame of body 1. `unit`: the length unit in metres.
 pub(super) fn remove(
     contacts: &mut Vec<Contact>,
     rotation12: Quat,
@@ -74,7 +74,7 @@ pub(super) fn remove(
 ) {
     let rotation21 = rotation12.inverse();
     let [around, flush] = [SEAM_REACH, FLUSH].map(|length| length * unit);
-    // What covers a place is nearer than this to a point above it.
+    // A part that covers a contact point is nearer than this to a point above it.
     let reach = |side: usize, part: u32| sides[side].aabb(part).inflated(around + 2.0 * flush);
     let touches = |contact: &Contact| {
         let Contact { point1, point2, normal1, distance, primitive1, primitive2 } = *contact;
@@ -105,7 +105,8 @@ pub(super) fn remove(
             let mut as_deep = removed.iter().rev().take_while(|other| contact.distance <= other.distance + within);
             as_deep.any(|other| contact.pushes_as(other) && contact.point1.distance(other.point1) <= within)
         };
-        // The deepest is there to stay, as is what has to be pushed out first, and what pushes the same way does no harm.
+        // The deepest contact is kept, and so are deep overlaps, because they have to be pushed out first. A contact along the normal of a kept one does no
+        // harm.
         let harmless =
             kept.is_empty() || contact.distance < -around || kept.iter().any(|(other, _)| contact.pushes_as(other));
         if harmless || !(is_known() || is_covered(0) || is_covered(1)) {
@@ -114,7 +115,7 @@ pub(super) fn remove(
             removed.push(*contact);
         }
     }
-    // Of contacts about as deep, rounding says which comes first. What all pushes the same way does no harm.
+    // Rounding decides the order of contacts of about the same depth, so they are tested against later ones too. If all normals agree, no contact does harm.
     let one_way = kept.first().is_none_or(|(first, _)| kept.iter().all(|(contact, _)| contact.pushes_as(first)));
     let crossing = if one_way { 0 } else { kept.len() };
     for i in (0..crossing).rev() {
@@ -139,35 +140,40 @@ pub(super) fn remove(
 }
 
 impl Contact {
+    /// Returns true if the normals of two contacts are nearly equal.
     fn pushes_as(&self, other: &Self) -> bool {
         self.normal1.dot(other.normal1) >= SEAM_COSINE
     }
 }
 
-/// Where a part of one side is touched, its outward normal there, and the contact's distance.
+/// A contact as seen from one side: the touched part, the point and outward normal in the side's frame, and the distance of the contact.
 #[derive(Clone, Copy, Debug)]
 struct Touch {
     part: u32,
     point: Vec3,
     normal: Vec3,
     distance: f32,
+    /// True if the overlap is at least [`SEAM_REACH`].
     carries: bool,
 }
 
 impl Touch {
-    /// True if the surface of `other`, which may be the same part, passes here with another normal, and the touched part does not rise
-    /// above it. `reach`: the box around all that `other` may cover. `around`, `flush`: [`SEAM_REACH`] and [`FLUSH`] in metres.
+    /// Returns true if the surface of the part of `other` passes through this point with another normal, and the touched part does not rise above this surface.
+    /// Both parts may be the same.
+    ///
+    /// `reach`: the box that contains all points that the part of `other` may cover. `around`, `flush`: [`SEAM_REACH`] and [`FLUSH`] in metres.
     fn is_covered(&self, other: &Touch, reach: &Aabb, side: &dyn Side, [around, flush]: [f32; 2]) -> bool {
         if !reach.contains_point(self.point + self.normal * around) {
             return false;
         }
-        // Straight above the place: nothing of a part that ends here with this normal is nearer than the place itself.
+        // The query point is straight above the contact point. A part whose surface ends here with this normal has no point nearer to it than the contact
+        // point.
         let Some(s) = side.separation(other.part, self.point, self.normal, around, flush) else { return false };
-        // In the plane of a triangle both of its sides are as near; it is known which one is touched.
+        // In the plane of a triangle the normal of the separation may point to either side. The normal of `other` shows which side is touched.
         let turned = s.distance.abs() < flush && other.normal.dot(s.normal) > 0.5;
         let (up, distance) = if turned { (s.normal, -s.distance) } else { (-s.normal, s.distance) };
         let cosine = up.dot(self.normal);
-        // How high the place is over the surface, and how high the surface over the plane that is touched there.
+        // Height of the contact point above the surface, and height of the surface above the contact plane.
         let height = distance - around * cosine;
         let rise = around - distance * cosine;
         let most = if self.carries { 0.5 } else { SEAM_COSINE };

@@ -25,57 +25,57 @@ pub(crate) use with_spheres;
 pub struct Shape {
     /// The shared asset.
     pub axis: MedialAxis,
-    /// Factor on all lengths, positive.
+    /// Scale factor of all lengths. It is positive.
     pub scale: f32,
 }
 
 impl Shape {
-    /// A shape at scale 1.
+    /// Creates a shape at scale 1.
     pub fn new(axis: MedialAxis) -> Self {
         Self { axis, scale: 1.0 }
     }
 
-    /// Number of primitives.
+    /// Returns the number of primitives.
     pub fn len(&self) -> usize {
         self.axis.primitives().len()
     }
 
-    /// False: a shape has at least one primitive.
+    /// Returns false, because a shape has at least one primitive.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Hierarchy over the primitives, *unscaled*.
+    /// Returns the BVH of the *unscaled* primitives.
     pub fn bvh(&self) -> &Bvh {
         self.axis.bvh()
     }
 
-    /// Box around the shape.
+    /// Returns the bounding box in the shape's frame.
     pub fn aabb(&self) -> Aabb {
         self.axis.aabb().scaled(self.scale)
     }
 
-    /// Sphere around the shape.
+    /// Returns a bounding sphere in the shape's frame.
     pub fn bounding_sphere(&self) -> Sphere {
         self.axis.bounding_sphere().scaled(self.scale)
     }
 
-    /// Centre of mass.
+    /// Returns the centre of mass in the shape's frame.
     pub fn center_of_mass(&self) -> Vec3 {
         self.axis.mass().center_of_mass * self.scale
     }
 
-    /// Distance from `point` to the farthest centre of a sphere, or a little more.
+    /// Returns an upper bound of the distance from `point` to the farthest sphere centre.
     pub(crate) fn arm(&self, point: Vec3) -> f32 {
         self.bounding_sphere().center.distance(point) + self.axis.center_reach() * self.scale
     }
 
-    /// Distance from `point` to the farthest point of the shape, or a little more.
+    /// Returns an upper bound of the distance from `point` to the farthest point of the shape.
     pub(crate) fn radius_about(&self, point: Vec3) -> f32 {
         self.bounding_sphere().farthest(point)
     }
 
-    /// Spheres of a primitive.
+    /// Returns the scaled spheres of a primitive.
     pub fn hull(&self, primitive: u32) -> Hull {
         let spheres = self.axis.spheres();
         let sphere = |i: u32| spheres[i as usize].scaled(self.scale);
@@ -86,8 +86,8 @@ impl Shape {
         }
     }
 
-    /// Where the ray `origin + time * direction` first enters the shape for a `time` from 0 to `max_time`, and by which primitive; at 0 if it starts
-    /// inside.
+    /// Returns the first hit of the ray `origin + time * direction` for times from 0 to `max_time`, and the primitive that is hit. A ray that starts inside
+    /// hits at time 0.
     pub fn ray_cast(&self, origin: Vec3, direction: Vec3, max_time: f32) -> Option<(RayHit, u32)> {
         let limit = Cell::new(max_time);
         let mut first: Option<(RayHit, u32)> = None;
@@ -103,7 +103,7 @@ impl Shape {
         first
     }
 
-    /// Calls `visit` with the primitives whose boxes the ray crosses before the time that `limit` holds.
+    /// Calls `visit` for each primitive whose box the ray crosses before the time `limit`. `visit` may lower the limit.
     pub(crate) fn visit_crossed(
         &self,
         origin: Vec3,
@@ -112,7 +112,7 @@ impl Shape {
         mut visit: impl FnMut(u32, Hull),
     ) {
         let (origin, direction) = (origin / self.scale, direction / self.scale);
-        // Far from the shape, the ray's own coordinates are no more exact.
+        // The coordinates of a ray that starts far from the shape are rounded by this much.
         let rounding = f32::EPSILON * origin.length();
         let crosses = |aabb: &Aabb| aabb.inflated(rounding).crossing(origin, direction, limit.get()).is_some();
         self.bvh().visit(crosses, |primitive| visit(primitive, self.hull(primitive)));
@@ -131,7 +131,7 @@ pub enum Hull {
 }
 
 impl Hull {
-    /// The primitive in the frame in which its own has the given placement.
+    /// Transforms the primitive to the frame in which its own frame has the given placement.
     pub fn placed(self, placement: &Placement) -> Self {
         let place = |s: Sphere| Sphere::new(placement.point(s.center), s.radius);
         match self {
@@ -141,28 +141,28 @@ impl Hull {
         }
     }
 
-    /// The least radius of its spheres, in metres.
+    /// Returns the smallest radius, in metres.
     pub fn min_radius(&self) -> f32 {
         with_spheres!(self, |spheres| spheres.iter().map(|s| s.radius).fold(f32::INFINITY, f32::min))
     }
 
-    /// Largest radius, in metres.
+    /// Returns the largest radius, in metres.
     pub fn max_radius(&self) -> f32 {
         with_spheres!(self, |spheres| spheres.iter().map(|s| s.radius).fold(0.0, f32::max))
     }
 
-    /// Box around it.
+    /// Returns the bounding box of the primitive.
     pub fn aabb(&self) -> Aabb {
         with_spheres!(*self, |spheres| Aabb::from_spheres(spheres))
     }
 
-    /// The greatest of `direction . x` over the primitive, relative to that of `origin`; `direction` is a unit vector.
+    /// Returns the maximum of `direction . (x - origin)` over the primitive. `direction` is a unit vector.
     pub(super) fn height(&self, origin: Vec3, direction: Vec3) -> f32 {
         let height = |s: &Sphere| (s.center - origin).dot(direction) + s.radius;
         with_spheres!(self, |spheres| spheres.iter().map(height).fold(f32::NEG_INFINITY, f32::max))
     }
 
-    /// How a sphere and the primitive lie to each other, the sphere relative to `origin`, a point nearby.
+    /// Returns the separation of a sphere and the primitive. The sphere and the result are relative to `origin`, a point nearby.
     pub(super) fn separation_from(&self, origin: Vec3, sphere: [Sphere; 1]) -> Separation {
         with_spheres!(*self, |spheres| {
             separation(&sphere, &spheres.map(|s| Sphere::new(s.center - origin, s.radius)), 0)

@@ -1,6 +1,6 @@
-//! Fewer contacts, where fine medial shapes touch along long ways or over wide areas: the rest of the step takes a few of them, spread out.
+//! Thinning of contacts where fine medial shapes touch along long lines or over wide areas. Later stages need only a few contacts that are spread out.
 //!
-//! Not where a body lies on another collider: its parts may be of any size, and each edge between them has to be told from a true one.
+//! Contacts with other colliders are not thinned. Parts of these colliders may have any size, and the removal of internal edges needs every contact.
 
 use bevy::platform::collections::HashSet;
 use glam::IVec3;
@@ -11,12 +11,13 @@ use crate::{
     geometry::Aabb,
 };
 
-/// Places and directions that have a contact.
+/// Cells of position and normal that have a contact.
 pub(super) type Taken = HashSet<[IVec3; 2]>;
 
-/// Leaves at most [`MANY_CONTACTS`], sorted by depth: of those near each other that push about the same way only the deepest. Where there are no more,
-/// nothing changes.
-/// `taken`: room to work in.
+/// Sorts contacts by depth and keeps at most [`MANY_CONTACTS`]: only the deepest of contacts that are near each other and have similar normals. Shorter lists
+/// are only sorted.
+///
+/// `taken`: a buffer.
 pub(super) fn thin(contacts: &mut Vec<Contact>, taken: &mut Taken) {
     contacts.sort_unstable_by(Contact::order);
     let around = contacts.iter().fold(Aabb::EMPTY, |aabb, c| aabb.merge(Aabb { min: c.point1, max: c.point1 }));
@@ -25,12 +26,12 @@ pub(super) fn thin(contacts: &mut Vec<Contact>, taken: &mut Taken) {
     while contacts.len() > MANY_CONTACTS && cells >= 1.0 {
         taken.clear();
         contacts.retain(|contact| {
-            // All in one cell, where they are all at one place.
+            // If all contacts are at one point, they share a cell.
             let place = ((contact.point1 - around.min) * (cells / extent.max(f32::MIN_POSITIVE))).as_ivec3();
             taken.insert([place, (contact.normal1 * THIN_NORMALS).round().as_ivec3()])
         });
         cells *= 0.5;
     }
-    // So many that each pushes another way.
+    // One cell is left, and contacts with different normals remain.
     contacts.truncate(MANY_CONTACTS);
 }

@@ -1,4 +1,4 @@
-//! Overlaps that impacts leave to the solver: functions of a few lengths of a pair.
+//! Overlaps that impacts leave to the solver, as functions of a few lengths of a pair.
 
 use super::{Statics, StepInput, pairs::BodyPair};
 use crate::constants::{CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP, SLOP_OF_SIZE, TOUCH_DISTANCE};
@@ -10,18 +10,18 @@ pub(super) struct Tolerances {
     pub size: f32,
     /// Distance at which the bodies are in touch.
     pub touch: f32,
-    /// Overlap that a contact may gain in a step: what the solver leaves at a contact at rest.
+    /// Overlap that a contact may gain in a step. The solver leaves an overlap of this size at a contact at rest.
     pub slop: f32,
-    /// By how much the core of either side is smaller, where its primitives are thick.
+    /// Per side, difference of the radii of primitive and core, if the primitive is thick enough.
     core_depths: [f32; 2],
-    /// Overlap up to which the solver handles contacts that it has already had.
+    /// Overlap up to which the solver handles contacts that it had in the last step.
     known_limit: f32,
     /// True if one of the bodies has been held up by impacts for a whole step.
     held: bool,
 }
 
 impl Tolerances {
-    /// The tolerances of a pair whose smaller body has this bounding radius in metres.
+    /// Returns the tolerances of a pair. `size`: bounding radius of the smaller body, in metres.
     pub fn new(input: &StepInput, statics: &Statics, pair: &BodyPair, size: f32) -> Self {
         let slop = LINEAR_SLOP * input.length_unit;
         Self {
@@ -34,35 +34,37 @@ impl Tolerances {
         }
     }
 
-    /// Lets surfaces count instead of cores, and the least growth of an overlap.
+    /// Uses surfaces instead of cores, and no slop: any growth of an overlap is an impact.
     pub fn use_surfaces(&mut self) {
         (self.core_depths, self.slop, self.known_limit) = ([0.0; 2], 0.0, f32::INFINITY);
     }
 
-    /// Overlap at which the cores of two primitives touch. A core has the same centres and smaller radii: by a part of the primitive's minimum radius,
-    /// or by the depth of its side. `radii`: the minimum radius of either primitive; 0 for a part of another collider, which has no core.
+    /// Returns the overlap at which the cores of two primitives touch, in metres.
+    ///
+    /// A core has the same centres as its primitive and smaller radii. The difference is [`CORE_FRACTION`] of the primitive's smallest radius, or the core
+    /// depth of the side if that is less. `radii`: the smallest radius of each primitive; 0 for a part of another collider, because it has no core.
     pub fn core_overlap(&self, radii: [f32; 2]) -> f32 {
         let core = |side: usize| (CORE_FRACTION * radii[side]).min(self.core_depths[side]);
         core(0) + core(1)
     }
 
-    /// Overlap up to which the solver handles the contact of two primitives of bodies that were in touch at the start of the step.
+    /// Returns the overlap up to which the solver handles the contact of two primitives, in metres. The bodies were in touch at the start of the step.
     ///
-    /// `thickness`: that of both primitives together. `overlap`: theirs now. `deepest`: that of any primitives of the bodies at the start, as a body that
-    /// slides comes upon the next primitives as deep as that.
+    /// `thickness`: summed thickness of both primitives. `overlap`: overlap of both primitives at the start of the searched part. `deepest`: largest overlap of
+    /// any primitives of the bodies at the start of the step. It counts because a sliding body meets the next primitives at the same depth.
     ///
-    /// The result is a slop more than the deepest overlap, up to a limit. At the limit bodies would stop in every step, although the solver may hold them
-    /// already while they turn about each other. So bodies that were held up for a whole step may gain slops beyond the limit. Bodies that overlap by twice the
-    /// limit were put into each other. They gain as much in each step, so that they can come apart.
+    /// The result is the deepest overlap plus the slop, up to a limit. At the limit, bodies would stop in every step, even if the solver holds them while they
+    /// turn about each other. So bodies that were held up for a whole step may gain overlap beyond the limit, up to almost twice the limit. Bodies that overlap
+    /// by more than twice the limit were spawned inside each other. They may gain that much in each step, so that they can come apart.
     ///
-    /// Thin primitives would be past each other, so they gain no more than a part of their thickness.
+    /// Thin primitives gain at most a fraction of their thickness, because a contact beyond their middle pushes to the wrong side.
     pub fn known_overlap(&self, thickness: f32, overlap: f32, deepest: f32) -> f32 {
         let thin = CORE_FRACTION * thickness;
         let spawned = 2.0 * self.known_limit;
         if deepest > spawned {
             return overlap + spawned.min(thin);
         }
-        // A little less, as rounding must not let pressed bodies pass for spawned ones.
+        // The factor 0.95 keeps rounding from taking bodies that are pressed together for bodies that were spawned inside each other.
         let limit = if self.held { 0.95 * spawned } else { self.known_limit };
         (deepest + self.slop.min(thin)).min(limit.min(2.0 * thin)).max(overlap)
     }
@@ -86,7 +88,7 @@ mod tests {
     fn known_contacts_gain_a_slop_a_step_up_to_a_limit() {
         let known = |deepest: f32| PAIR.known_overlap(0.2, 0.0, deepest);
         assert_eq!([0.0, 0.005, 0.0095, 0.015].map(known), [1e-3, 0.005 + 1e-3, 0.01, 0.01]);
-        // No contact is deeper than allowed at the start.
+        // The result is never less than the overlap at the start.
         assert_eq!(PAIR.known_overlap(0.2, 0.013, 0.013), 0.013);
         let held = Tolerances { held: true, ..PAIR };
         assert_eq!(held.known_overlap(0.2, 0.0, 0.015), 0.015 + 1e-3);

@@ -1,4 +1,4 @@
-//! What steps work with, kept from one to the next: once there is room for what a scene needs, a step allocates nothing.
+//! Buffers that are kept from step to step: once they are large enough for a scene, a step allocates no memory.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use super::{
     reduce, respond,
 };
 
-/// Buffers for steps. Those of a scene take the same from step to step.
+/// Buffers for steps. Use one workspace per scene.
 #[derive(Debug, Default)]
 pub struct Workspace {
     tasks: Scratches<Scratch>,
@@ -23,11 +23,11 @@ pub struct Workspace {
     pairs: Vec<BodyPair>,
     impacts: Vec<ImpactResult>,
     respond: respond::Buffers,
-    /// The pairs that have manifolds, and how many.
+    /// Index of each pair with manifolds, and the number of its manifolds.
     found: Vec<(usize, usize)>,
 }
 
-/// What a task works with, and what it keeps of pairs until all have been looked at.
+/// Buffers of a task, and the results that it keeps until all pairs are done.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     pub boxes: BoxCache,
@@ -35,17 +35,17 @@ pub(super) struct Scratch {
     pub contact: contact::Buffers,
     pub contacts: Vec<Contact>,
     pub reduce: reduce::Room,
-    /// What culling has left of pairs, if that is to be reported.
+    /// Candidates of each pair after culling, if they are part of the output.
     pub reported: Vec<(usize, Vec<PrimitivePair>)>,
-    /// The pairs that have manifolds, and how many.
+    /// Index of each pair with manifolds, and the number of its manifolds.
     pub found: Vec<(usize, usize)>,
     pub tally: Tally,
-    /// What the two parts of its work took that are told apart.
+    /// Time spent on each of the two parts of the work of the stage.
     pub laps: [Duration; 2],
 }
 
 impl Scratch {
-    /// Forgets the bodies and pairs of a step, also of one that a panic has broken off.
+    /// Drops the bodies and pairs of the last step, even if a panic has interrupted that step.
     fn forget(&mut self) {
         self.boxes.clear();
         self.reported.clear();
@@ -55,9 +55,9 @@ impl Scratch {
 }
 
 impl Workspace {
-    /// Runs stages 2 to 5 of a step. The filter is asked once about each pair that the broad phase finds, in their order.
+    /// Runs stages 2 to 5 of a step. Calls the filter once for each pair that the broad phase finds, in order.
     ///
-    /// On one thread nothing is allocated once there is room. Other threads take some memory for each chunk of work, and so do bodies that face a
+    /// On one thread, no memory is allocated once the buffers are large enough. Several threads allocate for each chunk of work, and so do pairs with a
     /// collider of several parts.
     pub fn step(
         &mut self,
@@ -74,10 +74,10 @@ impl Workspace {
         self.finish(input, statics, &[], output, pool);
     }
 
-    /// Runs what follows culling, where that was done elsewhere. The filter is asked once about each pair that may collide, in their order.
+    /// Runs the stages after culling, with candidates from an external search. Calls the filter once for each pair that may collide, in order.
     ///
-    /// Of the candidates, pairs of bodies that may not collide are left out. Whatever is found by searching again within the step, where
-    /// bodies spin fast, go far or have stopped, is culled as in any other step.
+    /// Skips candidate pairs that may not collide. Searches in parts of the step, and searches after an impact, cull on their own: they do not use the
+    /// candidates' primitive pairs.
     ///
     /// # Panics
     /// If an index is out of range.
@@ -99,7 +99,7 @@ impl Workspace {
         self.finish(input, statics, &known, output, pool);
     }
 
-    /// Runs what follows the broad phase. `known`: of each pair the primitives that may meet, where that is known.
+    /// Runs the stages after the broad phase. `known`: the candidate primitive pairs of each body pair, where they are known.
     fn finish(
         &mut self,
         input: &StepInput,
@@ -154,7 +154,7 @@ impl Workspace {
     }
 }
 
-/// What the tasks' searches took since this was asked last.
+/// Returns the counters of all tasks and resets them.
 fn tally(tasks: &mut Scratches<Scratch>) -> Tally {
     tasks.iter_mut().map(|scratch| std::mem::take(&mut scratch.tally)).fold(Tally::default(), |sum, more| Tally {
         candidates: sum.candidates + more.candidates,
@@ -163,7 +163,7 @@ fn tally(tasks: &mut Scratches<Scratch>) -> Tally {
     })
 }
 
-/// The time of a stage in proportion to what its tasks have told of two parts of their work, which go on side by side.
+/// Splits the wall time of a stage into two parts, in proportion to the times that its tasks have measured. Resets the tasks' times.
 fn split(took: Duration, tasks: &mut Scratches<Scratch>) -> [Duration; 2] {
     let parts = tasks
         .iter_mut()

@@ -1,4 +1,4 @@
-//! Building medial meshes while the app runs. Entities own the build that they wait for together: when the last of them goes, it is broken off.
+//! Building medial meshes while the app runs. Entities that wait for the same build own it together: without owners it is cancelled.
 
 use std::{
     collections::HashMap,
@@ -25,13 +25,13 @@ use crate::{
     medial_axis::MedialAxis,
 };
 
-/// Builds the entity's [`MedialMesh`] of its `Mesh3d`, on threads of its own beside those of Bevy, and again when that mesh or the options change.
+/// Builds the entity's [`MedialMesh`] from its `Mesh3d`, on separate threads. A change of that mesh or of the options starts a new build.
 ///
-/// Entities with the same mesh asset and options share one build and one asset. Taking the component away, or the `Mesh3d`, or despawning the
-/// entity breaks the build off unless another entity waits for it; a `MedialMesh` that is there stays. [`MedialBuildStatus`] tells how it goes.
+/// Entities with the same mesh asset and options share one build and one asset. The build is cancelled when the component or the `Mesh3d` is removed
+/// or the entity is despawned, unless another entity waits for it. An existing `MedialMesh` stays. [`MedialBuildStatus`] shows the progress.
 ///
-/// The mesh must enclose a volume, and be in main memory while the build starts: `RenderAssetUsages::MAIN_WORLD`, which is part of the default.
-/// It should be closed: holes are [closed flat](TriangleMesh::with_holes_closed).
+/// The mesh must enclose a volume. It must be in main memory when the build starts, which needs `RenderAssetUsages::MAIN_WORLD`, a part of the
+/// default. The mesh should be closed: holes are [closed with flat caps](TriangleMesh::with_holes_closed).
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -48,7 +48,7 @@ use crate::{
 #[require(MedialBuildStatus)]
 pub struct BuildMedialMesh(pub FitOptions);
 
-/// How the build of an entity's medial mesh goes. It comes with [`BuildMedialMesh`], and is there to be read.
+/// Status of the build of an entity's medial mesh. It is added with [`BuildMedialMesh`] and is written by the plugin only.
 #[derive(Component, Clone, Debug, Default, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
@@ -56,15 +56,15 @@ pub enum MedialBuildStatus {
     /// There is no `Mesh3d`, or it has not loaded yet.
     #[default]
     Waiting,
-    /// The part of the work that is done, from 0 to 1. With [`FitOptions::max_error`] it starts anew with each trial.
+    /// The completed part of the work, from 0 to 1. With [`FitOptions::max_error`] each trial starts at 0 again.
     Building(f32),
     /// The entity has its [`MedialMesh`].
     Built,
-    /// It gets none, and why. Another mesh or other options are tried again.
+    /// The build failed, for this reason. Another mesh or other options start a new build.
     Failed(String),
 }
 
-/// Lets [`BuildMedialMesh`] do its work, in `Update`. To be added after `DefaultPlugins`; it needs no window, no renderer and no physics.
+/// Runs the builds for [`BuildMedialMesh`], in `Update`. Add it after `DefaultPlugins`; it needs no window, no renderer and no physics.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -76,10 +76,10 @@ pub enum MedialBuildStatus {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct MedialBuildPlugin {
-    /// A directory for what has been built, so that the next run of the app need not build it again. Files are named by the content of
-    /// mesh and options and by the version of this crate; it may be deleted at any time, and several apps may share it.
+    /// A directory for built shapes, so that the next run of the app can load them. File names depend on the content of mesh and options and on the
+    /// version of this crate. The directory may be deleted at any time, and several apps may share it.
     ///
-    /// Default: none. A library should not write to the disk unasked, and where apps keep what can be made again is theirs to say.
+    /// Default: none. A library should not write to the disk without permission, and each app has its own place for caches.
     pub cache: Option<PathBuf>,
 }
 
@@ -100,12 +100,12 @@ impl Plugin for MedialBuildPlugin {
 #[derive(Resource)]
 struct Cache(Option<PathBuf>);
 
-/// What entities with the same build have in common.
+/// Identity of a build. Entities with equal keys share the build.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct Key {
     mesh: AssetId<Mesh>,
     spheres: Option<usize>,
-    /// As bits, so that what is not a number equals itself.
+    /// Bits of the value, so that NaN equals itself.
     max_error: Option<u32>,
     levels: bool,
     searches: Option<usize>,
@@ -119,17 +119,17 @@ impl Key {
     }
 }
 
-/// A build in progress, or done.
+/// A build that is in progress or finished.
 #[derive(Default)]
 struct Build {
-    /// Bits of the part that is done.
+    /// The completed part, as the bits of an f32.
     progress: AtomicU32,
     result: OnceLock<Result<MedialAxis, String>>,
     asset: OnceLock<Handle<MedialAxis>>,
 }
 
 impl Build {
-    /// Runs a build for as long as somebody holds it. The name is that of an entity that does.
+    /// Runs a build until it is finished or has no owner. `name` is the name of an owner.
     fn start(self: &Arc<Self>, name: String, mesh: Mesh, options: FitOptions, cache: Option<PathBuf>) {
         let build = Arc::downgrade(self);
         let task = async move {
@@ -141,23 +141,23 @@ impl Build {
             if progress(0.0).is_break() {
                 return;
             }
-            // Loops on the pool of the frame's systems would hold up frames.
+            // Parallel loops on the pool of the frame's systems would delay frames.
             let work = || on_this_thread(|| medial_axis_of(&mesh, &options, cache.as_deref(), &progress));
-            // Whoever waits is told, whatever happens.
+            // A panic becomes an error, so that waiting entities get a result in any case.
             let result =
                 catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err("the builder has panicked".into()));
             let Some(build) = build.upgrade() else { return };
             if let Err(error) = &result {
-                error!("{name}: its Mesh3d gives no medial mesh: {error}");
+                error!("{name}: no medial mesh can be built from its Mesh3d: {error}");
             }
-            // There is no other that sets it.
+            // Only this task sets the result.
             let _ = build.result.set(result);
         };
         BUILDERS.spawn(task).detach();
     }
 }
 
-/// Builds take seconds, and Bevy makes pipelines and loads assets on the few threads of its own pools.
+/// Threads for builds. Builds take seconds, and Bevy makes pipelines and loads assets on the few threads of its own pools.
 static BUILDERS: LazyLock<TaskPool> = LazyLock::new(|| {
     let threads = available_parallelism().map_or(1, usize::from).div_ceil(4);
     TaskPoolBuilder::new().num_threads(threads).thread_name("medial mesh builder".into()).build()
@@ -171,17 +171,17 @@ fn medial_axis_of(
 ) -> Result<MedialAxis, String> {
     let mesh = TriangleMesh::from_bevy(mesh).map_err(|error| error.to_string())?;
     let levels = fit_cached(cache, &mesh, options, progress).map_err(|error| error.to_string())?;
-    levels.into_medial_axis().ok_or_else(|| "it has no levels".into())
+    levels.into_medial_axis().ok_or_else(|| "the builder returned no levels".into())
 }
 
-/// The build that an entity waits for or has the result of.
+/// The build that an entity waits for, or has the result of.
 #[derive(Component, Clone)]
 struct Joined {
     key: Key,
     build: Arc<Build>,
 }
 
-/// Entities that have lost what a build takes have no part in it any more.
+/// Removes entities from their build if they have lost a component that it needs.
 fn leave_builds(
     mut commands: Commands,
     mut left: Query<
@@ -194,7 +194,7 @@ fn leave_builds(
         let mut entity = commands.entity(entity);
         entity.try_remove::<Joined>();
         if !wants {
-            // Whoever wants it again by then keeps it.
+            // The component may have been inserted again by then.
             entity.queue_silenced(|mut entity: EntityWorldMut| {
                 if !entity.contains::<BuildMedialMesh>() {
                     entity.remove::<MedialBuildStatus>();
@@ -204,7 +204,7 @@ fn leave_builds(
     }
 }
 
-/// Gives each entity whose mesh is there its part in a build, which the first of them starts.
+/// Gives each entity with a loaded mesh its build, and starts builds that do not exist yet.
 fn join_builds(
     mut commands: Commands,
     cache: Res<Cache>,
@@ -244,7 +244,7 @@ fn join_builds(
     }
 }
 
-/// Tells entities how their builds go, and gives them what has been built.
+/// Updates the status of entities, and inserts the built shapes.
 fn take_results(
     mut commands: Commands,
     mut axes: ResMut<Assets<MedialAxis>>,

@@ -4,7 +4,7 @@ use bevy::log::warn;
 
 use crate::builder::{BuildError, FitOptions, MedialFileError, MedialLevels, TriangleMesh, fit};
 
-/// As [`fit`], but what a directory holds is not built again, and what is built is put there.
+/// Calls [`fit`], unless the directory contains the result. Saves a new result in the directory.
 pub(super) fn fit_cached(
     directory: Option<&Path>,
     mesh: &TriangleMesh,
@@ -16,7 +16,7 @@ pub(super) fn fit_cached(
     match MedialLevels::load(&path) {
         Ok(levels) => return Ok(levels),
         Err(MedialFileError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {}
-        Err(error) => warn!("what the cache holds is not used, but built and written anew: {error}"),
+        Err(error) => warn!("a cached medial mesh cannot be used, so it is built and written again: {error}"),
     }
     let levels = fit(mesh, options, progress)?;
     let made = fs::create_dir_all(directory).map_err(|source| MedialFileError::Io { path: directory.into(), source });
@@ -28,8 +28,8 @@ pub(super) fn fit_cached(
     Ok(levels)
 }
 
-/// Tells content and options from all others, and this release of the builder, which may build otherwise, from others. Who works on the builder
-/// empties the cache.
+/// Hash of content, options and crate version, because another release may build other shapes. After a change of the builder within a version, the
+/// cache has to be emptied by hand.
 fn digest(mesh: &TriangleMesh, options: &FitOptions) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     let head = format!("{} {options:?} {} ", env!("CARGO_PKG_VERSION"), mesh.positions.len());

@@ -2,16 +2,16 @@ use std::collections::HashSet;
 
 use bevy::{ecs::system::SystemParam, prelude::*};
 
-/// Tells which assets are no longer what they were.
+/// Reports which assets have changed.
 #[derive(SystemParam)]
 pub(crate) struct Changes<'w, 's, A: Asset> {
     events: MessageReader<'w, 's, AssetEvent<A>>,
-    /// Those that were taken out while somebody has a handle.
+    /// Assets that were removed while a handle still exists.
     removed: Local<'s, HashSet<AssetId<A>>>,
 }
 
 impl<A: Asset> Changes<'_, '_, A> {
-    /// Those that have been changed, or put back, since this was asked last.
+    /// Returns the assets that were modified, or inserted again, since the last call.
     pub fn read(&mut self) -> Vec<AssetId<A>> {
         let (mut changed, mut unused) = (Vec::new(), Vec::new());
         for event in self.events.read() {
@@ -23,7 +23,7 @@ impl<A: Asset> Changes<'_, '_, A> {
                 _ => {}
             }
         }
-        // These do not come back.
+        // An asset without handles is never inserted again.
         unused.iter().for_each(|id| _ = self.removed.remove(id));
         changed
     }

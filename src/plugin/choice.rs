@@ -1,17 +1,17 @@
-//! Which back end is faster, tried in the app's own steps.
+//! Choice of the faster back end, by trials in the app's own steps.
 
 use std::time::Duration;
 
 use crate::constants::LEAST_GPU_PAIRS;
 
-/// Steps in which either is timed. The least time counts: in its first ones the GPU makes room and takes shapes.
+/// Number of timed steps for each back end. The shortest time counts, because the first GPU steps allocate buffers and upload shapes.
 const TRIED: usize = 8;
-/// Steps after which a GPU that has not answered so often is the slower one.
+/// Number of steps after which a GPU with fewer answers than [`TRIED`] counts as slower.
 const PATIENCE: u32 = 120;
-/// Steps after which both are tried anew.
+/// Number of steps after which both are tried again.
 const HOLDS: u32 = 600;
 
-/// What was found, and what is being tried.
+/// The current choice and the current trial.
 #[derive(Default)]
 pub(super) struct Choice {
     made: Option<Made>,
@@ -20,13 +20,13 @@ pub(super) struct Choice {
 
 struct Made {
     on_gpu: bool,
-    /// Primitive pairs at which it was made.
+    /// Number of primitive pairs in the step of the choice.
     pairs: usize,
-    /// Steps since.
+    /// Number of steps since the choice.
     steps: u32,
 }
 
-/// Times of steps.
+/// Step times in a trial.
 #[derive(Default)]
 struct Trial {
     cpu: Vec<Duration>,
@@ -35,18 +35,18 @@ struct Trial {
 }
 
 impl Choice {
-    /// True if the GPU is to cull a step of so many primitive pairs, because it is faster or to see whether it is.
+    /// Returns true if the GPU should cull a step of `pairs` primitive pairs, because it is faster or because it is being tried.
     pub fn is_gpu(&self, pairs: usize) -> bool {
         let tries_gpu = self.trial.cpu.len() == TRIED;
         pairs >= LEAST_GPU_PAIRS && self.holding(pairs).map_or(tries_gpu, |made| made.on_gpu)
     }
 
-    /// What was found, as long as it holds: for some time, while there is neither far more nor far less to do.
+    /// Returns the choice while it is valid: for some time, and while the number of pairs is at most doubled or halved.
     fn holding(&self, pairs: usize) -> Option<&Made> {
         self.made.as_ref().filter(|made| made.steps < HOLDS && pairs <= 2 * made.pairs && made.pairs <= 2 * pairs)
     }
 
-    /// Takes note of who has culled a step, and of what the step took. Tells what to log, if another one is the faster now.
+    /// Records the back end and the duration of a step. Returns a line for the log if another back end has become the faster one.
     pub fn note(&mut self, on_gpu: bool, pairs: usize, time: Duration, gpu: &str) -> Option<String> {
         if pairs < LEAST_GPU_PAIRS {
             return None;
@@ -85,12 +85,12 @@ mod tests {
 
     const PAIRS: usize = 1 << 20;
 
-    /// Runs steps that take so many microseconds on the CPU and on the GPU, if that answers; how many it has culled, and what was logged.
+    /// Runs steps with these durations in microseconds on the CPU and on the GPU, if the GPU answers. Returns the number of steps on the GPU, and the log.
     fn run(choice: &mut Choice, steps: usize, pairs: usize, cpu: u64, gpu: Option<u64>) -> (usize, Vec<String>) {
         let (mut on_gpu, mut lines) = (0, Vec::new());
         for step in 0..steps {
             let answered = gpu.filter(|_| choice.is_gpu(pairs));
-            // The first steps take longer.
+            // Only every eighth step is fast, as the first steps of a trial are slow.
             let time = Duration::from_micros(answered.unwrap_or(cpu) + if step % 8 < 7 { 100 } else { 0 });
             on_gpu += usize::from(answered.is_some());
             lines.extend(choice.note(answered.is_some(), pairs, time, "some GPU"));
@@ -125,7 +125,7 @@ mod tests {
     fn both_are_tried_anew_where_things_have_changed() {
         let mut choice = Choice::default();
         run(&mut choice, 2 * TRIED, PAIRS, 300, Some(900));
-        // The same again says nothing.
+        // The same choice again is not logged.
         let (on_gpu, lines) = run(&mut choice, HOLDS as usize + 2 * TRIED, PAIRS, 300, Some(900));
         assert_eq!((on_gpu, lines.len()), (TRIED, 0));
         let (on_gpu, lines) = run(&mut choice, 100, 4 * PAIRS, 900, Some(300));

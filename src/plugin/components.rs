@@ -2,11 +2,11 @@ use bevy::prelude::*;
 
 use crate::medial_axis::MedialAxis;
 
-/// Makes an entity collide by its medial mesh: a handle to the shape that all instances share, of a `.ma` file, or of a `.medial` file with its
-/// levels of detail.
+/// Makes an entity collide with its medial mesh. The handle refers to the shape that all instances share, from a `.ma` file, or from a `.medial` file
+/// with levels of detail.
 ///
-/// Beside a `RigidBody` nothing else is needed: collider, mass and inertia appear when the asset has loaded. Without one it is a fixed collider, or,
-/// on a child of a body, one of that body's shapes. The `Transform` may scale it uniformly.
+/// A body needs only this component and a `RigidBody`: collider, mass and inertia are added when the asset has loaded. Without a `RigidBody` the
+/// entity is a fixed collider, or, on a child of a body, one of that body's shapes. The `Transform` may scale it uniformly.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -21,12 +21,13 @@ use crate::medial_axis::MedialAxis;
 #[require(Transform)]
 pub struct MedialMesh(pub Handle<MedialAxis>);
 
-/// A static box, centred at the entity. Any scale will do.
+/// A static box, centred at the entity. Any scale is allowed.
 ///
-/// Alone it is a solid box: a wall, a floor, a stair. On an entity that also has a [`MedialMesh`] it makes that shape
-/// static: the shape's own box goes into the hierarchy of statics, and the extents given here do not count.
+/// Alone it is a solid box: a wall, a floor, a stair. On an entity that also has a [`MedialMesh`] it makes that shape static. The hierarchy of
+/// statics then contains the shape's own bounding box, and the extents given here are ignored.
 ///
-/// With rapier it is the `RigidBody` that says what is static: a box alone gets a fixed one, and an entity with another one goes by that.
+/// With rapier, the `RigidBody` decides whether an entity is static. A box without a `RigidBody` gets a fixed one, and another `RigidBody` on the
+/// entity takes precedence.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
@@ -37,7 +38,7 @@ pub struct StaticObb {
 }
 
 impl StaticObb {
-    /// A box by its half extents in metres.
+    /// Creates a box from its half extents in metres.
     pub fn new(x: f32, y: f32, z: f32) -> Self {
         Self { half_extents: Vec3::new(x, y, z) }
     }
@@ -49,17 +50,17 @@ impl Default for StaticObb {
     }
 }
 
-/// Whether a body stops at its first impact within a step. Without this component it does.
+/// Whether a body stops at its first impact within a step. Without this component it stops.
 ///
-/// A pair stops only if both sides have it enabled. Otherwise a fast body can pass through the other; contacts and messages stay. It belongs on the
-/// entity of the collider: of a body of several shapes, on each child that it is meant for.
+/// A pair stops only if both sides have it enabled. Otherwise a fast body can pass through the other; contacts and messages stay. The component
+/// belongs on the entity of the collider. For a body of several shapes, that is each child to which it applies.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct MedialCcd {
     /// Default: true.
     pub enabled: bool,
-    /// [`MedialSettings::core_depth`](super::MedialSettings::core_depth) of this body. Default: that of the settings.
+    /// [`MedialSettings::core_depth`](super::MedialSettings::core_depth) of this body. Default: the value of the settings.
     pub core_depth: Option<f32>,
 }
 

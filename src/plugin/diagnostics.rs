@@ -8,39 +8,39 @@ use bevy::{
 use super::{MedialLevel, MedialStep};
 use crate::medial_axis::MedialAxis;
 
-/// Paths of the measurements in the `DiagnosticsStore`, one a step.
+/// Paths of the measurements in the `DiagnosticsStore`, one measurement per step.
 pub mod paths {
     use bevy::diagnostic::DiagnosticPath;
 
-    /// Noting where bodies were before rapier's step and gathering the input after it, in milliseconds.
+    /// Time to record the poses of bodies before rapier's step and to gather the input after it, in milliseconds.
     #[cfg(feature = "rapier")]
     pub const SNAPSHOT: DiagnosticPath = DiagnosticPath::const_new("medial/snapshot_ms");
-    /// Moving bodies to where they stop and handing the manifolds to rapier, in milliseconds.
+    /// Time to move bodies to their stops and to pass the manifolds to rapier, in milliseconds.
     #[cfg(feature = "rapier")]
     pub const TABLE: DiagnosticPath = DiagnosticPath::const_new("medial/table_ms");
-    /// Broad phase, in milliseconds.
+    /// Time of the broad phase, in milliseconds.
     pub const BROAD: DiagnosticPath = DiagnosticPath::const_new("medial/broad_ms");
-    /// Mid phase, in milliseconds.
+    /// Time of the mid phase, in milliseconds.
     pub const MID: DiagnosticPath = DiagnosticPath::const_new("medial/mid_ms");
-    /// Narrow phase, in milliseconds.
+    /// Time of the narrow phase, in milliseconds.
     pub const NARROW: DiagnosticPath = DiagnosticPath::const_new("medial/narrow_ms");
-    /// Stopping bodies at impacts, in milliseconds.
+    /// Time to stop bodies at impacts, in milliseconds.
     pub const STOP: DiagnosticPath = DiagnosticPath::const_new("medial/stop_ms");
-    /// Reduction, in milliseconds.
+    /// Time of the reduction, in milliseconds.
     pub const REDUCE: DiagnosticPath = DiagnosticPath::const_new("medial/reduce_ms");
-    /// Bodies.
+    /// Number of bodies.
     pub const BODIES: DiagnosticPath = DiagnosticPath::const_new("medial/bodies");
-    /// Body pairs after the broad phase.
+    /// Number of body pairs after the broad phase.
     pub const BODY_PAIRS: DiagnosticPath = DiagnosticPath::const_new("medial/body_pairs");
-    /// Primitive pairs after the mid phase.
+    /// Number of primitive pairs after the mid phase.
     pub const CANDIDATES: DiagnosticPath = DiagnosticPath::const_new("medial/candidates");
-    /// Times of impact that have been asked for.
+    /// Number of time of impact queries.
     pub const TOI_TESTS: DiagnosticPath = DiagnosticPath::const_new("medial/toi_tests");
-    /// Contact points.
+    /// Number of contact points.
     pub const CONTACTS: DiagnosticPath = DiagnosticPath::const_new("medial/contacts");
-    /// Times of impact that ran out of rounds: what is told for them is on the safe side.
+    /// Number of time of impact queries that reached the iteration limit. Their results are conservative.
     pub const UNRESOLVED: DiagnosticPath = DiagnosticPath::const_new("medial/unresolved");
-    /// Passes on the GPU, in milliseconds of its time: those of [`GpuCulling`](crate::gpu::GpuCulling).
+    /// Times of the passes of [`GpuCulling`](crate::gpu::GpuCulling) on the GPU, in milliseconds.
     #[cfg(feature = "gpu")]
     pub const GPU: [DiagnosticPath; 7] = [
         DiagnosticPath::const_new("medial/gpu/place_ms"),
@@ -51,15 +51,15 @@ pub mod paths {
         DiagnosticPath::const_new("medial/gpu/mid_ms"),
         DiagnosticPath::const_new("medial/gpu/narrow_ms"),
     ];
-    /// How many steps late the GPU's answer was that the step went by, 0 if it was waited for.
+    /// Delay of the GPU's answer that the step used, in steps; 0 if the step waited for the answer.
     #[cfg(feature = "gpu")]
     pub const GPU_LATENCY: DiagnosticPath = DiagnosticPath::const_new("medial/gpu/latency_steps");
-    /// Bodies that were culled on the CPU in such a step, as they were not where the GPU had expected them.
+    /// Number of bodies that were culled on the CPU in such a step, because they were not at their predicted place.
     #[cfg(feature = "gpu")]
     pub const GPU_DEPARTED: DiagnosticPath = DiagnosticPath::const_new("medial/gpu/departed_bodies");
-    /// Bodies that have stopped at an impact, or slid on, or were carried along.
+    /// Number of bodies that stopped at an impact or were pushed by a kinematic body.
     pub const STOPPED: DiagnosticPath = DiagnosticPath::const_new("medial/stopped");
-    /// Entities, moving or not, by their level of detail, the finest first; the last counts all coarser ones as well.
+    /// Number of entities, moving or not, at each level of detail, the finest first. The last number includes all coarser levels.
     pub const LEVELS: [DiagnosticPath; 8] = [
         DiagnosticPath::const_new("medial/level_0"),
         DiagnosticPath::const_new("medial/level_1"),
@@ -117,7 +117,7 @@ pub(super) fn measure(
     mut diagnostics: Diagnostics,
     mut last: Local<u64>,
 ) {
-    // While all is halted, or a frame passes between two steps, there is nothing new.
+    // There is no new step while physics is paused, or in a frame between two steps.
     if std::mem::replace(&mut *last, step.number) == step.number {
         return;
     }

@@ -1,4 +1,4 @@
-//! The GPU back end in an app: on which device it runs, and when it is worth it.
+//! The GPU back end in an app: choice of the device, and of the steps that it culls.
 
 use std::time::Duration;
 
@@ -14,13 +14,13 @@ use crate::{
     pipeline::{Candidates, Statics, StepInput},
 };
 
-/// The back end, as far as it is there.
+/// State of the back end.
 #[derive(Default)]
 pub(super) struct GpuBackend {
-    /// The renderer's device, or why it does not do.
+    /// The renderer's device, or the reason why it cannot be used.
     renderer: Option<Result<GpuDevice, String>>,
     state: State,
-    /// What [`MedialBackend::Auto`] goes by.
+    /// Trials for [`MedialBackend::Auto`].
     choice: Choice,
     pub look_ahead: LookAhead,
     pub capacity: GpuCapacity,
@@ -28,15 +28,15 @@ pub(super) struct GpuBackend {
 
 #[derive(Default)]
 enum State {
-    /// Nobody has asked for it.
+    /// No step has used it yet.
     #[default]
     Unused,
     Ready(Box<GpuCulling>),
-    /// It has failed, and is not asked again.
+    /// It has failed and is not used again.
     Failed,
 }
 
-/// Takes the renderer's device, if there is one, and the settings.
+/// Takes the renderer's device, if there is one, and the initial capacity.
 pub(super) fn adopt_renderer(
     device: Option<Res<RenderDevice>>,
     queue: Option<Res<RenderQueue>>,
@@ -49,7 +49,7 @@ pub(super) fn adopt_renderer(
     step.gpu.renderer = Some(of_renderer(&device, &queue, &info).map_err(|error| error.to_string()));
 }
 
-/// The renderer's device.
+/// Wraps the renderer's device.
 pub(super) fn of_renderer(
     device: &RenderDevice,
     queue: &RenderQueue,
@@ -60,7 +60,7 @@ pub(super) fn of_renderer(
 }
 
 impl GpuBackend {
-    /// True if the GPU is to cull a step of so many primitive pairs.
+    /// Returns true if the GPU should cull a step of `pairs` primitive pairs.
     pub fn is_wanted(&self, backend: MedialBackend, pairs: usize) -> bool {
         match backend {
             MedialBackend::Cpu => false,
@@ -69,12 +69,12 @@ impl GpuBackend {
         }
     }
 
-    /// True if the GPU looks ahead, where it is wanted.
+    /// Returns true if the GPU looks ahead when it is used.
     pub fn looks_ahead(&self, settings: &MedialSettings) -> bool {
         settings.pipelined && self.look_ahead.answers.is_some() && matches!(self.renderer, Some(Ok(_)))
     }
 
-    /// Takes note of who has culled a step, and of what the step took.
+    /// Records the back end and the duration of a step.
     pub fn note(&mut self, backend: MedialBackend, on_gpu: bool, pairs: usize, time: Duration) {
         if backend == MedialBackend::Auto
             && let Some(name) = self.hardware(pairs).map(|gpu| gpu.name().to_owned())
@@ -84,7 +84,7 @@ impl GpuBackend {
         }
     }
 
-    /// The pairs that may meet, and the time of each pass. Whatever goes wrong is told once; the CPU takes over.
+    /// Returns the pairs that may meet, and the time of each pass. An error is logged once, and the CPU takes over.
     pub fn cull(
         &mut self,
         backend: MedialBackend,
@@ -102,7 +102,7 @@ impl GpuBackend {
         None
     }
 
-    /// The passes; made if they are not there yet.
+    /// Returns the passes, and creates them for the first step.
     fn start(&mut self, backend: MedialBackend) -> Option<&mut GpuCulling> {
         if let State::Unused = self.state {
             let device = self.renderer.clone().unwrap_or_else(|| GpuDevice::request().map_err(|e| e.to_string()));
@@ -124,7 +124,7 @@ impl GpuBackend {
         }
     }
 
-    /// The passes, if they run.
+    /// Returns the passes, if they exist.
     pub fn culling(&self) -> Option<&GpuCulling> {
         match &self.state {
             State::Ready(culling) => Some(culling),
@@ -132,15 +132,15 @@ impl GpuBackend {
         }
     }
 
-    /// The renderer's hardware, for steps of so many primitive pairs; if it is left out the log says why.
+    /// Returns the renderer's hardware if it can be used for a step of `pairs` primitive pairs. Otherwise the log shows the reason.
     fn hardware(&self, pairs: usize) -> Option<&GpuDevice> {
         match &self.renderer {
-            // That has been told.
+            // The failure has been logged.
             _ if matches!(self.state, State::Failed) => {}
-            None => info_once!("medial meshes are culled on the CPU: nothing renders on a GPU"),
+            None => info_once!("medial meshes are culled on the CPU: the app has no renderer with a GPU"),
             Some(Err(error)) => info_once!("medial meshes are culled on the CPU: {error}"),
             Some(Ok(gpu)) if gpu.is_software() => {
-                info_once!("medial meshes are culled on the CPU: `{}`, which renders, is a program on it", gpu.name());
+                info_once!("medial meshes are culled on the CPU: `{}` is a software renderer", gpu.name());
             }
             Some(Ok(_)) if pairs < LEAST_GPU_PAIRS => {
                 info_once!(

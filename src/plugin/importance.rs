@@ -3,9 +3,9 @@ use bevy::{ecs::query::QueryData, prelude::*};
 use super::{MedialBudget, MedialMesh, StaticObb};
 use crate::medial_axis::MedialAxis;
 
-/// How exact an entity's shape has to be beside others of the same budget: its error may be [`MedialBudget`] over this.
+/// Accuracy of an entity's shape relative to others with the same budget: its error may be [`MedialBudget`] divided by this value.
 ///
-/// 2 halves the error that it may have, 0.1 allows ten times as much. What is not a positive number counts as 1, the default.
+/// A value of 2 halves the permitted error, and 0.1 allows ten times as much. A value that is not a positive number counts as 1. Default: 1.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
@@ -17,17 +17,16 @@ impl Default for MedialImportance {
     }
 }
 
-/// A point of interest, as a camera or a player is: medial bodies without a [`StaticObb`] beyond `near` metres from every such point may have an error that is larger
-/// in proportion to their distance, as it looks the same from there.
+/// A point of interest, such as a camera or a player. Medial bodies that have no [`StaticObb`] and are farther than `near` metres from every such
+/// point may have a larger error. The error grows in proportion to the distance, because it looks the same from there.
 ///
-/// A body takes another level of detail, never more than once it has come nearer or gone farther by a fifth. It needs no
-/// [`MedialImportance`]; with one, both count.
+/// A body changes its level of detail only after its distance has changed by a fifth. It needs no [`MedialImportance`]; with one, both apply.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(Transform)]
 pub struct MedialFocus {
-    /// Distance in metres up to which bodies have the error that their budget says. Default: 10.
+    /// Distance in metres up to which bodies have the error of their budget. Default: 10.
     pub near: f32,
 }
 
@@ -37,14 +36,14 @@ impl Default for MedialFocus {
     }
 }
 
-/// What of its importance a body has where it is, from 0 to 1.
+/// Factor on a body's importance due to its distance from points of interest, from 0 to 1.
 #[derive(Component, Clone, Copy, Debug)]
 pub(crate) struct Nearness(f32);
 
-/// Nearer or farther by this factor, and a body counts as somewhere else.
+/// Smallest ratio between two values of [`Nearness`] that counts as a change.
 const HYSTERESIS: f32 = 1.2;
 
-/// How exact an entity's shape has to be.
+/// Components that determine the accuracy of an entity's shape.
 #[derive(QueryData)]
 pub(crate) struct Detail {
     budget: Option<&'static MedialBudget>,
@@ -53,7 +52,7 @@ pub(crate) struct Detail {
 }
 
 impl DetailItem<'_, '_> {
-    /// The number of the level of detail to use for a body of a scale.
+    /// Returns the number of the level of detail to use for a body of a scale.
     pub fn level(&self, axis: &MedialAxis, scale: f32) -> usize {
         let weight = self.importance.map_or(1.0, |importance| importance.0);
         let weight = if weight > 0.0 && weight.is_finite() { weight } else { 1.0 };
@@ -62,14 +61,14 @@ impl DetailItem<'_, '_> {
     }
 }
 
-/// Tells how near bodies are to points of interest.
+/// Updates how near bodies are to points of interest.
 pub(crate) fn look_from_focuses(
     mut commands: Commands,
     focuses: Query<(Entity, &MedialFocus)>,
     bodies: Query<(Entity, &GlobalTransform, Option<&Nearness>, Has<StaticObb>), With<MedialMesh>>,
     hierarchy: TransformHelper,
 ) {
-    // What is new has not been told its place yet.
+    // The `GlobalTransform` of a new entity has not been propagated yet.
     let place = |entity| hierarchy.compute_global_transform(entity).map_or(Vec3::ZERO, |place| place.translation());
     let focuses: Vec<(f32, Vec3)> = focuses.iter().map(|(entity, focus)| (focus.near, place(entity))).collect();
     for (entity, known_place, known, is_static) in &bodies {

@@ -2,10 +2,10 @@ use bevy::prelude::*;
 
 use crate::medial_axis::MedialAxis;
 
-/// The error that a body's shape may have, if its asset has levels of detail, as those of `.medial` files do: of the levels that are within
-/// it the coarsest is used, or the finest if none is. Without this component: 1 % of the diagonal.
+/// The error that a body's shape may have, if its asset has levels of detail, as assets from `.medial` files do. The coarsest level within the error
+/// is used, or the finest if no level is within it. Default without this component: 1 % of the diagonal.
 ///
-/// It may be changed at any time, say by the distance to the camera. The mass stays that of the finest level.
+/// It may be changed at any time, for example by the distance to the camera. The mass stays that of the finest level.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -19,7 +19,7 @@ use crate::medial_axis::MedialAxis;
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub enum MedialBudget {
-    /// In metres, in the world: the larger the body, the finer its shape.
+    /// In metres, in the world. The larger the body, the finer its shape.
     Metres(f32),
     /// In percent of the diagonal of the finest level's bounding box. Default: 1.
     Percent(f32),
@@ -32,7 +32,7 @@ impl Default for MedialBudget {
 }
 
 impl MedialBudget {
-    /// The number of the level of detail to use for a body of a scale. What is negative or not a number counts as the default.
+    /// Returns the number of the level of detail to use for a body of a scale. A budget that is negative or not a number counts as the default.
     pub fn level(self, axis: &MedialAxis, scale: f32) -> usize {
         let error = match if self.is_valid() { self } else { Self::default() } {
             Self::Metres(metres) => metres / scale,
@@ -41,7 +41,7 @@ impl MedialBudget {
         axis.level_within(error)
     }
 
-    /// The budget of what is so many times as important.
+    /// The budget of a body whose importance has this value.
     pub(super) fn over(self, importance: f32) -> Self {
         match self {
             Self::Metres(metres) => Self::Metres(metres / importance),
@@ -55,19 +55,19 @@ impl MedialBudget {
     }
 }
 
-/// The level of detail by which an entity collides, 0 being the finest. It comes with the shape, and is there to be read.
+/// The level of detail with which an entity collides; 0 is the finest. It is added with the shape and is written by the plugin only.
 ///
-/// [`MedialAxis::level`] gives its shape: that whose primitives a [`TouchPoint`](super::TouchPoint) names.
+/// [`MedialAxis::level`] returns its shape. The primitives of a [`TouchPoint`](super::TouchPoint) are primitives of that shape.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct MedialLevel(pub usize);
 
-/// Tells once of each budget that is none.
+/// Logs each invalid budget once.
 pub(super) fn check_budgets(budgets: Query<(NameOrEntity, &MedialBudget), Changed<MedialBudget>>) {
     for (name, budget) in budgets.iter().filter(|(_, budget)| !budget.is_valid()) {
         error!(
-            "{name}: MedialBudget::{budget:?} is no error that a shape may have, so {:?} holds; give it a number from 0 up",
+            "{name}: MedialBudget::{budget:?} is not a valid error, so {:?} is used; give it a number from 0 up",
             MedialBudget::default()
         );
     }

@@ -17,12 +17,12 @@ pub struct MaLoader;
 #[derive(Debug, Error)]
 pub enum MaLoaderError {
     /// The file could not be read.
-    #[error("it could not be read: {0}")]
+    #[error("the file could not be read: {0}")]
     Io(#[from] std::io::Error),
-    /// Its text is not in the format.
+    /// The text is not in the format.
     #[error(transparent)]
     Format(#[from] ma::MaError),
-    /// It does not describe a shape.
+    /// The content does not describe a shape.
     #[error(transparent)]
     Shape(#[from] MedialAxisError),
 }
@@ -44,7 +44,7 @@ impl AssetLoader for MaLoader {
         if !report.is_empty() {
             bevy::log::debug!("{}: {report}", context.path());
         }
-        // Here, where nobody waits for it.
+        // Loading runs in the background, so the mass is computed here.
         axis.mass();
         Ok(axis)
     }
@@ -62,9 +62,9 @@ pub struct MedialLoader;
 #[derive(Debug, Error)]
 pub enum MedialLoaderError {
     /// The file could not be read.
-    #[error("it could not be read: {0}")]
+    #[error("the file could not be read: {0}")]
     Io(#[from] std::io::Error),
-    /// It is no chain of levels.
+    /// The content is not a valid chain of levels.
     #[error(transparent)]
     Levels(#[from] MedialLevelsError),
 }

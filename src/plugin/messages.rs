@@ -1,41 +1,42 @@
 use bevy::prelude::*;
 
-/// Where and how two bodies touch.
+/// Place and time of the touch of two bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Clone, PartialEq)]
 pub struct TouchPoint {
-    /// When, as a fraction of the step: that of their impact, or 1 where they touch gently, as found at its end.
+    /// Time as a fraction of the step: that of the impact, or 1 for a contact at the end of the step.
     pub fraction: f32,
-    /// Where, in the world.
+    /// Point of the touch, in the world.
     pub point: Vec3,
     /// Unit normal from the first entity to the second, in the world.
     pub normal: Vec3,
-    /// Distance along the normal in metres at the end of the step, 0 at an impact; negative for the depth of an overlap.
+    /// Distance along the normal at the end of the step, in metres. It is 0 at an impact, and negative for the depth of an overlap.
     pub separation: f32,
-    /// Speed in metres per second, before the step, at which the bodies close in along the normal there; negative if they part.
+    /// Approach speed of the bodies along the normal at the point, before the step, in metres per second. It is negative if they move apart.
     pub approach_speed: f32,
-    /// Which primitive of the first entity's shape touches.
+    /// Index of the touching primitive of the first entity's shape.
     pub primitive1: u32,
-    /// Which primitive of the second's; of a collider that is not medial which part, such as a triangle, and 0 for one of a single part.
+    /// Index of the touching primitive of the second entity's shape. For a collider that is not medial it is the index of the part, such as a
+    /// triangle, or 0 for a single part.
     pub primitive2: u32,
 }
 
 impl TouchPoint {
-    /// The same from the second entity's side.
+    /// The same touch from the second entity's side.
     pub(crate) fn swapped(self) -> Self {
         Self { normal: -self.normal, primitive1: self.primitive2, primitive2: self.primitive1, ..self }
     }
 }
 
-/// Two bodies have begun to touch: told once, in the step in which they first come within
-/// [`TOUCH_DISTANCE`](crate::constants::TOUCH_DISTANCE) of each other or have an impact, however short.
+/// Two bodies have begun to touch. It is sent once, in the step in which they first come within [`TOUCH_DISTANCE`](crate::constants::TOUCH_DISTANCE)
+/// of each other or have an impact, however short.
 ///
-/// It is written as a message once for the pair, and triggered as an event on each of the two entities, on which it has the observed entity
-/// first. Observers run after rapier has written back poses and velocities, so what they change holds in the next step.
+/// It is written as a message once for the pair. It is also triggered as an event on each of the two entities, with the observed entity first.
+/// Observers run after rapier has written back poses and velocities, so their changes take effect in the next step.
 ///
-/// It is told of bodies whose groups, hooks and types let them collide, as rapier's own events are; and of kinematic bodies and what they go
-/// through, whatever their `ActiveCollisionTypes`.
+/// It is sent for bodies whose groups, hooks and types let them collide, as rapier's own events are. It is also sent for kinematic bodies and the
+/// bodies that they pass through, regardless of their `ActiveCollisionTypes`.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -59,34 +60,34 @@ impl TouchPoint {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Clone, PartialEq)]
 pub struct MedialContactStarted {
-    /// The first entity: that of a collider with a medial mesh, on a body or fixed. To an observer: the entity that it observes.
+    /// The first entity: a collider with a medial mesh, on a body or fixed. For an observer: the observed entity.
     #[event_target]
     pub entity1: Entity,
-    /// The second: that of another such collider, or of any other. To an observer: the other one.
+    /// The second entity: another such collider, or any other collider. For an observer: the other entity.
     pub entity2: Entity,
-    /// Where and how.
+    /// Place and time of the touch.
     pub touch: TouchPoint,
-    /// True if either of them is a sensor.
+    /// True if one of them is a sensor.
     pub sensor: bool,
 }
 
 impl MedialContactStarted {
-    /// The same from the second entity's side.
+    /// The same message from the second entity's side.
     pub(crate) fn swapped(self) -> Self {
         Self { entity1: self.entity2, entity2: self.entity1, touch: self.touch.swapped(), ..self }
     }
 }
 
-/// Two bodies have ceased to touch: no contact of theirs is found any more, as far as contacts of [such a pair](crate::pipeline::Reach::of_pair) are
-/// looked for, they may not collide, or one of them is gone.
-/// Told once for each [`MedialContactStarted`], as a message and as an event on those of the two entities that still exist.
+/// Two bodies have ceased to touch: no contact is found within the search distance of [such a pair](crate::pipeline::Reach::of_pair), they may not
+/// collide, or one of them is gone. It is sent once for each [`MedialContactStarted`], as a message and as an event on those of the two entities that
+/// still exist.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Clone, PartialEq)]
 pub struct MedialContactEnded {
-    /// The first entity. It may have been despawned. To an observer: the entity that it observes.
+    /// The first entity. It may have been despawned. For an observer: the observed entity.
     #[event_target]
     pub entity1: Entity,
-    /// The second. It may have been despawned. To an observer: the other one.
+    /// The second entity. It may have been despawned. For an observer: the other entity.
     pub entity2: Entity,
 }

@@ -1,19 +1,19 @@
-//! The ECS face: plugin, components, messages, diagnostics.
+//! The ECS interface: plugin, components, messages, diagnostics.
 //!
-//! | item | what |
+//! | item | purpose |
 //! |---|---|
-//! | [`MedialPhysicsPlugin`] | adds everything below, and rapier unless it is there already |
-//! | [`MedialMesh`] | component: the entity collides by this shape |
-//! | [`StaticObb`] | component: a static box, or what makes a medial mesh static |
+//! | [`MedialPhysicsPlugin`] | adds collision, and rapier's plugin unless the app has added it before |
+//! | [`MedialMesh`] | component: shape with which the entity collides |
+//! | [`StaticObb`] | component: a static box; beside a medial mesh it makes that mesh static |
 //! | [`MedialCcd`] | component: whether a body stops at its first impact |
-//! | [`MedialBudget`], [`MedialLevel`] | components: the error that a shape may have, and the level of detail that is used |
-//! | [`MedialImportance`], [`MedialFocus`] | components: a body that has to be more exact than others, or less; a point from which far bodies may be coarser |
-//! | [`MedialSettings`], [`MedialBackend`] | resource: what holds for all; where pairs are culled |
+//! | [`MedialBudget`], [`MedialLevel`] | components: the error that a shape may have; the level of detail in use |
+//! | [`MedialImportance`], [`MedialFocus`] | components: relative accuracy of a body; a point at a distance from which bodies may be coarser |
+//! | [`MedialSettings`], [`MedialBackend`] | resource: settings for all bodies; back end that culls pairs |
 //! | [`MedialContactStarted`], [`MedialContactEnded`] | messages, and events for observers of the entities |
 //! | `MedialBuildPlugin` | with the feature `bevy_mesh`: builds the medial meshes of entities with a `BuildMedialMesh` from their `Mesh3d` |
-//! | `MedialGizmosPlugin` | with the feature `debug`: draws shapes and what a step did, as `MedialGizmos` and the component `MedialGizmo` say |
+//! | `MedialGizmosPlugin` | with the feature `debug`: draws shapes and the last step, as configured by `MedialGizmos` and the component `MedialGizmo` |
 //! | `MedialPickingPlugin` | with the feature `picking`: pointers pick medial bodies |
-//! | [`MedialSystems`] | system sets to order against |
+//! | [`MedialSystems`] | system sets, for ordering |
 //! | [`MedialStep`] | resource: input and output of the last step |
 
 #[cfg(feature = "bevy_mesh")]
@@ -85,12 +85,12 @@ pub use step::{BodyInfo, MedialBackend, MedialSettings, MedialStep};
 /// App::new().add_plugins((DefaultPlugins, MedialPhysicsPlugin::default())).run();
 /// ```
 ///
-/// Adds `RapierPhysicsPlugin` in the same schedule if it has not been added before; add your own, say in another schedule, *before* this
-/// one, and tell this one the schedule and the hooks. `AssetPlugin` has to be there already, and so has the renderer, if its GPU is to be
-/// used.
+/// Adds `RapierPhysicsPlugin` in the same schedule if it has not been added before. If the app needs its own, for example in another schedule, add it
+/// *before* this plugin and pass its schedule and hooks to this plugin. `AssetPlugin` has to be added before, and so has the renderer if its GPU is
+/// to be used.
 ///
 /// # Panics
-/// When it is added, if there is no `AssetPlugin`, or if rapier is there with hooks that this plugin has not been told of.
+/// When the plugin is added, if there is no `AssetPlugin`, or if rapier has hooks that were not passed to this plugin.
 #[derive(Clone, Copy, Debug)]
 pub struct MedialPhysicsPlugin {
     schedule: Interned<dyn ScheduleLabel>,
@@ -98,7 +98,7 @@ pub struct MedialPhysicsPlugin {
 }
 
 impl Default for MedialPhysicsPlugin {
-    /// In `PostUpdate`, as rapier's own default.
+    /// Runs in `PostUpdate`, as rapier does by default.
     fn default() -> Self {
         #[cfg(feature = "rapier")]
         let add_systems = crate::rapier::add_systems::<NoUserData>;
@@ -109,19 +109,19 @@ impl Default for MedialPhysicsPlugin {
 }
 
 impl MedialPhysicsPlugin {
-    /// In `FixedUpdate`.
+    /// Runs in `FixedUpdate`.
     pub fn in_fixed_schedule(self) -> Self {
         self.in_schedule(FixedUpdate)
     }
 
-    /// In the given schedule.
+    /// Runs in the given schedule.
     pub fn in_schedule(self, schedule: impl ScheduleLabel) -> Self {
         Self { schedule: schedule.intern(), ..self }
     }
 
-    /// With rapier's hooks: what they filter out, nothing stops at. The same as those of a `RapierPhysicsPlugin` that has been added before.
+    /// Uses rapier's hooks: no body stops at a collider that they filter out. They must be those of a `RapierPhysicsPlugin` that has been added before.
     ///
-    /// They are asked after rapier's step as well, about each pair that may meet in it. They may not ask for [`MedialStep`].
+    /// They are also called after rapier's step, for each pair that may meet in it. They must not access [`MedialStep`].
     #[cfg(feature = "rapier")]
     pub fn with_hooks<Hooks>(self) -> Self
     where
@@ -132,23 +132,23 @@ impl MedialPhysicsPlugin {
     }
 }
 
-/// The plugin's systems within a step, in this order. Without the feature `rapier` there are the last two only, after Bevy has propagated transforms.
+/// System sets of the plugin within a step, in this order. Without the feature `rapier` there are only the last two, after Bevy's transform propagation.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MedialSystems {
-    /// Shapes are built of meshes, where [`BuildMedialMesh`] asks for it. In `Update`.
+    /// Builds shapes from meshes for [`BuildMedialMesh`], in `Update`.
     #[cfg(feature = "bevy_mesh")]
     Build,
-    /// Colliders of loaded shapes are made. Before rapier takes over changes.
+    /// Creates the colliders of loaded shapes, before rapier takes over changes.
     Attach,
-    /// Poses at the start of the step are noted. Right before rapier's step.
+    /// Records the poses at the start of the step, right before rapier's step.
     Snapshot,
-    /// The pipeline runs, fast bodies stop at impacts. Right after rapier's step.
+    /// Runs the pipeline and stops fast bodies at impacts, right after rapier's step.
     Detect,
-    /// Messages and diagnostics are written, observers run. Right after rapier has written back poses.
+    /// Writes messages and diagnostics and triggers observers, right after rapier has written back poses.
     Report,
 }
 
-/// Makes medial meshes assets, once: a second time would lose those that are there.
+/// Registers medial meshes as assets, only once: a second registration would drop the existing assets.
 fn init_medial_axis(app: &mut App) {
     if !app.world().contains_resource::<Assets<MedialAxis>>() {
         app.init_asset::<MedialAxis>()
@@ -158,17 +158,17 @@ fn init_medial_axis(app: &mut App) {
     }
 }
 
-/// True unless there is what cannot be computed with. False for what is not a number, too.
+/// Returns true if no coordinate exceeds [`MAX_MAGNITUDE`]; false for NaN.
 pub(crate) fn is_bounded(v: Vec3) -> bool {
     v.abs().cmple(Vec3::splat(MAX_MAGNITUDE)).all()
 }
 
-/// The same of a pose. An uneven scale of a turned parent shears: what is left of the rotation is none.
+/// Returns true for a bounded position with a unit quaternion. An uneven scale of a turned parent causes shear, and the extracted rotation is then invalid.
 pub(crate) fn is_sound_pose(pose: &Pose3) -> bool {
     is_bounded(pose.translation) && (pose.rotation.length_squared() - 1.0).abs() < 1e-2
 }
 
-/// True for a scale that a medial mesh can have: the same along all axes, but for the rounding of a rotation, and positive.
+/// Returns true for a scale that a medial mesh can have: positive, and the same along all axes up to the rounding of a rotation.
 pub(crate) fn is_uniform(scale: Vec3) -> bool {
     let least = scale.min_element();
     scale.is_finite() && least > 0.0 && scale.max_element() <= least * (1.0 + SCALE_ROUNDING)

@@ -1,4 +1,4 @@
-//! Pointers pick medial bodies: a back end of Bevy's picking that casts rays at their exact shapes.
+//! A back end of Bevy's picking that casts rays at the exact shapes of medial bodies.
 
 use bevy::{
     camera::{
@@ -16,12 +16,11 @@ use bevy::{
 use super::{MedialLevel, MedialMesh, StaticObb};
 use crate::{geometry::Aabb, medial_axis::MedialAxis, pipeline::Shape};
 
-/// A back end of Bevy's picking: pointers hit medial bodies, at the level of detail by which they collide, and static boxes. To be added after
-/// `DefaultPlugins`.
+/// A back end of Bevy's picking. Pointers hit medial bodies, at the level of detail with which they collide, and static boxes. Add it after `DefaultPlugins`.
 ///
-/// Hits are told with place and normal in the world, and observers of the entities hear of `Pointer<Click>` and the like. `Pickable` says, as with any
-/// back end, who is hovered over and who hides what is behind. Other colliders and meshes neither are hit nor hide anything: for these there are the
-/// back ends of rapier and of Bevy, which may be there as well.
+/// Hits contain point and normal in the world, and observers of the entities receive `Pointer<Click>` and similar events. As with any back end,
+/// `Pickable` decides which entities are hovered over and which hide the entities behind them. Other colliders and meshes are neither hit nor hide
+/// entities. The back ends of rapier and of Bevy hit them, and can be used at the same time.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -56,14 +55,14 @@ impl Plugin for MedialPickingPlugin {
     }
 }
 
-/// How [`MedialPickingPlugin`] picks.
+/// Settings of [`MedialPickingPlugin`].
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub struct MedialPickingSettings {
-    /// Only cameras with a [`MedialPickingCamera`] pick, and only entities with a `Pickable` are hit. Default: false.
+    /// If true, only cameras with a [`MedialPickingCamera`] pick, and only entities with a `Pickable` are hit. Default: false.
     pub require_markers: bool,
-    /// Entities that are hidden by their `Visibility` are not hit. Default: true.
+    /// If true, entities that are hidden by their `Visibility` are not hit. Default: true.
     pub visible_only: bool,
 }
 
@@ -79,7 +78,7 @@ impl Default for MedialPickingSettings {
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct MedialPickingCamera;
 
-/// What may be hit.
+/// An entity that may be hit.
 #[derive(QueryData)]
 struct Target {
     entity: Entity,
@@ -92,7 +91,7 @@ struct Target {
     layers: Option<&'static RenderLayers>,
 }
 
-/// Tells what the pointers of each camera hit.
+/// Writes the hits of the pointers of each camera.
 fn update_hits(
     settings: Res<MedialPickingSettings>,
     rays: Res<RayMap>,
@@ -109,7 +108,7 @@ fn update_hits(
         }
         let camera_layers = camera_layers.unwrap_or(&everywhere);
         let may_be_hit = |target: &TargetItem| {
-            // What is neither hovered over nor hides others might as well not be there.
+            // An entity that is neither hovered over nor hides others has no effect.
             target
                 .pickable
                 .map_or(!settings.require_markers, |pickable| pickable.is_hoverable || pickable.should_block_lower)
@@ -131,7 +130,7 @@ fn update_hits(
     }
 }
 
-/// Distance to where the ray enters the target, and the normal there; 0 from inside.
+/// Returns the distance at which the ray enters the target, and the normal there. The distance is 0 from inside.
 fn hit(target: &TargetItem, axes: &Assets<MedialAxis>, ray: &Ray3d) -> Option<(f32, Vec3)> {
     let (scale, rotation, translation) = target.transform.to_scale_rotation_translation();
     let (origin, direction) = (rotation.inverse() * (ray.origin - translation), rotation.inverse() * *ray.direction);
@@ -154,7 +153,7 @@ fn hit(target: &TargetItem, axes: &Assets<MedialAxis>, ray: &Ray3d) -> Option<(f
     Some((depth, rotation * normal))
 }
 
-/// The normal of the face through which a ray enters a box: of those that look towards it, the one whose plane it passes last.
+/// Returns the normal of the face through which a ray enters a box: of the faces towards the origin, the one whose plane it crosses last.
 fn face_normal(half: Vec3, origin: Vec3, direction: Vec3) -> Vec3 {
     let towards = -direction.signum();
     let entered = (half * towards - origin) / direction;

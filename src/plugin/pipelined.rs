@@ -1,13 +1,13 @@
-//! The GPU back end in the render world: it looks some steps ahead, and nobody waits for it.
+//! The GPU back end in the render world. It looks some steps ahead, so that no step waits for it.
 //!
-//! | where | what |
+//! | place | action |
 //! |---|---|
-//! | main world, after a step | what the next steps will be, if nothing happens |
-//! | `ExtractSchedule` | that goes to the render world |
-//! | `RenderSystems::PrepareResources` | earlier answers are taken, poses are uploaded |
-//! | `RenderGraph` | the passes of [`GpuCulling`] |
-//! | `RenderSystems::Cleanup` | the answer is asked for |
-//! | main world, two or three steps later | the pairs of that step, by the latest answer |
+//! | main world, after a step | predicts the next steps for undisturbed bodies |
+//! | `ExtractSchedule` | copies the prediction to the render world |
+//! | `RenderSystems::PrepareResources` | takes earlier answers, uploads poses |
+//! | `RenderGraph` | runs the passes of [`GpuCulling`] |
+//! | `RenderSystems::Cleanup` | requests the answer |
+//! | main world, two or three steps later | takes the pairs of that step from the latest answer |
 
 use std::{
     collections::HashMap,
@@ -38,7 +38,7 @@ use crate::{
     pipeline::{Candidates, Widening},
 };
 
-/// The pairs that may meet in the steps that a prediction is about.
+/// The pairs that may meet in the steps of a prediction.
 pub(super) struct Answer {
     pub prediction: Arc<Prediction>,
     pub found: Vec<Candidates>,
@@ -46,18 +46,18 @@ pub(super) struct Answer {
     pub times: Vec<(&'static str, Duration)>,
 }
 
-/// What the main world keeps.
+/// State in the main world.
 #[derive(Default)]
 pub(super) struct LookAhead {
-    /// Where answers come in, if there is a renderer.
+    /// Receiver of answers, if there is a renderer.
     pub answers: Option<Mutex<Receiver<Answer>>>,
     pub latest: Option<Answer>,
-    /// The steps after the last one, to be looked at.
+    /// Prediction of the steps after the last one, for the GPU.
     pub asked: Option<Arc<Prediction>>,
 }
 
 impl LookAhead {
-    /// The latest answer.
+    /// Returns the latest answer.
     pub fn latest(&mut self) -> Option<&Answer> {
         if let Some(answers) = &self.answers
             && let Ok(answers) = answers.lock()
@@ -68,27 +68,27 @@ impl LookAhead {
     }
 }
 
-/// The back end in the render world.
+/// State of the back end in the render world.
 #[derive(Resource)]
 struct RenderCulling {
-    /// Of each entry point.
+    /// Shader of each entry point.
     shaders: Vec<(&'static str, Handle<Shader>)>,
     state: State,
     capacity: GpuCapacity,
     asked: Option<Arc<Prediction>>,
-    /// What is uploaded, then recorded.
+    /// The prediction that is uploaded but not recorded yet.
     uploaded: Option<Arc<Prediction>>,
     recorded: Option<(Arc<Prediction>, Batch)>,
     mapped: (Sender<Mapped>, Mutex<Receiver<Mapped>>),
     answers: Sender<Answer>,
 }
 
-/// A batch with what it has found, unless the device was lost.
+/// A batch and its data, or none if the device was lost.
 type Mapped = (Arc<Prediction>, Batch, Option<Vec<u8>>);
 
 enum State {
     Unused,
-    /// The cache makes the pipelines of the entry points.
+    /// The cache creates the pipelines of the entry points.
     Waiting(HashMap<&'static str, CachedComputePipelineId>),
     Ready(Box<GpuCulling>),
     Failed,
@@ -120,13 +120,13 @@ pub(super) fn add(app: &mut App) {
         .add_systems(ExtractSchedule, extract)
         .add_systems(Render, upload.in_set(RenderSystems::PrepareResources))
         .add_systems(RenderGraph, record.in_set(RenderGraphSystems::Render))
-        // Without the core pipeline nobody else does.
+        // No other system does so without the core pipeline.
         .add_systems(RenderGraph, (|mut commands: FlushCommands| commands.flush()).in_set(RenderGraphSystems::Submit))
         .add_systems(Render, read_back.in_set(RenderSystems::Cleanup));
     app.world_mut().resource_mut::<MedialStep>().gpu.look_ahead.answers = Some(Mutex::new(receiver));
 }
 
-/// The renderer begins, or begins anew after its device was lost.
+/// Resets the state, when the renderer starts or has recovered from a lost device.
 fn forget(mut culling: ResMut<RenderCulling>) {
     culling.state = State::Unused;
     (culling.uploaded, culling.recorded) = (None, None);
@@ -168,17 +168,17 @@ fn upload(
 }
 
 impl RenderCulling {
-    /// Sends on what has arrived, and uploads what is asked next.
+    /// Sends received answers, and uploads the next prediction.
     fn take_and_upload(&mut self, asked: Option<Arc<Prediction>>) -> Result<(), GpuError> {
         let State::Ready(passes) = &mut self.state else { return Ok(()) };
-        // Callbacks of what is done run in here; a device that is lost says so to them.
+        // This runs the callbacks of finished work. After the loss of the device they receive none.
         passes.device().poll(wgpu::PollType::Poll)?;
         let arrived: Vec<Mapped> =
             self.mapped.1.lock().map_or_else(|_| Vec::new(), |mapped| mapped.try_iter().collect());
         for (prediction, batch, data) in arrived {
             let data = data.ok_or_else(|| passes.device().lost())?;
             if let Some(found) = passes.take(batch, &data) {
-                // An app that is going down does not listen.
+                // The receiver is gone if the app is shutting down.
                 let _ = self.answers.send(Answer { prediction, found, times: passes.times().to_vec() });
             }
         }
@@ -191,7 +191,7 @@ impl RenderCulling {
     }
 }
 
-/// Goes on towards passes that can run.
+/// Advances the state towards passes that can run.
 fn prepare(
     state: State,
     shaders: &[(&'static str, Handle<Shader>)],
@@ -214,7 +214,7 @@ fn prepare(
     };
     let passes = Passes::each(|label| match cache.get_compute_pipeline_state(pipelines[label]) {
         CachedPipelineState::Ok(Pipeline::ComputePipeline(pipeline)) => Ok(Pass::of(label, (**pipeline).clone())),
-        // The shader is on its way.
+        // The shader is being loaded.
         CachedPipelineState::Err(
             ShaderCacheError::ShaderNotLoaded(_) | ShaderCacheError::ShaderImportNotYetAvailable,
         ) => Err(None),
@@ -237,13 +237,13 @@ fn record(mut culling: ResMut<RenderCulling>, mut context: RenderContext) {
     }
 }
 
-/// The passes have been submitted by now.
+/// Requests the results. The passes have been submitted before.
 fn read_back(mut culling: ResMut<RenderCulling>) {
     let Some((prediction, batch)) = culling.recorded.take() else { return };
     let sender = culling.mapped.0.clone();
     let staging = batch.staging.clone();
     copy_when_mapped(&staging, batch.bytes, move |data| {
-        // A render world that is gone does not listen.
+        // The receiver is gone if the render world is.
         let _ = sender.send((prediction, batch, data));
     });
 }

@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use super::{MedialContactEnded, MedialContactStarted, MedialStep, TouchPoint};
 use crate::{constants::TOUCH_DISTANCE, pipeline::Pair};
 
-/// The entities that touch, the lesser first: which of a pair is told first may change while they touch. With the order as told.
+/// The touching entities. Keys have the entities in ascending order, because the sides of a pair may change places. Values have the order of the first message.
 type Touching = BTreeMap<[Entity; 2], [Entity; 2]>;
 
 fn key(entities: [Entity; 2]) -> [Entity; 2] {
@@ -16,7 +16,7 @@ fn key(entities: [Entity; 2]) -> [Entity; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// Writes a message and triggers events for each pair that has begun or ceased to touch in the last step.
+/// Writes a message and triggers events for each pair that began or ceased to touch in the last step.
 pub(super) fn tell_contacts(
     mut commands: Commands,
     step: Res<MedialStep>,
@@ -42,7 +42,7 @@ pub(super) fn tell_contacts(
             [message, message.swapped()].into_iter().for_each(|event| commands.trigger(event));
         }
     }
-    // A sleeping body is not looked at unless the other side moves, and touches as before.
+    // A sleeping body is not tested unless the other side moves. It still touches.
     let states: LazyCell<HashMap<Entity, (bool, bool)>, _> = LazyCell::new(|| {
         let bodies = step.input.bodies.iter().zip(&step.infos);
         let statics = step.static_infos.iter().map(|info| (info.entity, (false, false)));
@@ -69,7 +69,7 @@ pub(super) fn tell_contacts(
     *touching = now;
 }
 
-/// The first impact of the pair, or else its deepest contact.
+/// Returns the first impact of the pair, or else its deepest contact.
 fn touch_point(step: &MedialStep, pair: &Pair) -> Option<TouchPoint> {
     let end = step.final_pose(pair.first);
     let contacts = step.output.manifolds[pair.manifolds.clone()].iter().flat_map(|manifold| manifold.contacts());

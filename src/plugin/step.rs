@@ -20,37 +20,37 @@ use crate::{
     },
 };
 
-/// Where the pairs that may meet are found. What they do to each other is found on the CPU always, so results are the same.
+/// Back end that finds the pairs that may meet. Impacts and contacts are always computed on the CPU, so results are the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Default, Clone, PartialEq)]
 pub enum MedialBackend {
-    /// Whichever is faster, by trial: the CPU in small scenes, without the feature `gpu`, and where no hardware renders.
+    /// The faster back end, by trial. It is the CPU in small scenes, without the feature `gpu`, and without hardware rendering.
     #[default]
     Auto,
     /// The CPU.
     Cpu,
-    /// The GPU, even if it is a program on the CPU: that of the renderer, or else the fastest. Without one the CPU, after a warning.
+    /// The GPU, even if it is a software implementation: that of the renderer, or else the fastest. Without one the CPU is used, after a warning.
     Gpu,
 }
 
-/// What holds for all medial bodies.
+/// Settings for all medial bodies.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Resource, Default, Clone, PartialEq)]
 pub struct MedialSettings {
-    /// Bodies stop at their first impact within a step. Without the feature `rapier` none does. Default: true.
+    /// Bodies stop at their first impact within a step. Without the feature `rapier` no body stops. Default: true.
     pub stop_at_impact: bool,
-    /// Skip all culling and test every primitive pair, on the CPU, to measure what culling gains. Default: false.
+    /// Skips all culling and tests every primitive pair on the CPU, to measure the benefit of culling. Default: false.
     pub brute_force: bool,
-    /// How much smaller the core of a body is than the body itself, in bounding radii. A body stops within a step only where its core touches another one: this
-    /// is the deepest overlap that one step can add, per body. Smaller values are more exact; with larger ones fewer bodies stop. Thin primitives have
-    /// thinner cores: at most 30 % of a radius counts. Default: 0.0075.
+    /// Depth of a body's core below its surface, in bounding radii of the smaller body of a pair. A body stops within a step only where its core
+    /// touches another one. The depth is the largest overlap that one step can add, per body. Smaller values are more accurate; with larger ones
+    /// fewer bodies stop. Thin primitives have cores at a smaller depth: at most 30 % of their radius. Default: 0.0075.
     pub core_depth: f32,
-    /// Where the pairs that may meet are found. Default: [`MedialBackend::Auto`].
+    /// Back end that finds the pairs that may meet. Default: [`MedialBackend::Auto`].
     pub backend: MedialBackend,
-    /// Where the renderer's GPU finds the pairs, nobody waits for it: it looks some steps ahead, and what has left its way until it answers is culled
-    /// on the CPU. Default: false.
+    /// The renderer's GPU looks some steps ahead, so that no step waits for it. Bodies that have left their predicted path are culled on the CPU.
+    /// Default: false.
     pub pipelined: bool,
 }
 
@@ -66,7 +66,7 @@ impl Default for MedialSettings {
     }
 }
 
-/// Who a dense index of the pipeline is.
+/// Entity and motion of a body or static that the pipeline knows by its index.
 #[derive(Clone, Copy, Debug)]
 pub struct BodyInfo {
     /// The entity.
@@ -74,9 +74,9 @@ pub struct BodyInfo {
     /// Its collider.
     #[cfg(feature = "rapier")]
     pub collider: ColliderHandle,
-    /// True if it has no response.
+    /// True if it is a sensor, which has no response.
     pub sensor: bool,
-    /// True if it sleeps.
+    /// True if it is asleep.
     pub asleep: bool,
     /// Centre of mass at the start of the step, in the world.
     pub center: Vec3,
@@ -87,7 +87,7 @@ pub struct BodyInfo {
 }
 
 impl BodyInfo {
-    /// An entity that does not move.
+    /// Info of an entity that does not move.
     pub(crate) fn at_rest(entity: Entity) -> Self {
         Self {
             entity,
@@ -101,21 +101,21 @@ impl BodyInfo {
         }
     }
 
-    /// Tells it from others of all steps.
+    /// Identifies the entity across steps.
     #[cfg(feature = "gpu")]
     fn key(&self) -> u64 {
         self.entity.to_bits()
     }
 
-    /// Velocity of a point of the body, before the step.
+    /// Returns the velocity of a point in the world before the step, in metres per second.
     pub fn velocity_at(&self, point: Vec3) -> Vec3 {
         self.linear + self.angular.cross(point - self.center)
     }
 }
 
-/// Input and output of the last step, and who the indices in them are.
+/// Input and output of the last step, and the entities behind the indices in them.
 ///
-/// Reflection shows what is told of the step as a whole.
+/// Reflection shows only the fields that describe the step as a whole.
 #[derive(Resource, Default, Reflect)]
 #[reflect(Resource, Default)]
 pub struct MedialStep {
@@ -132,7 +132,7 @@ pub struct MedialStep {
     pub output: StepOutput,
     #[reflect(ignore)]
     workspace: Workspace,
-    /// Number of the step. What the GPU looks ahead for counts by it, so a saved one must not come back.
+    /// Number of the step. Predictions for the GPU refer to it, so a saved number must not be restored.
     #[reflect(ignore)]
     pub(super) number: u64,
     /// Entity and velocities of each body.
@@ -145,21 +145,21 @@ pub struct MedialStep {
     #[cfg(feature = "rapier")]
     #[reflect(ignore)]
     pub(crate) worlds: Vec<Entity>,
-    /// Length of the step in seconds; of several worlds that of the first.
+    /// Length of the step in seconds. For several worlds it is that of the first.
     pub dt: f32,
-    /// Time that it took to note where bodies were before rapier's step, and to gather the input after it.
+    /// Time to record the poses of bodies before rapier's step, and to gather the input after it.
     #[cfg(feature = "rapier")]
     pub snapshot_time: Duration,
-    /// Time that it took to move bodies to where they stop, and to hand the manifolds to rapier.
+    /// Time to move bodies to their stops, and to pass the manifolds to rapier.
     #[cfg(feature = "rapier")]
     pub table_time: Duration,
     #[cfg(feature = "gpu")]
     #[reflect(ignore)]
     pub(super) gpu: GpuBackend,
-    /// By how many steps the answer of the GPU was late that the last step went by, 0 if it was waited for; none if the CPU has culled the step.
+    /// Delay of the GPU's answer that the last step used, in steps; 0 if the step waited for the answer. None if the CPU culled the step.
     #[cfg(feature = "gpu")]
     pub gpu_latency: Option<u32>,
-    /// Bodies that have been culled on the CPU then, as they were not where the GPU had expected them.
+    /// Number of bodies that were culled on the CPU then, because they were not at their predicted place.
     #[cfg(feature = "gpu")]
     pub gpu_departed: usize,
     /// Time of each pass of that answer.
@@ -169,7 +169,7 @@ pub struct MedialStep {
 }
 
 impl MedialStep {
-    /// Who a side of a pair is.
+    /// Returns entity and motion of a side of a pair.
     pub fn info(&self, side: Side) -> &BodyInfo {
         match side {
             Side::Body(body) => &self.infos[body as usize],
@@ -177,7 +177,7 @@ impl MedialStep {
         }
     }
 
-    /// What a side of a pair is made of.
+    /// Returns the solid of a side of a pair.
     pub fn solid(&self, side: Side) -> &Solid {
         match side {
             Side::Body(body) => &self.input.bodies[body as usize].solid,
@@ -185,7 +185,7 @@ impl MedialStep {
         }
     }
 
-    /// The rapier context that a side of a pair is in.
+    /// Returns the rapier context of a side of a pair.
     #[cfg(feature = "rapier")]
     pub fn context(&self, side: Side) -> Entity {
         let world = match side {
@@ -195,7 +195,7 @@ impl MedialStep {
         self.worlds[world as usize]
     }
 
-    /// Where a side of a pair is at the end of the step.
+    /// Returns the pose of a side of a pair at the end of the step.
     pub fn final_pose(&self, side: Side) -> Pose3 {
         match side {
             Side::Body(body) => {
@@ -205,7 +205,7 @@ impl MedialStep {
         }
     }
 
-    /// Pose of the second side of a pair in the frame of the first at the end of the step, where its manifolds are.
+    /// Returns the pose of the second side of a pair in the frame of the first at the end of the step, to which its manifolds refer.
     pub fn final_pose12(&self, pair: &Pair) -> Pose3 {
         relative_pose([pair.first, pair.second].map(|side| {
             let order = match side {
@@ -216,7 +216,7 @@ impl MedialStep {
         }))
     }
 
-    /// Runs the pipeline. The filter is asked about each pair that may collide.
+    /// Runs the pipeline. The filter is called for each pair that may collide.
     pub(crate) fn run(&mut self, filter: impl Fn(&Self, Side, Side) -> Meeting) {
         self.input.culling = if self.settings.brute_force { Culling::None } else { Culling::Hybrid };
         self.input.stop_at_impact = self.settings.stop_at_impact;
@@ -250,12 +250,12 @@ impl MedialStep {
         }
     }
 
-    /// What the GPU has found, if it was asked, and how long it took.
+    /// Returns the pairs that the GPU has found, and the time that it took. None if the CPU culls the step.
     #[cfg(feature = "gpu")]
     fn cull(&mut self) -> Option<(Vec<Candidates>, Duration)> {
         (self.gpu_latency, self.gpu_departed) = (None, 0);
         self.gpu_times.clear();
-        // As many as in the step before.
+        // The number is that of the previous step.
         let pairs = self.output.counts.primitive_pairs;
         if self.input.culling == Culling::None || !self.gpu.is_wanted(self.settings.backend, pairs) {
             return None;
@@ -265,7 +265,7 @@ impl MedialStep {
         Some((candidates, clock.elapsed()))
     }
 
-    /// The pairs of this step, which the GPU finds meanwhile.
+    /// Returns the pairs of this step, and waits for the GPU.
     #[cfg(feature = "gpu")]
     fn wait(&mut self) -> Option<Vec<Candidates>> {
         let (candidates, times) = self.gpu.cull(self.settings.backend, &self.input, &self.statics)?;
@@ -274,7 +274,7 @@ impl MedialStep {
         Some(candidates)
     }
 
-    /// The pairs of this step, by what the GPU has found by looking ahead.
+    /// Returns the pairs of this step, from the latest answer to a prediction.
     #[cfg(feature = "gpu")]
     fn look_up(&mut self) -> Option<Vec<Candidates>> {
         let pool = ComputeTaskPool::get_or_init(Default::default);
@@ -288,7 +288,7 @@ impl MedialStep {
         Some(candidates)
     }
 
-    /// Asks the GPU to look at the next steps.
+    /// Passes a prediction of the next steps to the GPU.
     #[cfg(feature = "gpu")]
     fn look_ahead(&mut self, pairs: usize) {
         let asks = self.gpu.looks_ahead(&self.settings) && self.gpu.is_wanted(self.settings.backend, pairs);
@@ -307,13 +307,13 @@ impl MedialStep {
         None
     }
 
-    /// Time of each pass on the GPU of the answer that the last step went by; none if the CPU has culled it, or the device cannot tell.
+    /// Time of each GPU pass of the answer that the last step used. Empty if the CPU culled the step, or if the device cannot measure times.
     #[cfg(feature = "gpu")]
     pub fn gpu_times(&self) -> &[(&'static str, Duration)] {
         &self.gpu_times
     }
 
-    /// The passes on the GPU that are waited for, once they have been asked for: counts and times of the last step that they culled.
+    /// The GPU passes of steps that wait for them, after their first use, with counts and times of the last step that they culled.
     #[cfg(feature = "gpu")]
     pub fn gpu_culling(&self) -> Option<&crate::gpu::GpuCulling> {
         self.gpu.culling()

@@ -1,4 +1,4 @@
-//! Without rapier: bodies move as their transforms say, from one frame to the next, and nothing stops them. Messages tell what they hit.
+//! Collision without rapier: transforms move the bodies from one frame to the next, and impacts do not stop them. Messages report the impacts and contacts.
 
 use std::collections::{HashMap, HashSet};
 
@@ -29,7 +29,7 @@ pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
     )
     .add_systems(schedule, (gather_statics, detect).chain().in_set(MedialSystems::Detect))
     .add_observer(forget_level);
-    // Elsewhere nobody has told bodies yet where their transforms put them.
+    // In other schedules, transforms have not been propagated yet.
     if schedule != PostUpdate.intern() {
         app.init_resource::<StaticTransformOptimizations>().add_systems(
             schedule,
@@ -40,42 +40,42 @@ pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
     }
 }
 
-/// Where something is, and its scale; none of what cannot be computed with.
+/// Returns pose and scale. None if they are not finite or too large.
 fn pose_of(transform: &GlobalTransform) -> Option<(Pose3, Vec3)> {
     let (scale, rotation, translation) = transform.to_scale_rotation_translation();
     let sound = is_sound_pose(&Pose3::from_parts(translation, rotation)) && is_bounded(scale);
-    // That of a stretched parent and a turned child is of no unit length.
+    // The rotation of a turned child of a stretched parent is not of unit length.
     sound.then(|| (Pose3::from_parts(translation, rotation.normalize()), scale))
 }
 
-/// The same of a medial mesh, which has one scale.
+/// The same for a medial mesh, which has one scale.
 fn uniform_pose_of(transform: &GlobalTransform) -> Option<(Pose3, f32)> {
     pose_of(transform).filter(|(_, scale)| is_uniform(*scale)).map(|(pose, scale)| (pose, scale.x))
 }
 
-/// What was told of entities that cannot be placed.
+/// Entities that cannot be placed. This has been logged.
 #[derive(Default)]
 struct Refused(HashSet<Entity>);
 
 impl Refused {
-    /// Tells once of each that it collides with nothing, until it can be placed.
+    /// Logs once for each entity that it collides with nothing, until it can be placed.
     fn check<T>(&mut self, name: NameOrEntityItem, transform: &GlobalTransform, placed: Option<T>) -> Option<T> {
         if placed.is_some() {
             self.0.remove(&name.entity);
         } else if self.0.insert(name.entity) {
             let transform = transform.compute_transform();
             error!(
-                "{name}: it collides with nothing at {transform:?}; give it finite values and, if it has a medial mesh, a uniform, positive scale"
+                "{name}: the entity collides with nothing at {transform:?}; give it finite values and, if it has a medial mesh, a uniform, positive scale"
             );
         }
         placed
     }
 }
 
-/// How exact a body has to be, and the level of detail that it has been told.
+/// Components that determine the accuracy of a body, and its current level of detail.
 type Told = (Detail, Option<&'static MedialLevel>);
 
-/// The shape of an entity that is loaded and can be placed, and where it is. The entity is told its level of detail, and that it has none otherwise.
+/// Returns pose and shape of an entity that is loaded and can be placed. The entity gets its level of detail; without a shape the level is removed.
 fn place(
     commands: &mut Commands,
     refused: &mut Refused,
@@ -99,12 +99,12 @@ fn place(
     Some((pose, Shape { axis: axis.level(level).clone(), scale }))
 }
 
-/// A level of detail goes with the shape.
+/// Removes the level of detail together with the shape.
 fn forget_level(removed: On<Remove, MedialMesh>, mut commands: Commands) {
     commands.entity(removed.entity).try_remove::<MedialLevel>();
 }
 
-/// A static, by all that its place in the hierarchy depends on.
+/// A static, with all values on which its place in the hierarchy depends.
 #[derive(Clone, PartialEq)]
 struct Known {
     entity: Entity,
@@ -114,7 +114,7 @@ struct Known {
 
 #[derive(Clone)]
 enum KnownSolid {
-    /// A box by its half extents.
+    /// A box with these half extents.
     Box(Vec3),
     Medial(Shape),
 }
@@ -159,7 +159,7 @@ fn gather_statics(
         };
         found.push(Known { entity, pose, solid });
     }
-    // Who sets the resource anew has lost them.
+    // The resource may have been replaced, and its statics are gone then.
     if found == *known && step.static_infos.len() == found.len() {
         return;
     }
@@ -226,12 +226,12 @@ mod tests {
         let child = Transform::from_rotation(Quat::from_rotation_x(0.25 * std::f32::consts::PI));
         let place = GlobalTransform::from(parent) * child;
         let told = place.to_scale_rotation_translation().1.length();
-        assert!((told - 1.0).abs() > 1e-3, "{told}: nothing to put right");
+        assert!((told - 1.0).abs() > 1e-3, "{told}: the rotation has unit length already");
         let (pose, _) = pose_of(&place).unwrap();
         assert!(pose.rotation.is_normalized());
     }
 
-    /// An app without rapier, each of whose updates is 1/60 s.
+    /// An app without rapier. Each update takes 1/60 s.
     fn app() -> App {
         app_with(MedialPhysicsPlugin { add_systems, ..default() })
     }
@@ -249,7 +249,7 @@ mod tests {
         app.world_mut().spawn((MedialMesh(ball), Transform::from_xyz(x, 0.0, 0.0))).id()
     }
 
-    /// A wall of 2 cm.
+    /// A wall of 2 cm thickness.
     fn wall(app: &mut App) -> Entity {
         app.world_mut().spawn((StaticObb::new(0.01, 1.0, 1.0), Transform::default())).id()
     }
@@ -259,7 +259,7 @@ mod tests {
         app.update();
     }
 
-    /// What has been told so far.
+    /// Returns all messages so far.
     fn told(app: &App) -> (Vec<MedialContactStarted>, Vec<MedialContactEnded>) {
         let world = app.world();
         let started = MessageCursor::default().read(world.resource::<Messages<_>>()).copied().collect();
@@ -277,7 +277,7 @@ mod tests {
         let (started, ended) = told(&app);
         let [hit] = started[..] else { panic!("{started:?}") };
         assert_eq!((hit.entity1, hit.entity2, hit.sensor, ended.len()), (ball, wall, false, 0));
-        // Its side has two metres to go, and meets the wall after 89 cm.
+        // Its surface moves by two metres and meets the wall after 89 cm.
         assert!((hit.touch.fraction - 0.445).abs() < 1e-3, "{hit:?}");
         assert!(
             hit.touch.normal.distance(Vec3::X) < 1e-4 && (hit.touch.approach_speed - 120.0).abs() < 0.01,
@@ -305,19 +305,19 @@ mod tests {
             scale(&mut app, 1.0);
             assert!(has_level(&app));
             scale(&mut app, 0.0);
-            assert!(!has_level(&app), "it is too small to collide with anything");
+            assert!(!has_level(&app), "an entity without size has a level");
             scale(&mut app, 1.0);
             assert!(has_level(&app));
         }
         let mesh = app.world().get::<MedialMesh>(ball).unwrap().clone();
         app.world_mut().resource_mut::<Assets<MedialAxis>>().remove(&mesh.0).unwrap();
         app.update();
-        assert!(!has_level(&app), "its shape is taken out");
+        assert!(!has_level(&app), "an entity without its asset has a level");
         app.world_mut().resource_mut::<Assets<MedialAxis>>().insert(&mesh.0, MedialAxis::sphere(0.2).unwrap()).unwrap();
         app.update();
         assert!(has_level(&app));
         app.world_mut().entity_mut(ball).remove::<MedialMesh>();
-        assert!(!has_level(&app), "it has no shape");
+        assert!(!has_level(&app), "an entity without a shape has a level");
     }
 
     #[test]
@@ -353,7 +353,7 @@ mod tests {
     #[test]
     fn in_the_fixed_schedule_each_step_sees_its_own_part_of_the_way() {
         let mut app = app_with(MedialPhysicsPlugin { add_systems, ..default() }.in_fixed_schedule());
-        // Two steps in each update.
+        // Each update has two steps.
         app.insert_resource(Time::<Fixed>::from_hz(120.0));
         let ball = ball(&mut app, 0.0);
         app.add_systems(
@@ -432,7 +432,7 @@ mod tests {
         assert_eq!(app.world().resource::<MedialStep>().statics.bodies().len(), 2);
     }
 
-    /// As hierarchies of transforms with uneven scales make them.
+    /// Hierarchies of transforms with uneven scales cause such rotations.
     #[test]
     fn a_wall_without_a_proper_rotation_is_a_wall() {
         let mut app = app();
@@ -441,7 +441,7 @@ mod tests {
         app.world_mut().spawn(Transform::from_scale(Vec3::new(1.0, 1.3, 1.0))).add_child(wall);
         app.update();
         let rotation = app.world().get::<GlobalTransform>(wall).unwrap().rotation();
-        assert!(!rotation.is_normalized(), "{rotation} is a rotation");
+        assert!(!rotation.is_normalized(), "{rotation} is normalized");
         place(&mut app, ball, 1.0);
         assert_eq!(told(&app).0.len(), 1);
     }

@@ -1,4 +1,4 @@
-//! The published scheme of medial continuous collision detection, as a baseline to compare with. Not used by the pipeline.
+//! The published scheme of medial continuous collision detection, as a baseline for comparison. The pipeline does not use it.
 
 use glam::{DVec3, Vec3};
 
@@ -10,11 +10,11 @@ use crate::geometry::Sphere;
 
 /// Time of impact by alternation (Song et al., the continuous test that the paper builds on).
 ///
-/// Starting at the end of the step: the nearest pair of spheres at that instant, then the first contact of these two
-/// spheres, moving as they do, or their time of closest approach where they never touch; repeated at most 8 times or until
-/// the time moves by less than 1e-5. No contact if the last pair of spheres never touches, or if the time is 0.
+/// The search starts at the end of the step. Each iteration finds the nearest pair of spheres at the current time, then the first contact of
+/// these two moving spheres, or their time of closest approach if they never touch. It stops after 8 iterations, or when
+/// the time changes by less than 1e-5. There is no contact if the last pair of spheres never touches, or if the time is 0.
 ///
-/// It misses hits, reports some late and others that never happen, and drops overlaps at the start.
+/// The scheme misses hits, reports late hits and false positives, and ignores overlaps at the start.
 pub fn alternating<const N: usize, const M: usize>(first: &Moving<N>, second: &Moving<M>) -> TimeOfImpact {
     let mut fraction = 1.0;
     let mut rounds = 0;
@@ -36,14 +36,14 @@ pub fn alternating<const N: usize, const M: usize>(first: &Moving<N>, second: &M
     }
 }
 
-/// Start and displacement of a sphere of the primitive, given where it is now, by its barycentric weights.
+/// Start and displacement of a sphere of the primitive, given its state at some instant. Both are interpolated by its barycentric weights.
 fn trace<const N: usize>(moving: &Moving<N>, now: &[Sphere; N], sphere: &Sphere) -> (Vec3, Vec3) {
     let weights = weights(now, sphere.center);
     let mix = |value: &dyn Fn(usize) -> Vec3| (0..N).map(|i| value(i) * weights[i]).sum();
     (mix(&|i| moving.start[i].center), mix(&|i| moving.motion[i]))
 }
 
-/// Barycentric weights of a point of the centres' hull.
+/// Barycentric weights of a point in the hull of the centres.
 fn weights<const N: usize>(spheres: &[Sphere; N], point: Vec3) -> [f32; N] {
     let mut weights = [0.0; N];
     weights[0] = 1.0;
@@ -65,8 +65,8 @@ fn weights<const N: usize>(spheres: &[Sphere; N], point: Vec3) -> [f32; N] {
     weights
 }
 
-/// When two spheres at `offset` from each other, which changes by `motion` over the step, touch first within it, or else
-/// come closest; and whether they touch.
+/// First contact of two spheres during the step, or else their closest approach, and whether they touch. `offset` is their distance vector at the
+/// start, `motion` its change over the step.
 fn approach(offset: Vec3, motion: Vec3, radii: f32) -> (f32, bool) {
     let speed_squared = motion.length_squared();
     if speed_squared == 0.0 {

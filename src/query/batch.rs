@@ -1,4 +1,4 @@
-//! Times of impact of many pairs at once, eight or sixteen side by side.
+//! Times of impact of many pairs at once, in eight or sixteen SIMD lanes.
 
 use fearless_simd::{Level, Simd, dispatch, f32x4, f32x8, f32x16, prelude::*};
 
@@ -12,32 +12,32 @@ use crate::constants::{CONTACT_ROUNDING, LEAST_SQUARE, MAX_LANE_ADVANCES, TOUCH_
 /// Two moving primitives.
 pub type MovingPair<const N: usize, const M: usize> = (Moving<N>, Moving<M>);
 
-/// When two primitives touch first: a [`TimeOfImpact`](super::TimeOfImpact) without the contact.
+/// First touch of two primitives: a [`TimeOfImpact`](super::TimeOfImpact) without the contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Touch {
     /// How the search ended.
     pub status: TimeOfImpactStatus,
-    /// Fraction of the step; the greatest one if they stay apart.
+    /// Fraction of the step; the largest fraction searched if the primitives stay apart.
     pub fraction: f32,
 }
 
-/// The first touch of each pair in `[0, max_fraction]`, in order: what [`time_of_impact`](super::time_of_impact) finds but for rounding, in a
+/// The first touch of each pair in `[0, max_fraction]`, in order. Results equal those of [`time_of_impact`](super::time_of_impact) up to rounding, in a
 /// fraction of its time.
 ///
-/// Each pair is on its own: its result is the same bits whatever other pairs there are, and on every machine.
+/// The result of a pair depends neither on the other pairs nor on the machine, down to the last bit.
 pub fn times_of_impact<const N: usize, const M: usize>(pairs: &[MovingPair<N, M>], max_fraction: f32) -> Vec<Touch> {
     at_level(Level::new(), pairs, max_fraction)
 }
 
-/// With the vectors of one kind of machine.
+/// The same with the vector instructions of one level.
 fn at_level<const N: usize, const M: usize>(level: Level, pairs: &[MovingPair<N, M>], max_fraction: f32) -> Vec<Touch> {
     let mut touches = vec![Touch { status: TimeOfImpactStatus::Separated, fraction: max_fraction }; pairs.len()];
     dispatch!(level, simd => run_native(simd, pairs, max_fraction, &mut touches));
     touches
 }
 
-/// As many side by side as the machine's vectors hold, but eight at least: two of four have chains of operations that overlap, more would not fit
-/// into the registers.
+/// Uses as many lanes as the machine's vectors hold, but at least eight. With vectors of four, two vectors hide the latency of each other's operations;
+/// more would not fit into the registers.
 #[inline(always)]
 fn run_native<S: Simd, const N: usize, const M: usize>(
     simd: S,
@@ -52,11 +52,11 @@ fn run_native<S: Simd, const N: usize, const M: usize>(
     }
 }
 
-/// As many numbers side by side as there are pairs.
+/// A SIMD vector with one number per pair.
 trait Lanes<S: Simd>:
     Number<Mask: SimdMask<S>> + SimdBase<S, Element = f32> + SimdWiden<S, Widened: SimdBase<S, Element = f64>>
 {
-    /// Of vectors of four.
+    /// Joins vectors of four numbers.
     fn of_fours(four: impl Fn(usize) -> f32x4<S>) -> Self;
 }
 
@@ -74,7 +74,7 @@ impl<S: Simd> Lanes<S> for f32x16<S> {
     }
 }
 
-/// Advances the pairs in lanes, and fills each lane that is done with the next pair. `touches`: separated, as far as nothing else is found.
+/// Advances the pairs in lanes, and refills each finished lane with the next pair. `touches` must be initialized as separated; only other results are written.
 #[inline(always)]
 fn run<S: Simd, R: Lanes<S>, const L: usize, const N: usize, const M: usize>(
     simd: S,
@@ -85,7 +85,7 @@ fn run<S: Simd, R: Lanes<S>, const L: usize, const N: usize, const M: usize>(
     let mut searches = Searches::<L, N, M>::new();
     let mut owners = [0; L];
     let mut busy = 0u64;
-    // The next pairs, and which of them are still to go to a lane.
+    // The next loaded pairs, and a bit mask of those that wait for a lane.
     let mut waiting = Searches::<L, N, M>::new();
     let (mut first_waiting, mut left) = (0, 0u64);
     let mut rest = pairs;
@@ -100,7 +100,7 @@ fn run<S: Simd, R: Lanes<S>, const L: usize, const N: usize, const M: usize>(
                 rest = later;
                 let apart = match now.as_array() {
                     Some(full) => waiting.load::<S, R>(simd, full, max_fraction),
-                    // The lanes of what is missing are like the last.
+                    // Missing pairs are filled with copies of the last one.
                     None => waiting.load::<S, R>(simd, &each(|lane| now[lane.min(now.len() - 1)]), max_fraction),
                 };
                 left = ((1 << now.len()) - 1) & !apart;
@@ -132,7 +132,7 @@ fn run<S: Simd, R: Lanes<S>, const L: usize, const N: usize, const M: usize>(
     }
 }
 
-/// The search from where it is after some rounds, by the scalar kernel.
+/// Continues the search of one pair with the scalar kernel, from the time `cleared` and after `rounds` iterations.
 #[inline(never)]
 fn alone<const N: usize, const M: usize>(
     (first, second): &MovingPair<N, M>,
@@ -145,24 +145,24 @@ fn alone<const N: usize, const M: usize>(
     Touch { status: found.status, fraction }
 }
 
-/// Which searches end in a round; a bit for each lane.
+/// The searches that end in an iteration, one bit per lane.
 struct Ends {
     touch: u64,
     apart: u64,
-    /// Those for the scalar kernel: they take many rounds, or rounding hides how far they are apart.
+    /// Searches for the scalar kernel: they took many iterations, or rounding hides the distance.
     unclear: u64,
 }
 
-/// A sphere at an instant, and its displacement over the step.
+/// A sphere at an instant, and its displacement over the step in metres.
 type Mover<R> = (Ball<R>, Vector<R>);
 
-/// A sphere of each pair on its way.
+/// One moving sphere of each pair.
 #[derive(Clone, Copy)]
 struct Spheres<const L: usize> {
-    /// Centres at the start of the step relative to the first sphere of the first side there, in f64: sums and products of the f32 input are all
-    /// but exact.
+    /// Centres at the start of the step, relative to the first sphere of the first side at that time. In f64, where sums and products of the f32 input
+    /// are nearly exact.
     start: [[f64; L]; 3],
-    /// Displacements over the step relative to that sphere's.
+    /// Displacements over the step, relative to the displacement of that sphere.
     motion: [[f64; L]; 3],
     radius: [f32; L],
 }
@@ -211,18 +211,18 @@ fn halves<S: Simd, R: Lanes<S>, const L: usize>(simd: S, numbers: &[f64; L]) -> 
     [R::Widened::from_slice(simd, a), R::Widened::from_slice(simd, b)]
 }
 
-/// Pairs on their way.
+/// Searches in progress, one pair per lane.
 struct Searches<const L: usize, const N: usize, const M: usize> {
-    /// Of the first of them only the radius counts: it is at the origin.
+    /// Only the radius of the first of these spheres is used, because the sphere is the origin.
     first: [Spheres<L>; N],
     second: [Spheres<L>; M],
-    /// The larger side's extent.
+    /// Extent of the larger side.
     extent: [f32; L],
-    /// Until when nothing touches.
+    /// Fraction of the step until which the pair does not touch.
     fraction: [f32; L],
-    /// The instant at which the next round looks: that one or a later one.
+    /// The instant that the next iteration examines: `fraction` or later.
     look: [f32; L],
-    /// Rounds so far.
+    /// Number of iterations so far.
     rounds: [f32; L],
 }
 
@@ -238,7 +238,7 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         }
     }
 
-    /// Loads pairs, and puts `fraction` where two directions show that nothing touches until then. A bit for each pair that stays apart.
+    /// Loads pairs, and sets `fraction` to the time until which two directions prove them apart. Returns a bit for each pair that stays apart.
     #[inline(always)]
     fn load<S: Simd, R: Lanes<S>>(&mut self, simd: S, pairs: &[MovingPair<N, M>; L], max_fraction: f32) -> u64 {
         let first = columns::<S, R, N>(
@@ -270,7 +270,7 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         apart
     }
 
-    /// Begins the search of a pair that was loaded.
+    /// Starts the search of a loaded pair.
     #[inline(always)]
     fn copy(&mut self, lane: usize, from: &Self, from_lane: usize) {
         self.first[0].radius[lane] = from.first[0].radius[from_lane];
@@ -286,7 +286,7 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         self.rounds[lane] = 0.0;
     }
 
-    /// The spheres at an instant, and their motions.
+    /// The spheres at an instant, and their displacements.
     #[inline(always)]
     fn at<S: Simd, R: Lanes<S>>(&self, simd: S, fraction: R) -> ([Mover<R>; N], [Mover<R>; M]) {
         let (early, late) = fraction.widen();
@@ -310,10 +310,10 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         )
     }
 
-    /// One round of conservative advancement, from both sides. The direction in which the primitives are nearest at `look` clears the time from `fraction`
-    /// on until the first of the gaps along it closes, if none is closed at `fraction`. The spheres that are nearest at `look` move on, and the primitives
-    /// touch by the time these do: if that is when the gap closes, it is the first touch. If not, the next round looks at when they meet, or pass: the
-    /// direction there is nearly that of the touch.
+    /// One iteration of conservative advancement, with bounds from both sides. The direction of least distance at `look` clears the time from `fraction` until
+    /// the first gap along it closes, if all gaps are open at `fraction`. The nearest spheres at `look` bound the first touch from above: the primitives touch
+    /// at the latest when these spheres do. If both times agree, that is the first touch. Otherwise the next iteration looks at the time when the spheres touch
+    /// or pass, because the direction at that time is close to the direction of the touch.
     #[inline(always)]
     fn advance<S: Simd, R: Lanes<S>>(&mut self, simd: S, max_fraction: f32) -> Ends {
         let [fraction, look, extent, rounds] = each(
@@ -326,7 +326,7 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         let tolerance = R::select(fraction.at_most(zero), zero.like(CONTACT_ROUNDING), zero.like(TOUCH_ROUNDING));
         let touching = extent * tolerance;
         let (clear, until) = cleared(&first, &second, normal, zero, touching, look - fraction);
-        // From far ahead, rounding may lead back.
+        // If `look` is far ahead of `fraction`, rounding may yield a time before `fraction`.
         let next = R::select(clear, fraction.greater(look + until), fraction);
         let apart = max.less(next);
 
@@ -335,7 +335,7 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         let (from, way) = (ball2.center - ball1.center, motion2 - motion1);
         let radii = ball1.radius + ball2.radius;
         let reach = radii + extent * zero.like(TOUCH_ROUNDING);
-        // Farther apart, rounding is more than what counts as touching.
+        // For a larger distance the rounding error exceeds the tolerance of a touch.
         let met = (from + way * until).length_squared().at_most(reach * reach) & upper.at_most(extent) & clear;
         let (approach, speed_squared) = (-from.dot(way), way.length_squared());
         let discriminant = approach * approach - speed_squared * (from.length_squared() - radii * radii);
@@ -356,8 +356,8 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
     }
 }
 
-/// Until when two directions show that nothing touches, and whether that is the whole step: that between the middles of both sides at the start, and
-/// that when the middles are nearest to each other.
+/// Time until which two directions prove the pair apart, and whether that is the whole step. The directions join the centroids of both sides, at the
+/// start and at their closest approach.
 #[inline(always)]
 fn depart<R: Number, const N: usize, const M: usize>(
     first: &[Mover<R>; N],
@@ -389,9 +389,9 @@ fn depart<R: Number, const N: usize, const M: usize>(
     (fraction, zero.like(max_fraction).less(fraction))
 }
 
-/// Whether both sides are more than `margin` apart along a direction at the time `back` before this instant, and how long after this instant, if less than
-/// none before it, the gap is closed; false and none if rounding hides where the direction leads. Spheres count as larger by `rounding`. Relative to
-/// the first sphere of the first side.
+/// Returns true if both sides are more than `margin` apart along a direction at the time `back` before this instant. Also returns the time from this instant
+/// until the gap closes, negative if it closes earlier. Returns false and zero if the direction is too short to be accurate. Radii of the first side are
+/// enlarged by `rounding`. Coordinates are relative to the first sphere of the first side.
 #[inline(always)]
 fn cleared<R: Number, const N: usize, const M: usize>(
     first: &[Mover<R>; N],
@@ -402,7 +402,7 @@ fn cleared<R: Number, const N: usize, const M: usize>(
     back: R,
 ) -> (R::Mask, R) {
     let zero = rounding.like(0.0);
-    // Gaps and motions are those along the unit vector times this: their ratios, the times, are the same.
+    // Gaps and motions are scaled by the length of `direction`, which cancels in their ratios, the times.
     let length_squared = direction.length_squared();
     let length = length_squared.sqrt();
     let high: [_; N] = each(
@@ -413,7 +413,7 @@ fn cleared<R: Number, const N: usize, const M: usize>(
             if i == 0 { (reach, zero) } else { (ball.center.dot(direction) + reach, motion.dot(direction)) }
         },
     );
-    // The least gap, and that closed first: a division is as dear as a dozen products.
+    // The smallest gap, and the gap that closes first. Times are compared by products, because a division costs as much as a dozen products.
     let mut least = rounding.like(f32::INFINITY);
     let (mut next_gap, mut next_closing) = (least, rounding.like(1.0));
     for (ball, motion) in second {
@@ -432,7 +432,7 @@ fn cleared<R: Number, const N: usize, const M: usize>(
     (clear, R::select(clear, next_gap / next_closing, zero))
 }
 
-/// The spheres of the primitives, and their motions.
+/// The spheres of the primitives and their displacements, one pair per lane.
 #[inline(always)]
 fn columns<'p, S: Simd, R: Lanes<S>, const N: usize>(
     simd: S,
@@ -457,10 +457,10 @@ fn columns<'p, S: Simd, R: Lanes<S>, const N: usize>(
     )
 }
 
-/// The columns of a matrix with a row for each lane.
+/// The columns of a matrix with one row per lane.
 #[inline(always)]
 fn transposed<S: Simd, R: Lanes<S>>(simd: S, row: impl Fn(usize) -> [f32; 4]) -> [R; 4] {
-    // Of those that a vector has less of, nothing is made.
+    // An eight-lane vector has two groups of four: the other groups are zero and unused.
     let fours: [_; 4] = each(
         #[inline(always)]
         |four| if 4 * four < R::LEN { transposed_from(simd, &row, 4 * four) } else { [f32x4::splat(simd, 0.0); 4] },
@@ -476,7 +476,7 @@ fn transposed<S: Simd, R: Lanes<S>>(simd: S, row: impl Fn(usize) -> [f32; 4]) ->
     )
 }
 
-/// The same of four, from one on.
+/// The same for the four lanes that start at `from`.
 #[inline(always)]
 fn transposed_from<S: Simd>(simd: S, row: &impl Fn(usize) -> [f32; 4], from: usize) -> [f32x4<S>; 4] {
     let [a, b, c, d] = each(
@@ -487,7 +487,7 @@ fn transposed_from<S: Simd>(simd: S, row: &impl Fn(usize) -> [f32; 4], from: usi
     [ac.0.zip_low(bd.0), ac.0.zip_high(bd.0), ac.1.zip_low(bd.1), ac.1.zip_high(bd.1)]
 }
 
-/// A vector of differences, all but exact and rounded.
+/// Stores the differences `a - b` in f64, where they are nearly exact.
 #[inline(always)]
 fn differences<S: Simd, R: Lanes<S>, const L: usize>(into: &mut [[f64; L]; 3], a: Vector<R>, b: Vector<R>) {
     for (into, (a, b)) in into.iter_mut().zip([(a.x, b.x), (a.y, b.y), (a.z, b.z)]) {
@@ -498,7 +498,7 @@ fn differences<S: Simd, R: Lanes<S>, const L: usize>(into: &mut [[f64; L]; 3], a
     }
 }
 
-/// As [`Convex::extent`](super::Convex::extent).
+/// The same as [`Convex::extent`](super::Convex::extent).
 #[inline(always)]
 fn extent<R: Number, const N: usize>(spheres: &[Mover<R>; N]) -> R {
     let (first, _) = spheres[0];
@@ -510,7 +510,7 @@ fn extent<R: Number, const N: usize>(spheres: &[Mover<R>; N]) -> R {
     spread.sqrt() + radius
 }
 
-/// The mean of a primitive's spheres' vectors.
+/// The mean of a vector over a primitive's spheres.
 #[inline(always)]
 fn middle<T, R: Number, const N: usize>(spheres: &[T; N], vector: impl Fn(&T) -> Vector<R>) -> Vector<R> {
     let mut sum = vector(&spheres[0]);
@@ -520,7 +520,7 @@ fn middle<T, R: Number, const N: usize>(spheres: &[T; N], vector: impl Fn(&T) ->
     sum * sum.x.like(1.0 / N as f32)
 }
 
-/// The spheres as they are at the instant.
+/// The spheres at the instant, without their displacements.
 #[inline(always)]
 fn balls<R: Number, const N: usize>(spheres: &[Mover<R>; N]) -> [Ball<R>; N] {
     each(
@@ -529,7 +529,7 @@ fn balls<R: Number, const N: usize>(spheres: &[Mover<R>; N]) -> [Ball<R>; N] {
     )
 }
 
-/// The sphere of a primitive at barycentric weights.
+/// The interpolated sphere of a primitive at barycentric weights.
 #[inline(always)]
 fn at_weights<R: Number, const N: usize>(spheres: &[Mover<R>; N], weights: [R; N]) -> Mover<R> {
     let (base, base_motion) = spheres[0];
@@ -548,7 +548,7 @@ mod tests {
     use super::*;
     use crate::{geometry::Sphere, random::Random};
 
-    /// Random pairs of about unit size, of which some meet.
+    /// Random pairs of about unit size; some of them meet.
     fn pairs<const N: usize, const M: usize>() -> Vec<MovingPair<N, M>> {
         let mut random = Random(1);
         let mut vector = || random.in_cube();

@@ -1,4 +1,4 @@
-//! Where two primitives are nearest to each other, with the same operations for all: many pairs go side by side.
+//! The nearest spheres of two primitives by a fixed sequence of operations without branches, so that many pairs run in SIMD lanes.
 
 use super::{
     nearest::{Edge, Face},
@@ -6,7 +6,7 @@ use super::{
     separation::edges,
 };
 
-/// The least distance of two primitives, or more, a direction from the first to the second where they are that near, and which spheres are.
+/// Upper bound of the distance of two primitives, a direction from the first to the second at that distance, and the weights of the two spheres.
 #[inline(always)]
 pub(super) fn nearest<R: Number, const N: usize, const M: usize>(
     first: &[Ball<R>; N],
@@ -27,7 +27,7 @@ pub(super) fn nearest<R: Number, const N: usize, const M: usize>(
         #[inline(always)]
         |i| Edge::new(second[i], second[(i + 1) % M]),
     );
-    // Where there is a cone, the two ends that face each other are less work than every end. Two slabs have nine pairs of edges.
+    // With a cone, the two facing ends of each pair of edges are less work than all ends. Two slabs have nine pairs of edges, so all ends are less work.
     let facing = N.min(M) == 2;
     if !facing {
         for (i, ball) in first.iter().enumerate() {
@@ -77,7 +77,7 @@ pub(super) fn nearest<R: Number, const N: usize, const M: usize>(
     best
 }
 
-/// The weights of a vertex.
+/// Barycentric weights of a vertex.
 #[inline(always)]
 fn at_vertex<R: Number, const N: usize>(i: usize, zero: R) -> [R; N] {
     each(
@@ -86,7 +86,7 @@ fn at_vertex<R: Number, const N: usize>(i: usize, zero: R) -> [R; N] {
     )
 }
 
-/// The weights of a sphere of the edge from a vertex to the next.
+/// Barycentric weights of a sphere on the edge from a vertex to the next.
 #[inline(always)]
 fn on_edge<R: Number, const N: usize>(i: usize, t: R) -> [R; N] {
     each(
@@ -103,7 +103,7 @@ fn on_edge<R: Number, const N: usize>(i: usize, t: R) -> [R; N] {
     )
 }
 
-/// The weights of a sphere of a slab's face; only slabs have one.
+/// Barycentric weights of a sphere on a slab's face. Only slabs have a face.
 #[inline(always)]
 fn on_face<R: Number, const N: usize>(weights: [R; 3]) -> [R; N] {
     each(
@@ -112,11 +112,11 @@ fn on_face<R: Number, const N: usize>(weights: [R; 3]) -> [R; N] {
     )
 }
 
-/// The nearest so far.
+/// The nearest pair of spheres found so far.
 pub(super) struct Nearest<R, const N: usize, const M: usize> {
-    /// The distance of the two spheres: the primitives' or more.
+    /// The distance of the two spheres: an upper bound of the primitives' distance.
     pub upper: R,
-    /// From the first to the second, of any length.
+    /// Direction from the first to the second, of any length.
     pub normal: Vector<R>,
     /// Barycentric weights of the two spheres in their primitives.
     pub weights: ([R; N], [R; M]),
@@ -146,7 +146,7 @@ impl<R: Number, const N: usize, const M: usize> Nearest<R, N, M> {
     }
 }
 
-/// An array of what `make` gives for each index: `std::array::from_fn`, inlined for certain.
+/// An array of the results of `make` for each index: `std::array::from_fn`, always inlined.
 #[inline(always)]
 pub(super) fn each<T: Copy, const N: usize>(make: impl Fn(usize) -> T) -> [T; N] {
     let mut made = [make(0); N];

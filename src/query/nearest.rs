@@ -1,14 +1,14 @@
-//! Closed forms: which sphere of a primitive is nearest to a point, or to a sphere of another primitive.
+//! Closed forms for the sphere of a primitive that is nearest to a point, or to a sphere of another primitive.
 //!
-//! "Nearest" is by the distance to the sphere's surface. Every function returns a sphere of the primitive, so that its distance is an
-//! upper bound of the true one however badly conditioned the input is.
+//! "Nearest" refers to the distance to the sphere's surface. Every function returns a sphere of the primitive, so its distance is an
+//! upper bound of the true distance however badly conditioned the input is.
 
 use glam::Vec3;
 
 use super::number::{Ball, Number, Vector};
 use crate::{constants::ILL_CONDITIONED, geometry::Sphere};
 
-/// Below this one there is none.
+/// Squared sine of the angle between two edges, below which they count as parallel and have no crossing.
 const PARALLEL: f32 = 1.0e-12;
 
 /// Distance of a point to a sphere's surface.
@@ -16,12 +16,12 @@ fn gap(point: Vec3, sphere: &Sphere) -> f32 {
     sphere.center.distance(point) - sphere.radius
 }
 
-/// Of two spheres the one nearer to `point`.
+/// The one of two spheres that is nearer to `point`.
 fn nearer(point: Vec3, a: Sphere, b: Sphere) -> Sphere {
     if gap(point, &b) < gap(point, &a) { b } else { a }
 }
 
-/// A medial cone, or an edge of a slab: what does not depend on the other side.
+/// A medial cone or an edge of a slab, with precomputed values that do not depend on the other side.
 #[derive(Clone, Copy)]
 pub(super) struct Edge<R: Number> {
     start: Ball<R>,
@@ -29,9 +29,9 @@ pub(super) struct Edge<R: Number> {
     growth: R,
     length_squared: R,
     inverse: R,
-    /// By how many axes the sphere nearest to a point is farther along, for each metre of the point's height above the axis.
+    /// Shift of the nearest sphere along the axis, in axis lengths, per metre of the point's height above the axis.
     slope: R,
-    /// False if one of the spheres holds the other.
+    /// False if one of the spheres contains the other.
     proper: R::Mask,
 }
 
@@ -58,10 +58,10 @@ impl<R: Number> Edge<R> {
         Ball { center: self.start.center + self.axis * t, radius: self.start.radius + self.growth * t }
     }
 
-    /// Where along the cone, from 0 to 1, the sphere is that is nearest to `point`; and whether it is one inside.
+    /// Parameter along the cone, from 0 to 1, of the sphere that is nearest to `point`, and whether it lies between the end spheres.
     ///
-    /// The foot of the perpendicular on the axis, shifted towards the larger end by the slope of the mantle:
-    /// with `h` the distance to the axis, by `h tan`, where `sin = (r_b - r_a) / length`.
+    /// It is the foot of the perpendicular on the axis, shifted towards the larger end by the slope of the mantle:
+    /// by `h tan(a)`, where `h` is the distance to the axis and `sin(a) = (r_b - r_a) / length`.
     #[inline(always)]
     pub fn nearest(&self, point: Vector<R>) -> (R, R::Mask) {
         let to_point = point - self.start.center;
@@ -73,24 +73,24 @@ impl<R: Number> Edge<R> {
         (R::select(self.proper, t.saturate(), larger), self.proper & zero.at_most(t) & t.at_most(one))
     }
 
-    /// Gap of a point to the nearest sphere, a vector along the normal there, towards the point, and where along the cone that sphere is.
+    /// Returns the gap between a point and the nearest sphere, a vector along the normal towards the point, and the sphere's parameter along the cone.
     #[inline(always)]
     pub fn gap(&self, point: Vector<R>) -> (R, Vector<R>, R) {
         let (t, inside) = self.nearest(point);
         let ball = self.at(t);
         let apart = point - ball.center;
         let length = apart.length();
-        // However near the axis the point is, along it the normal leans as the mantle does.
+        // The axial part of the normal follows from the slope of the mantle: `apart` is inaccurate for points near the axis.
         let lean = (apart.dot(self.axis) + self.growth * length) * self.inverse;
         let lean = R::select(inside, lean, lean.like(0.0));
         (length - ball.radius, apart - self.axis * lean, t)
     }
 
-    /// Where two edges' spheres are nearest to each other if that is inside of both.
+    /// The nearest spheres of two edges, if they lie inside both edges.
     ///
     /// With `u`, `v` the axes and `alpha`, `beta` the growth of the radii along them, the unit direction `n` from the second
     /// to the first satisfies `n . u = alpha`, `n . v = -beta` at an optimum inside both; its part in the plane of `u`
-    /// and `v` follows, and the distance of the axes' lines gives the rest.
+    /// to the first satisfies `n . u = alpha`, `n . v = -beta` at an optimum inside both. Its part in the plane of `u`
     #[inline(always)]
     pub fn crossing(&self, other: &Self) -> Crossing<R> {
         let (u, v) = (self.axis, other.axis);
@@ -118,19 +118,19 @@ impl<R: Number> Edge<R> {
 
 /// See [`Edge::crossing`].
 pub(super) struct Crossing<R: Number> {
-    /// Where along the two edges, from 0 to 1 if inside.
+    /// Parameters along the two edges, from 0 to 1 if inside.
     pub s: R,
     pub t: R,
     /// Unit direction from the second to the first.
     normal: Vector<R>,
-    /// The squares of both lengths and of the sine of the angle between them.
+    /// Product of both squared lengths and the squared sine of the angle between the edges.
     det: R,
-    /// False if there is none, as one sphere outdoes the others in every direction.
+    /// False if there is no such optimum, because one sphere extends farther than the others in every direction.
     proper: R::Mask,
 }
 
 impl<R: Number> Crossing<R> {
-    /// The gap, the normal, and whether it is inside of both.
+    /// Returns the gap, the normal, and whether the spheres lie inside both edges.
     #[inline(always)]
     pub fn gap(&self, edge1: &Edge<R>, edge2: &Edge<R>) -> (R, Vector<R>, R::Mask) {
         let (ball1, ball2) = (edge1.at(self.s), edge2.at(self.t));
@@ -139,8 +139,9 @@ impl<R: Number> Crossing<R> {
         ((ball2.center - ball1.center).length() - ball1.radius - ball2.radius, self.normal, inside & self.proper)
     }
 
-    /// Of each edge whether the end that faces the other edge is the second. As the gap is convex, the nearest spheres are among these ends and what is
-    /// nearest to them, unless they are inside of both. Of edges that are all but parallel it is the end towards which the gap of the middles falls.
+    /// For each edge, true if its second end faces the other edge. The gap is convex: unless the nearest spheres lie inside both edges, one of them is
+    /// a facing end and the other is the sphere nearest to it. For nearly parallel edges, the facing end is the one towards which the gap decreases from the
+    /// middles of the edges.
     #[inline(always)]
     pub fn facing(&self, edge1: &Edge<R>, edge2: &Edge<R>) -> [R::Mask; 2] {
         let (zero, half) = (self.s.like(0.0), self.s.like(0.5));
@@ -154,22 +155,22 @@ impl<R: Number> Crossing<R> {
     }
 }
 
-/// The face of a medial slab: what does not depend on the other side.
+/// The face of a medial slab, with precomputed values that do not depend on the other side.
 #[derive(Clone, Copy)]
 pub(super) struct Face<R: Number> {
     start: Ball<R>,
     sides: [Vector<R>; 2],
     growth: [R; 2],
-    /// Of the two sides: the first's square, their product, the second's square.
+    /// Dot products of the two sides: the first squared, first times second, the second squared.
     products: [R; 3],
     across: Vector<R>,
     det: R,
     inverse: R,
-    /// In-plane gradient of the radius, in sides.
+    /// In-plane gradient of the radius, in coordinates along the sides.
     gradient: [R; 2],
-    /// By how many gradients the sphere nearest to a point is farther on, for each length of `across` in the point's height above the plane.
+    /// Shift of the nearest sphere, in gradients, per unit of the dot product of `across` and the point's offset from `start`.
     steep: R,
-    /// False if there is no face: one sphere outdoes the others in every direction.
+    /// False if there is no face, because one sphere extends farther than the others in every direction.
     proper: R::Mask,
     flat: R,
 }
@@ -193,10 +194,10 @@ impl<R: Number> Face<R> {
         Self { start: a, sides, growth, products, across, det, inverse, gradient, steep, proper, flat }
     }
 
-    /// The sphere of the face's plane that is nearest to `point`: the weights of the corners.
+    /// Barycentric weights of the sphere in the face's plane that is nearest to `point`.
     ///
-    /// With `g` the in-plane gradient of the radius, the foot of the perpendicular on the centres' plane shifted by
-    /// `h g / sqrt(1 - |g|^2)`, `h` being the height above the plane.
+    /// With `g` the in-plane gradient of the radius and `h` the height above the plane, the sphere's centre is the foot of the
+    /// perpendicular on the centres' plane, shifted by `h g / sqrt(1 - |g|^2)`.
     #[inline(always)]
     pub fn nearest(&self, point: Vector<R>) -> [R; 3] {
         let to_point = point - self.start.center;
@@ -216,8 +217,8 @@ impl<R: Number> Face<R> {
         }
     }
 
-    /// Gap of a point to the nearest sphere, the unit normal there, towards the point, whether there is such a sphere inside the face, and the weights
-    /// of the corners.
+    /// Returns the gap between a point and the nearest sphere, the unit normal towards the point, whether this sphere lies inside the face, and its
+    /// barycentric weights.
     #[inline(always)]
     pub fn gap(&self, point: Vector<R>) -> (R, Vector<R>, R::Mask, [R; 3]) {
         let weights = self.nearest(point);
@@ -240,8 +241,8 @@ pub(super) fn on_cone(point: Vec3, [a, b]: [Sphere; 2]) -> Sphere {
     edge.at(t).into()
 }
 
-/// The sphere of the medial slab that is nearest to `point`: inside the face, or where that falls outside of the triangle, on the nearest of the
-/// cones that face it.
+/// The sphere of the medial slab that is nearest to `point`: inside the face, or otherwise on the nearest of the
+/// cones that face the point.
 #[inline]
 pub(super) fn on_slab(point: Vec3, slab: [Sphere; 3]) -> Sphere {
     let [a, b, c] = slab.map(Ball::from);
@@ -259,7 +260,7 @@ pub(super) fn on_slab(point: Vec3, slab: [Sphere; 3]) -> Sphere {
     if outside == [false; 3] { face.at(weights).into() } else { nearest_edge(point, &slab, outside) }
 }
 
-/// Nearest sphere on those edges of the slab that lie opposite to the marked vertices.
+/// Nearest sphere on the slab's edges opposite to the marked vertices.
 fn nearest_edge(point: Vec3, slab: &[Sphere; 3], opposite: [bool; 3]) -> Sphere {
     let mut best: Option<Sphere> = None;
     for vertex in 0..3 {
@@ -271,10 +272,10 @@ fn nearest_edge(point: Vec3, slab: &[Sphere; 3], opposite: [bool; 3]) -> Sphere 
     best.unwrap_or(slab[0])
 }
 
-/// The spheres of two medial cones, one of each, that are nearest to each other.
+/// The nearest spheres of two medial cones, one of each.
 ///
-/// Where their edges' [`Crossing`] is outside of the unit square: the function is convex, so the optimum lies on an edge of the square that faces the
-/// unconstrained one, which is an end sphere against a cone.
+/// If the edges' [`Crossing`] lies outside the unit square, the optimum lies on an edge of the square that faces the unconstrained optimum, because
+/// the gap is convex. Such an optimum is an end sphere against a cone.
 #[inline]
 pub(super) fn between_cones(cone1: [Sphere; 2], cone2: [Sphere; 2]) -> (Sphere, Sphere) {
     let [a0, a1] = cone1;
@@ -322,13 +323,13 @@ pub(super) fn between_cones(cone1: [Sphere; 2], cone2: [Sphere; 2]) -> (Sphere, 
 
 /// The sphere of the medial cone that is nearest to the box `[-half, half]`, and the box's point nearest to its centre.
 ///
-/// Along the axis the distance to the box is convex and made of up to seven pieces, between the places where a coordinate
-/// enters or leaves the box's range. A piece is the distance to a point, a line or a plane: a closed form.
+/// Along the axis the distance to the box is convex and consists of up to seven pieces. They are bounded by the points where a coordinate
+/// enters or leaves the box's range. Each piece is the distance to a point, a line or a plane, with a closed form.
 #[inline]
 pub(super) fn cone_to_cuboid([a, b]: [Sphere; 2], half: Vec3) -> (Sphere, Vec3) {
     let axis = b.center - a.center;
     let growth = b.radius - a.radius;
-    // The derivative of `distance(t) - radius(t)`, increasing in t.
+    // The derivative of `distance(t) - radius(t)`, which increases with t.
     let derivative = |t: f32| {
         let point = a.center + axis * t;
         let outside = point - point.clamp(-half, half);
@@ -348,7 +349,7 @@ pub(super) fn cone_to_cuboid([a, b]: [Sphere; 2], half: Vec3) -> (Sphere, Vec3) 
             }
         }
     }
-    // On [low, high] the same coordinates lie outside: their part of the distance is that to a point in a subspace.
+    // On [low, high] the same coordinates lie outside the box: the distance is that to a point in the subspace of these coordinates.
     let middle = a.center + axis * ((low + high) * 0.5);
     let clamped = middle.clamp(-half, half);
     let active = (middle - clamped).map(|x| if x != 0.0 { 1.0 } else { 0.0 });

@@ -1,4 +1,4 @@
-//! Numbers of which formulas are made: one f32, or several side by side that never look at each other.
+//! Numbers for formulas: one f32, or several f32 in independent SIMD lanes.
 
 use std::ops::{Add, BitAnd, Div, Mul, Neg, Sub};
 
@@ -7,15 +7,15 @@ use glam::Vec3;
 
 use crate::geometry::Sphere;
 
-/// A number, or several in lanes. Every operation rounds as f32 does, so a lane's results are the same bits on every machine and whatever is
-/// beside it.
+/// A number, or several in lanes. Every operation rounds as f32 does, so the results of a lane depend neither on the machine nor on
+/// the other lanes, down to the last bit.
 pub(crate) trait Number:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// What comparisons give.
+    /// Result of a comparison.
     type Mask: Copy + BitAnd<Output = Self::Mask>;
 
-    /// A constant, in as many lanes.
+    /// A constant with the same number of lanes.
     fn like(self, value: f32) -> Self;
 
     fn sqrt(self) -> Self;
@@ -28,19 +28,19 @@ pub(crate) trait Number:
 
     fn select(mask: Self::Mask, this: Self, other: Self) -> Self;
 
-    /// The lesser one. Which it is of what is not a number differs among machines: a mask has to leave that out.
+    /// The smaller one. For NaN the result differs between machines, so the caller has to mask it out.
     #[inline(always)]
     fn lesser(self, other: Self) -> Self {
         Self::select(other.less(self), other, self)
     }
 
-    /// The greater one; as for the lesser.
+    /// The larger one. For NaN, see [`lesser`](Self::lesser).
     #[inline(always)]
     fn greater(self, other: Self) -> Self {
         Self::select(self.less(other), other, self)
     }
 
-    /// Between 0 and 1.
+    /// Clamps to the range from 0 to 1.
     #[inline(always)]
     fn saturate(self) -> Self {
         self.like(0.0).greater(self).lesser(self.like(1.0))
@@ -81,7 +81,7 @@ impl Number for f32 {
     }
 }
 
-/// Vectors of f32.
+/// Implements [`Number`] for vectors of f32.
 macro_rules! vectors {
     ($($vector:ident, $mask:ident;)*) => {$(
         impl<S: Simd> Number for $vector<S> {

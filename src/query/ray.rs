@@ -1,4 +1,4 @@
-//! Ray against a primitive: the time of impact of a moving point.
+//! Ray cast on a primitive, as the time of impact of a moving point.
 
 use glam::Vec3;
 
@@ -8,19 +8,19 @@ use super::{
 };
 use crate::geometry::Sphere;
 
-/// Where a ray enters a shape.
+/// The point where a ray enters a shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit {
-    /// Distance from the origin, in lengths of the ray's direction; 0 if the origin is inside.
+    /// Distance from the origin, in lengths of the direction vector; 0 if the origin is inside.
     pub time: f32,
-    /// Outward unit normal of the surface there. If the origin is inside: the way to the nearest surface, roughly.
+    /// Outward unit normal of the surface at the hit. If the origin is inside: the approximate direction to the nearest surface.
     pub normal: Vec3,
 }
 
-/// First point of `spheres` on the ray `origin + time * direction` for `time` from 0 to `max_time`. No hit for a direction of zero
-/// outside of the primitive.
+/// First point of `spheres` on the ray `origin + time * direction` for `time` from 0 to `max_time`. A zero direction hits only if the
+/// origin is inside the primitive.
 pub fn ray_cast<const N: usize>(spheres: &[Sphere; N], origin: Vec3, direction: Vec3, max_time: f32) -> Option<RayHit> {
-    // Only the part near the primitive: a ray of any length keeps the accuracy of the primitive's own size.
+    // Only the part near the primitive is searched, so the accuracy depends on the primitive's size and not on the ray's length.
     let middle = spheres.origin();
     let radius = spheres.iter().map(|s| s.center.distance(middle) + s.radius).fold(0.0, f32::max);
     let speed = direction.length();
@@ -48,7 +48,7 @@ mod tests {
     use super::*;
     use crate::random::Random;
 
-    /// Points along rays against the exact sphere and the f64 distance to the other primitives.
+    /// Compares hits of random slabs with the distance of points along the ray, and hits of one sphere with exact values.
     #[test]
     fn enters_where_the_distance_falls_to_zero() {
         let mut random = Random(1);

@@ -1,4 +1,4 @@
-//! Time of impact for true rigid motion: the step as a chain of chords (the paper's piecewise linear medial cones).
+//! Time of impact for true rigid motion: the step is split into chords (the paper's piecewise linear medial cones).
 
 use glam::Vec3;
 
@@ -11,20 +11,20 @@ use crate::{
     geometry::{Placement, Sphere, Sweep},
 };
 
-/// The motion of a pair of bodies, cut into equal times within which every point moves on a line but for a known deviation.
+/// The motion of a pair of bodies, split into equal time intervals. In each interval every point moves on a line up to a known deviation.
 #[derive(Clone, Debug, Default)]
 pub struct Chords {
-    /// Where both bodies are at the ends of the chords.
+    /// Placements of both bodies at the ends of the chords.
     placements: Vec<[Placement; 2]>,
-    /// How far any point strays from its chord, both sides together, in metres.
+    /// Largest deviation of any point from its chord, summed over both sides, in metres.
     deviation: f32,
-    /// How far any point goes along a chord relative to the other side, or more, in metres.
+    /// Upper bound of a point's displacement along one chord, relative to the other side, in metres.
     way: f32,
 }
 
 impl Chords {
-    /// Becomes the chords of two bodies whose sweeps are given in one frame. No point of a body is farther than its arm from its centre of mass.
-    /// Enough of them that each side strays by `tolerance` metres at most, up to [`MAX_CHORDS`].
+    /// Sets the chords of two bodies. The sweeps are given in one frame. `arm` is the largest distance of a body's points from its centre of mass.
+    /// The number of chords is chosen so that each side deviates by at most `tolerance` metres, up to [`MAX_CHORDS`].
     pub fn set(&mut self, [sweep1, sweep2]: [&Sweep; 2], [arm1, arm2]: [f32; 2], tolerance: f32) {
         let count = sweep1.chords(arm1, tolerance).max(sweep2.chords(arm2, tolerance));
         let turns = sweep1.rotation.length() * arm1 + sweep2.rotation.length() * arm2;
@@ -34,10 +34,11 @@ impl Chords {
         self.way = ((sweep1.translation - sweep2.translation).length() + turns) / count as f32;
     }
 
-    /// Becomes the chords of the first body seen from the second, which then is at rest at the origin: a box can turn no other way.
+    /// Sets the chords of the first body in the frame of the second, which is then at rest at the origin. Boxes need this frame, because a
+    /// [`Cuboid`] has no orientation.
     ///
-    /// Seen from a frame that turns, a point has centrifugal and Coriolis acceleration besides its own centripetal one; under the
-    /// acceleration `a` it strays from the chord of a time `t` by at most `a t^2 / 8`.
+    /// In a rotating frame a point has centrifugal and Coriolis acceleration in addition to its own centripetal one. Under the
+    /// acceleration `a` it deviates from the chord of a time `t` by at most `a t^2 / 8`.
     pub fn set_in_frame_of_second(&mut self, [sweep1, sweep2]: [&Sweep; 2], arm1: f32, tolerance: f32) {
         let (turn1, turn2) = (sweep1.rotation.length(), sweep2.rotation.length());
         let speed = (sweep1.translation - sweep2.translation).length();
@@ -62,17 +63,17 @@ impl Chords {
         self.placements.len() - 1
     }
 
-    /// Where both bodies are at the ends of the chords.
+    /// Placements of both bodies at the ends of the chords.
     pub fn placements(&self) -> &[[Placement; 2]] {
         &self.placements
     }
 
-    /// How far any point strays from its chord, both sides together, in metres.
+    /// Largest deviation of any point from its chord, summed over both sides, in metres.
     pub fn deviation(&self) -> f32 {
         self.deviation
     }
 
-    /// Two primitives along a chord, the first enlarged by the deviation.
+    /// The motion of two primitives along a chord, with the first enlarged by the deviation.
     #[inline]
     fn along<const N: usize, B: Rigid>(&self, i: usize, first: &[Sphere; N], second: &B) -> (Moving<N>, B::Moving) {
         let [start, end] = [&self.placements[i], &self.placements[i + 1]];
@@ -88,10 +89,10 @@ fn instants(count: u32) -> impl Iterator<Item = f32> {
 
 /// The second side of a rigid pair.
 pub trait Rigid {
-    /// Its motion along a chord.
+    /// The shape in linear motion along a chord.
     type Moving: MovingConvex;
 
-    /// The shape on its way from one placement to the next.
+    /// The shape in linear motion from one placement to the next.
     fn along(&self, chord: [&Placement; 2]) -> Self::Moving;
 }
 
@@ -109,14 +110,14 @@ impl<const N: usize> Rigid for [Sphere; N] {
 impl Rigid for Cuboid {
     type Moving = Cuboid;
 
-    /// At rest in its own frame.
+    /// The box is at rest in its own frame.
     #[inline]
     fn along(&self, _: [&Placement; 2]) -> Cuboid {
         *self
     }
 }
 
-/// How two primitives begin the step.
+/// Relative position of two primitives at the start of the step.
 #[derive(Clone, Copy, Debug)]
 pub struct RigidStart {
     separation: Separation,
@@ -124,7 +125,7 @@ pub struct RigidStart {
 }
 
 impl RigidStart {
-    /// True if they do not touch all through the step, as far as a look at the start can tell.
+    /// True if a conservative test at the start proves that the primitives do not touch during the step.
     pub fn stay_apart(&self) -> bool {
         self.stay_apart
     }
@@ -139,17 +140,17 @@ impl RigidStart {
         self.separation.normal
     }
 
-    /// How deep they overlap, in metres; 0 if they are apart.
+    /// Overlap depth in metres; 0 if they are apart.
     pub fn overlap(&self) -> f32 {
         (-self.distance()).max(0.0)
     }
 }
 
-/// How two primitives of rigid bodies begin the step.
+/// Relative position of two primitives of rigid bodies at the start of the step.
 pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chords: &Chords) -> RigidStart {
     let (moving1, moving2) = chords.along(0, first, second);
     let (separation, clear) = start(&moving1, &moving2, 1.0);
-    // Along several chords nothing is known of directions.
+    // `clear` covers the first chord only. With several chords, the length of the path decides.
     let stay_apart = match chords.count() {
         1 => clear,
         count => separation.distance > chords.way * count as f32,
@@ -157,11 +158,11 @@ pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, ch
     RigidStart { separation, stay_apart }
 }
 
-/// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by `depth` metres, which is more than they do at the
-/// start.
+/// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by `depth` metres. `depth` must exceed their overlap
+/// at the start.
 ///
-/// Both are in the frames of their bodies; the contact is in the frame of the chords. The first side is larger by the chords' deviation, so an
-/// impact is early by twice as much at most, and never late.
+/// Both are in the frames of their bodies; the contact is in the frame of the chords. The first side is enlarged by the chords' deviation, so an
+/// impact is early by at most twice the deviation, and never late.
 pub fn rigid_impact<const N: usize, B: Rigid>(
     first: &[Sphere; N],
     second: &B,
@@ -187,7 +188,7 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
         if found.status != TimeOfImpactStatus::Separated {
             return TimeOfImpact { fraction: (chord as f32 + found.fraction) / count, rounds, ..found };
         }
-        // So far apart, they cannot meet for some chords.
+        // A pair at this distance cannot meet within some chords, which are skipped.
         chord += ((found.contact.distance / chords.way) as usize).max(1);
         if chord as f32 >= max_fraction * count {
             return TimeOfImpact { rounds, ..found };
@@ -208,7 +209,7 @@ mod tests {
 
     #[test]
     fn balls_meet_where_they_overlap_by_the_depth() {
-        // A centimetre apart, on a path of ten.
+        // The balls are 1 cm apart, and the first one moves by 10 cm.
         let ball = [Sphere::new(Vec3::ZERO, 0.1)];
         let at = |x: f32| Pose3::from_translation(Vec3::X * x);
         let sweep = |from: f32, to: f32| Sweep::between(at(from), at(to), Vec3::ZERO, Vec3::ZERO);

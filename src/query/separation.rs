@@ -15,25 +15,25 @@ pub struct Cuboid {
     pub half: Vec3,
 }
 
-/// How two primitives lie to each other.
+/// Distance and nearest points of two primitives.
 #[derive(Clone, Copy, Debug)]
 pub struct Separation {
-    /// Distance of the surfaces in metres; negative for an overlap: minus the length of a translation along `normal`
-    /// that ends it, the shortest one unless the *centres* of the primitives cross, where it is the shortest among those across
-    /// a face or a pair of edges. Never more than the true distance but for rounding.
+    /// Distance of the surfaces in metres. For an overlap it is negative: minus the length of a translation along `normal`
+    /// that separates the shapes. This is the shortest translation, unless the *centres* of the primitives cross; then it is the shortest among those
+    /// across a face or a pair of edges. Up to rounding, it never exceeds the true distance.
     pub distance: f32,
     /// Unit direction from the first to the second.
     pub normal: Vec3,
     /// Point of the first surface.
     pub point1: Vec3,
-    /// Point of the second surface: `point1 + normal * distance`, but for rounding.
+    /// Point of the second surface: `point1 + normal * distance`, up to rounding.
     pub point2: Vec3,
-    /// Which pair of features is nearest: the place to start from when the pair has moved a little.
+    /// Index of the nearest pair of features: a good hint for the next query when the pair has moved a little.
     pub feature: usize,
 }
 
 impl Separation {
-    /// How much the normal, tilted by rounding, takes from the distance, in metres.
+    /// Error of the distance in metres, because rounding has tilted the normal.
     pub(super) fn loss(&self) -> f32 {
         (self.point2 - self.point1).dot(self.normal) - self.distance
     }
@@ -41,10 +41,10 @@ impl Separation {
 
 /// The second side of a pair: a primitive or a box.
 pub trait Convex: Copy {
-    /// Least of `n . x` over the shape.
+    /// Minimum of `n . x` over the shape.
     fn low(&self, n: Vec3) -> f32;
 
-    /// Largest distance of a point of the shape from [`origin`](Self::origin), roughly.
+    /// Approximate maximum distance of the shape's points from [`origin`](Self::origin).
     fn extent(&self) -> f32;
 
     /// A point of the shape.
@@ -53,17 +53,17 @@ pub trait Convex: Copy {
     /// Number of feature pairs against a primitive of `N` spheres.
     fn features<const N: usize>(&self) -> usize;
 
-    /// Nearest spheres of the `k`-th pair of features; one pair of them is nearest of all unless the centres cross.
+    /// Nearest spheres of the `k`-th pair of features. Unless the centres cross, one pair contains the nearest spheres of the whole shapes.
     fn feature<const N: usize>(&self, first: &[Sphere; N], k: usize) -> (Sphere, Sphere);
 
-    /// Calls `visit` with unit directions of the features themselves, which stay exact where centres meet: the best one
-    /// gives the depth of a deep overlap. `apart` is the direction from the first to the second as far as it is known.
+    /// Calls `visit` with unit normals of the features themselves, which stay exact if centres meet. The best one
+    /// gives the depth of a deep overlap. `apart` is an approximate direction from the first to the second.
     fn normals<const N: usize>(&self, first: &[Sphere; N], apart: Vec3, visit: &mut impl FnMut(Vec3));
 }
 
 /// Distance, normal and witness points of a primitive and another convex shape, both in one frame.
 ///
-/// `hint`: the [`Separation::feature`] of an earlier call on nearly the same pair, else 0.
+/// `hint` is the [`Separation::feature`] of an earlier call on nearly the same pair, otherwise 0.
 #[inline]
 pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hint: usize) -> Separation {
     let rounding = CONTACT_ROUNDING * (first.extent() + second.extent());
@@ -93,7 +93,7 @@ pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hi
             best.feature = k;
             best.spheres = (sphere1, sphere2);
             if length > 0.0 {
-                // Far apart, gaps along directions are no more exact than that: those of other features only seem larger.
+                // Gaps of a distant pair have this rounding error. A gap along an earlier normal may be larger by rounding alone, so it is dropped.
                 let far = DISTANCE_ROUNDING * length;
                 if far > rounding {
                     best.lower = f32::NEG_INFINITY;
@@ -110,11 +110,11 @@ pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hi
     let mut look = |normal| best.look_along(normal, first, second);
     look(apart.try_normalize().unwrap_or(Vec3::Y));
     second.normals(first, apart, &mut look);
-    // Apart, the centres do not cross, however coarse coordinates far from the origin are.
+    // Centres of separated shapes do not cross. Far from the origin, coarse coordinates may suggest that they do.
     if best.lower > 0.0 || best.lower >= best.upper - 2.0 * rounding { best.witness() } else { best.crossing() }
 }
 
-/// The same along the best of the features' own directions too, which do not tilt by rounding.
+/// Improves a separation by the features' own normals, which rounding does not tilt.
 pub(super) fn refined<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, found: Separation) -> Separation {
     let mut best = found;
     second.normals(first, found.normal, &mut |normal| {
@@ -126,7 +126,7 @@ pub(super) fn refined<const N: usize, B: Convex>(first: &[Sphere; N], second: &B
     best
 }
 
-/// The search so far: `lower <= distance <= upper`.
+/// State of the search: `lower <= distance <= upper`.
 struct Best {
     upper: f32,
     lower: f32,
@@ -156,7 +156,7 @@ impl Best {
         }
     }
 
-    /// The centres cross: the points lie either side of the place where they do.
+    /// The result for crossing centres: the points lie on both sides of the crossing.
     fn crossing(&self) -> Separation {
         let middle = (self.spheres.0.center + self.spheres.1.center) * 0.5;
         let half = self.normal * (0.5 * self.lower);
@@ -170,7 +170,7 @@ impl Best {
     }
 }
 
-/// Greatest of `n . x` over the primitive.
+/// Maximum of `n . x` over the primitive.
 #[inline]
 fn high<const N: usize>(spheres: &[Sphere; N], n: Vec3) -> f32 {
     spheres.iter().map(|s| s.center.dot(n) + s.radius).fold(f32::NEG_INFINITY, f32::max)
@@ -186,7 +186,7 @@ fn nearest<const N: usize>(point: Vec3, spheres: &[Sphere; N]) -> Sphere {
     }
 }
 
-/// Edges of a primitive.
+/// Number of edges of a primitive.
 pub(super) const fn edges(n: usize) -> usize {
     match n {
         1 => 0,
@@ -201,8 +201,8 @@ fn edge<const N: usize>(spheres: &[Sphere; N], k: usize) -> [Sphere; 2] {
     [spheres[k], spheres[(k + 1) % N]]
 }
 
-/// Unit outward directions in which all spheres of the primitive reach equally far: the normals of a slab's two
-/// faces, and for a cone those of its mantle nearest to `towards` and away from it. None for a sphere.
+/// Unit outward directions in which all spheres of the primitive extend equally far: the normals of a slab's two
+/// faces, or the normals of a cone's mantle nearest to `towards` and to the opposite direction. `None` for a sphere.
 fn face_normals<const N: usize>(spheres: &[Sphere; N], towards: Vec3) -> Option<[Vec3; 2]> {
     if N == 1 {
         return None;
@@ -212,7 +212,7 @@ fn face_normals<const N: usize>(spheres: &[Sphere; N], towards: Vec3) -> Option<
     let (across, part) = if N == 2 {
         let mut across = towards.reject_from(u);
         if across.length_squared() < 1e-2 * towards.length_squared() {
-            // Of what is all but along the axis, little but rounding is left the first time.
+            // `towards` is nearly parallel to the axis, so the first rejection is mostly rounding error. The second one removes it.
             across = across.reject_from(u);
         }
         let across =
@@ -224,13 +224,13 @@ fn face_normals<const N: usize>(spheres: &[Sphere; N], towards: Vec3) -> Option<
         let normal = u.cross(v);
         (normal, (v.cross(normal) * growth + normal.cross(u) * growth3) / normal.length_squared())
     };
-    // A slope of 1 or more: one sphere outdoes the others in every direction.
+    // A slope of 1 or more: one sphere extends farther than the others in every direction, and the root is NaN.
     let height = (1.0 - part.length_squared()).sqrt();
     let across = across * (height / across.length());
     if !across.is_finite() {
         return None;
     }
-    // Outward: n . u = -growth, so that centre and radius together stay level.
+    // Outward: n . u = -growth, so all spheres extend equally far along n.
     Some([across - part, -across - part])
 }
 
@@ -289,7 +289,7 @@ impl<const M: usize> Convex for [Sphere; M] {
     }
 }
 
-/// The normals of a primitive's faces, and of its edges' mantles towards `apart` and away from it.
+/// Calls `visit` with the normals of a primitive's faces, and of its edges' mantles towards `apart` and the opposite direction.
 pub(super) fn edge_directions<const N: usize>(first: &[Sphere; N], apart: Vec3, visit: &mut impl FnMut(Vec3)) {
     face_normals(first, apart).into_iter().flatten().for_each(&mut *visit);
     if N == 3 {
@@ -299,12 +299,12 @@ pub(super) fn edge_directions<const N: usize>(first: &[Sphere; N], apart: Vec3, 
     }
 }
 
-/// How many spheres of either side have to be held against the whole other side. An edge's ends are covered by its cones.
+/// Number of spheres of each side that have to be tested against the whole other side. The ends of an edge are covered by its cones.
 const fn vertex_features(n: usize, m: usize) -> (usize, usize) {
     if n == 1 { (1, 0) } else { (if m == 3 { n } else { 0 }, if m == 1 || n == 3 { m } else { 0 }) }
 }
 
-/// The two unit directions, from first to second, in which the mantles of two cones are both level: `n . u = -alpha`, `n . v = beta`.
+/// The two unit directions, from first to second, that are normals of both cones' mantles: `n . u = -alpha`, `n . v = beta`.
 fn edge_normals((u, alpha): (Vec3, f32), (v, beta): (Vec3, f32), visit: &mut impl FnMut(Vec3)) {
     let normal = u.cross(v);
     let det = normal.length_squared();
@@ -346,7 +346,7 @@ impl Convex for Cuboid {
             2 => cone_to_cuboid([first[0], first[1]], self.half),
             _ if k < 3 => cone_to_cuboid(edge(first, k), self.half),
             _ => {
-                // A face of the slab touches a corner of the box.
+                // A face of the slab against a corner of the box.
                 let corner =
                     face_normals(first, Vec3::Y).map_or(Vec3::ZERO, |normals| -self.half * normals[k - 3].signum());
                 (nearest(corner, first), corner)

@@ -1,4 +1,4 @@
-//! Any other convex shape, by its support map: what has no closed form here.
+//! Any other convex shape, given by its support map, because it has no closed form here.
 
 use glam::Vec3;
 
@@ -8,29 +8,29 @@ use super::{
 };
 use crate::geometry::{Aabb, Placement, Sphere};
 
-/// A convex shape that tells its farthest points, and its distance from a primitive as well as an iterative method can.
+/// A convex shape that provides its support points, and its distance from a primitive by an iterative method.
 pub trait SupportShape {
     /// The point farthest along `direction`, which need not be of unit length.
     fn support(&self, direction: Vec3) -> Vec3;
 
-    /// Nearest points of the hull of `spheres` and of the shape, and the unit direction from the first to the second; of an overlap the
-    /// direction in which it is least deep. None if the method fails.
+    /// Nearest points of the hull of `spheres` and of the shape, and the unit direction from the first to the second. For an overlap it is the
+    /// direction of least depth. `None` if the method fails.
     fn nearest(&self, spheres: &[Sphere]) -> Option<(Vec3, Vec3, Vec3)>;
 
-    /// Calls `visit` with the corners of the face, edge or vertex that is farthest along `direction`; of a curved side with points around
+    /// Calls `visit` with the corners of the face, edge or vertex that is farthest along `direction`. For a curved side it gets points around
     /// `near`.
     fn face(&self, direction: Vec3, near: Vec3, visit: &mut dyn FnMut(Vec3));
 
-    /// Box around the shape.
+    /// Axis-aligned box around the shape.
     fn aabb(&self) -> Aabb;
 }
 
-/// A [`SupportShape`] as the second side of a pair. However good or bad its method, distances are never more than the true ones.
+/// A [`SupportShape`] as the second side of a pair. Distances never exceed the true ones, however inaccurate the shape's method is.
 #[derive(Clone, Copy)]
 pub struct Support<'a>(pub &'a dyn SupportShape);
 
 impl Support<'_> {
-    /// Unit normal of the face that is farthest along `direction`, or of a straight line on it the one that leans least.
+    /// Unit normal of the face that is farthest along `direction`. For an edge, the normal of the edge that is closest to `direction`.
     fn face_normal(&self, direction: Vec3, near: Vec3) -> Option<Vec3> {
         let (mut corners, mut count) = ([Vec3::ZERO; 3], 0);
         self.0.face(direction, near, &mut |corner| {
@@ -74,9 +74,9 @@ impl Convex for Support<'_> {
     fn normals<const N: usize>(&self, first: &[Sphere; N], apart: Vec3, visit: &mut impl FnMut(Vec3)) {
         if let Some((_, near, normal)) = self.0.nearest(first) {
             visit(normal);
-            // On a round edge the point that an iteration ends with tells the direction better than its normal does.
+            // At a round edge, the final point of an iteration yields a more accurate direction than its normal.
             visit(separation(first, &[Sphere::new(near, 0.0)], 0).normal);
-            // Above what is flat or straight that normal leans, and the wider that is the more it takes from the distance.
+            // Over a flat or straight feature that direction is tilted, and the error of the distance grows with the size of the feature.
             if let Some(outward) = self.face_normal(-normal, near) {
                 visit(-outward);
             }
@@ -91,7 +91,7 @@ impl Convex for Support<'_> {
 impl Rigid for Support<'_> {
     type Moving = Self;
 
-    /// At rest in its own frame.
+    /// The shape is at rest in its own frame.
     fn along(&self, _: [&Placement; 2]) -> Self {
         *self
     }

@@ -1,4 +1,4 @@
-//! Time of impact of two primitives whose spheres move on lines: conservative advancement along the separating direction.
+//! Time of impact of two primitives with linearly moving spheres: conservative advancement along the separating direction.
 
 use glam::{DVec3, Vec3};
 
@@ -15,7 +15,7 @@ use crate::{
     geometry::Sphere,
 };
 
-/// A primitive whose spheres move on lines over the step.
+/// A primitive whose spheres move linearly over the step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moving<const N: usize> {
     /// The spheres at fraction 0.
@@ -24,55 +24,55 @@ pub struct Moving<const N: usize> {
     pub motion: [Vec3; N],
 }
 
-/// How a time of impact query ended.
+/// Outcome of a time of impact query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TimeOfImpactStatus {
-    /// They stay apart. `contact` is their separation at some instant until `max_fraction`, `fraction` means nothing.
+    /// The primitives stay apart. `contact` is their separation at some instant before `max_fraction`; `fraction` is unspecified.
     Separated,
-    /// They touch first at `fraction`; `contact` is the separation at or right before that.
+    /// The primitives touch first at `fraction`; `contact` is the separation at that time or just before it.
     Hit,
-    /// They touch or overlap at the start, `fraction` is 0 and `contact` is the separation there.
+    /// The primitives touch or overlap at the start: `fraction` is 0 and `contact` is the separation there.
     Overlapping,
-    /// The search ran out of rounds between them: `fraction` is before the first touch, if there is one. To be treated as a hit.
+    /// The search reached its limit of iterations. `fraction` is before the first touch, if there is one. Treat it as a hit.
     IterationLimit,
 }
 
 /// Result of [`time_of_impact`].
 #[derive(Clone, Copy, Debug)]
 pub struct TimeOfImpact {
-    /// How it ended.
+    /// Outcome of the search.
     pub status: TimeOfImpactStatus,
     /// Fraction of the step.
     pub fraction: f32,
     /// The separation at that fraction.
     pub contact: Separation,
-    /// Distance queries made.
+    /// Number of distance queries.
     pub rounds: u32,
 }
 
 /// The second side of a time of impact query.
 pub trait MovingConvex {
-    /// What it is at an instant.
+    /// The shape at an instant.
     type Shape: Convex;
 
-    /// The point at `fraction` that is the best origin for the pair's coordinates then; `first` is a point of the first side.
+    /// The best origin for the pair's coordinates at `fraction`. `first` is a point of the first side.
     fn origin(&self, fraction: f64, first: DVec3) -> DVec3;
 
     /// The shape at `fraction`, relative to `origin`.
     fn at(&self, fraction: f64, origin: DVec3) -> Self::Shape;
 
-    /// Calls `visit` with support plane and speed, `(c . n - r, c' . n)`, of everything of the shape at an instant that can be lowest along `n`.
-    /// Speeds are relative to `frame`.
+    /// Calls `visit` with support and speed, `(c . n - r, c' . n)`, of each part of the shape that can be lowest along `n` at an instant.
+    /// Speeds are relative to `frame`, in metres per step.
     fn supports(&self, now: &Self::Shape, n: Vec3, frame: Vec3, visit: impl FnMut(f32, f32));
 
-    /// Calls `visit` with a lower bound of the support plane, for each thing that can be lowest, while direction and shape go from the first
+    /// Calls `visit` with a lower bound of the support of each part that can be lowest, while direction and shape are interpolated from the first
     /// to the second.
     fn lows(shapes: [&Self::Shape; 2], normals: [Vec3; 2], visit: impl FnMut(Quadratic));
 
-    /// The shape's extent at the start of the step.
+    /// Extent of the shape at the start of the step.
     fn extent_at_start(&self) -> f32;
 
-    /// Fastest displacement relative to `motion`.
+    /// Largest displacement over the step relative to `motion`, in metres.
     fn fastest(&self, motion: Vec3) -> f32;
 }
 
@@ -81,7 +81,7 @@ pub trait MovingConvex {
 pub struct Quadratic([f32; 3]);
 
 impl Quadratic {
-    /// The product of a point and a direction, both on their way from the first to the second.
+    /// The dot product of a point and a direction, both interpolated from their first to their second value.
     fn dot([p, q]: [Vec3; 2], [m, n]: [Vec3; 2]) -> Self {
         let (dp, dn) = (q - p, n - m);
         Self([p.dot(m), p.dot(dn) + dp.dot(m), dp.dot(dn)])
@@ -95,7 +95,7 @@ impl Quadratic {
         Self(std::array::from_fn(|i| self.0[i] - other.0[i]))
     }
 
-    /// True if it is positive from 0 to 1.
+    /// True if the function is positive on all of `[0, 1]`.
     fn is_positive(&self) -> bool {
         let Self([c, b, a]) = *self;
         let lowest = if a > 0.0 { (-b / (2.0 * a)).clamp(0.0, 1.0) } else { 0.0 };
@@ -104,7 +104,7 @@ impl Quadratic {
 }
 
 impl<const N: usize> Moving<N> {
-    /// Where a centre is at `fraction`.
+    /// Centre of sphere `i` at `fraction`.
     fn center(&self, i: usize, fraction: f64) -> DVec3 {
         self.start[i].center.as_dvec3() + self.motion[i].as_dvec3() * fraction
     }
@@ -147,7 +147,7 @@ impl<const M: usize> MovingConvex for Moving<M> {
     }
 }
 
-/// Shapes at rest in their own frame.
+/// Implements [`MovingConvex`] for shapes at rest in their own frame.
 macro_rules! at_rest {
     ($shape:ty) => {
         impl MovingConvex for $shape {
@@ -168,7 +168,7 @@ macro_rules! at_rest {
                 visit(self.low(n), -frame.dot(n));
             }
 
-            /// The least of linear functions of the direction is concave in it.
+            /// The minimum of linear functions of the direction is concave, so the chord is a lower bound.
             fn lows([shape, _]: [&Self; 2], normals: [Vec3; 2], mut visit: impl FnMut(Quadratic)) {
                 let [first, last] = normals.map(|n| shape.low(n));
                 visit(Quadratic([first, last - first, 0.0]));
@@ -189,7 +189,7 @@ macro_rules! at_rest {
 at_rest!(Cuboid);
 at_rest!(Support<'_>);
 
-/// A pair at an instant, in coordinates of its own size: relative to an origin that moves with it.
+/// A pair at an instant, in coordinates relative to an origin that moves with it. The coordinates are of the pair's own size.
 struct Instant<const N: usize, B> {
     fraction: f32,
     first: [Sphere; N],
@@ -197,16 +197,16 @@ struct Instant<const N: usize, B> {
     separation: Separation,
 }
 
-/// A pair on its way. The frame moves with the first sphere of the first side.
+/// A moving pair. The frame moves with the first sphere of the first side.
 struct Pair<'a, const N: usize, B> {
     first: &'a Moving<N>,
     second: &'a B,
-    /// The distance that counts as contact.
+    /// Distance that counts as contact, in metres; negative in searches for a depth.
     target: f32,
 }
 
 impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
-    /// Centres are placed in f64, in which sums and products of the f32 input are all but exact, and rounded when they are small.
+    /// Centres are computed in f64, where sums and products of the f32 input are nearly exact, and rounded relative to the origin.
     #[inline]
     fn shapes(&self, fraction: f32) -> ([Sphere; N], B::Shape) {
         let time = f64::from(fraction);
@@ -221,7 +221,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         Instant { fraction, first, second, separation }
     }
 
-    /// The same during a search. Near the target a tilted normal would end it too early.
+    /// The same during a search. Near the target, a tilted normal would end the search too early, so the separation is refined.
     fn look(&self, fraction: f32, feature: usize, extent: f32) -> Instant<N, B::Shape> {
         let mut now = self.at(fraction, feature);
         let is_near = (now.separation.distance - self.target).abs() <= NEAR_TOUCH * extent;
@@ -231,7 +231,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         now
     }
 
-    /// For every pair of spheres how far its gap along the instant's normal exceeds the target, and how much of it closes over the step.
+    /// Calls `visit` for every pair of spheres with the excess of its gap over the target, and the amount of closing over the step. Both are along the normal.
     #[inline]
     fn gaps(&self, now: &Instant<N, B::Shape>, mut visit: impl FnMut(f32, f32)) {
         let n = now.separation.normal;
@@ -246,7 +246,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         });
     }
 
-    /// Until when the gap along the instant's normal stays above the target: until then nothing touches.
+    /// Fraction until which the gap along the instant's normal stays above the target. The pair does not touch before.
     #[inline]
     fn cleared_until(&self, now: &Instant<N, B::Shape>) -> f32 {
         let mut root = f32::INFINITY;
@@ -258,10 +258,10 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         now.fraction + root
     }
 
-    /// True if nothing touches between two instants: their normals, interpolated, stay between the two sides.
+    /// True if the interpolated normals of two instants stay separating directions in between, which proves that the pair does not touch.
     ///
-    /// Along such a direction the gap of two spheres is quadratic in time. The direction is not longer than a unit vector, so it takes no
-    /// more off for the radii than these are.
+    /// Along such a direction the gap of two spheres is quadratic in time. The direction is at most of unit length, so subtracting the full
+    /// radii is conservative.
     fn clear_between(&self, here: &Instant<N, B::Shape>, there: &Instant<N, B::Shape>) -> bool {
         let normals = [here.separation.normal, there.separation.normal];
         let high: [Quadratic; N] = std::array::from_fn(|i| {
@@ -275,7 +275,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         clear
     }
 
-    /// The search of [`time_of_impact`], from an instant up to which nothing touches, after so many rounds.
+    /// The search of [`time_of_impact`], from an instant without an earlier touch, after `rounds` iterations.
     fn advance(&self, start: Instant<N, B::Shape>, mut rounds: u32, max_fraction: f32) -> TimeOfImpact {
         let extent = self.first.extent_at_start().max(self.second.extent_at_start());
         let result = |status, fraction, now: &Instant<N, B::Shape>, rounds| {
@@ -287,7 +287,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
             TimeOfImpact { status, fraction, contact, rounds }
         };
         let touching = self.target + TOUCH_ROUNDING * extent;
-        // An overlap begins with a hair; a depth that is missed by one is found with the next.
+        // At the start the larger tolerance applies, so slight overlaps are not missed. A depth that is missed here is found by the next iteration.
         let overlapping = if self.target < 0.0 { touching } else { CONTACT_ROUNDING * extent };
         if start.fraction == 0.0 && start.separation.distance <= overlapping {
             return result(TimeOfImpactStatus::Overlapping, 0.0, &start, rounds);
@@ -321,7 +321,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
             let there = self.look(next, here.separation.feature, extent);
             rounds += 1;
             let [before, after] = [&here, &there].map(|instant| instant.separation.distance);
-            // After this part of the step the distance would be the one aimed at, did it shrink steadily.
+            // The part of the step at which the distance reaches the aim, if it shrinks linearly.
             let part = (before - aim) / (before - after);
             if after > self.target && self.clear_between(&here, &there) {
                 if after <= touching {
@@ -337,7 +337,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
             } else if step <= shortest {
                 return result(TimeOfImpactStatus::Hit, cleared.min(next), &here, rounds);
             } else {
-                // Steps that only ever come down to the same side would take many rounds.
+                // If all steps ended on the same side of the root, the search would take many iterations. So halving alternates with interpolation.
                 step *= if halve || after > touching { 0.5 } else { part.clamp(0.1, 0.9) };
                 halve = !halve;
             }
@@ -348,14 +348,14 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
 
 /// First fraction in `[0, max_fraction]` at which a moving primitive touches another moving primitive or a box at rest.
 ///
-/// At an instant, let `n` be the direction of least distance. Along `n` the gap of the support planes is, over time, the
-/// least of at most nine linear functions, and never more than the distance: up to its first root nothing
-/// can touch. That root is the next instant, and where the pair closes in for good a few rounds end at the touch.
+/// Let `n` be the direction of least distance at an instant. Along `n` the gap of the support planes over time is the
+/// minimum of at most nine linear functions and never exceeds the distance, so the pair cannot touch before its first root.
+/// That root is the next instant. If the pair approaches steadily, a few iterations converge to the touch.
 ///
-/// A pair that only grazes, or that tilts while its faces slide along each other, gets there by ever smaller steps. After
-/// [`MAX_ADVANCES`] of them the search takes trial steps of its own: the direction of least distance at the start of a step, turned
-/// steadily into that at its end, proves that nothing touches in between if it keeps a gap. The next step goes to where the distance, did it shrink on
-/// as in the last one, would be nothing, and is twice as long at most; one in vain is shortened likewise, or halved.
+/// A pair that grazes, or that tilts while its faces slide along each other, converges by ever smaller steps. After
+/// [`MAX_ADVANCES`] iterations the search takes trial steps instead. The directions of least distance at both ends of a step are interpolated: if the gap
+/// along the result stays open, the pair does not touch within the step. The length of the next step is extrapolated from the last one to a distance
+/// of zero, at most doubled. A failed step is shortened by interpolation, or halved.
 pub fn time_of_impact<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
@@ -364,7 +364,7 @@ pub fn time_of_impact<const N: usize, B: MovingConvex>(
     time_of_impact_from(first, second, 0.0, 0, max_fraction)
 }
 
-/// The same where it is known that nothing touches until `cleared`, which took so many rounds.
+/// The same if the pair is known not to touch until `cleared`, which took `rounds` iterations.
 pub(super) fn time_of_impact_from<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
@@ -376,7 +376,7 @@ pub(super) fn time_of_impact_from<const N: usize, B: MovingConvex>(
     pair.advance(pair.at(cleared, 0), rounds + 1, max_fraction)
 }
 
-/// How they lie to each other at the start, relative to the origin there, and whether nothing can touch until `max_fraction`.
+/// The separation at the start, relative to the origin there, and whether the pair provably does not touch until `max_fraction`.
 pub(super) fn start<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
@@ -387,8 +387,8 @@ pub(super) fn start<const N: usize, B: MovingConvex>(
     (start.separation, start.separation.distance > 0.0 && pair.cleared_until(&start) > max_fraction)
 }
 
-/// First fraction at which two primitives overlap by so much, in metres, which is more than they do at the start. `known`: the separation that [`start`] has
-/// found.
+/// First fraction at which two primitives overlap by `depth` metres. `depth` must exceed their overlap at the start. `known`: the separation found by
+/// [`start`].
 pub(super) fn time_of_depth<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,

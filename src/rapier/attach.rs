@@ -1,4 +1,4 @@
-//! Colliders of medial meshes and static boxes: made when the shape is there, made anew when it changes, taken when it goes.
+//! Colliders of medial meshes and static boxes: inserted when the shape is loaded, replaced when it changes, and removed with it.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -24,22 +24,22 @@ use crate::{
     plugin::{Detail, MedialLevel, MedialMesh, StaticObb, is_uniform},
 };
 
-/// Which shape an entity's collider was made from, or could not be.
+/// The shape and scale from which the collider of an entity was made. Present as well if no collider could be made.
 #[derive(Component, Clone)]
 pub(super) struct Attached {
     asset: AssetId<MedialAxis>,
-    /// At the level of detail; none if it is not loaded.
+    /// The medial axis at the level of detail; `None` if it is not loaded.
     axis: Option<MedialAxis>,
     scale: Vec3,
 }
 
 impl Attached {
-    /// True if the collider is that of the shape, and not one that the user has put there.
+    /// Returns true if the collider was made from the shape. Otherwise the user has inserted it.
     fn has_collider(&self) -> bool {
         self.axis.is_some()
     }
 
-    /// True if that is the same still: the asset may have got other content under its name.
+    /// Returns true if asset and content are unchanged. An asset may get new content under the same id.
     fn is_of(&self, asset: AssetId<MedialAxis>, axis: Option<&MedialAxis>) -> bool {
         self.asset == asset && self.axis.as_ref().map(MedialAxis::address) == axis.map(MedialAxis::address)
     }
@@ -52,7 +52,7 @@ fn is_same_scale(scale: Vec3, wanted: Vec3) -> bool {
     }
 }
 
-/// Gives every entity with a loaded [`MedialMesh`] its collider, and a new one when shape, level of detail or scale change.
+/// Inserts a collider on every entity with a loaded [`MedialMesh`], and replaces it when shape, level of detail or scale change.
 pub(super) fn attach_shapes(
     mut commands: Commands,
     meshes: Query<(NameOrEntity, &MedialMesh, Detail, &Transform, Has<ChildOf>, Option<&Attached>)>,
@@ -60,7 +60,7 @@ pub(super) fn attach_shapes(
     server: Option<Res<AssetServer>>,
     hierarchy: TransformHelper,
     mut next_key: Local<u64>,
-    // By axis and scale, as long as a collider has both.
+    // Compounds by axis and scale, for as long as a collider uses them.
     mut shared: Local<HashMap<(usize, u32), Weak<OnceLock<Compound>>>>,
 ) {
     shared.retain(|_, primitives| primitives.strong_count() > 0);
@@ -70,7 +70,7 @@ pub(super) fn attach_shapes(
         } else {
             transform.scale
         };
-        // Rounding changes no level, either.
+        // A scale that differs only by rounding does not change the level of detail either.
         let known = attached.filter(|attached| is_same_scale(attached.scale, scale));
         let scale = known.map_or(scale, |known| known.scale);
         let asset = mesh.0.id();
@@ -87,7 +87,7 @@ pub(super) fn attach_shapes(
         let Some((finest, level, axis)) = leveled else {
             if let Some(LoadState::Failed(error)) = server.as_ref().and_then(|server| server.get_load_state(&mesh.0)) {
                 error!("{name}: its medial mesh did not load, so it collides with nothing: {error}");
-                // A collider that stood in for it is the user's.
+                // Keep a collider that the user has inserted as a placeholder.
                 if attached.is_some_and(Attached::has_collider) {
                     entity.try_remove::<(Collider, MedialLevel)>();
                 }
@@ -114,10 +114,10 @@ pub(super) fn attach_shapes(
     }
 }
 
-/// A medial shape has its scale already.
+/// Scale of medial colliders: the medial shape itself includes the scale.
 const UNSCALED: ColliderScale = ColliderScale::Absolute(Vec3::ONE);
 
-/// Takes back what a user has made of that: rapier would turn the medial shape into a compound of other shapes.
+/// Resets a `ColliderScale` that the user has set on a medial collider, because rapier would replace the medial shape by a compound of other shapes.
 pub(super) fn keep_unscaled(
     mut commands: Commands,
     attached: Query<(Entity, Option<&ColliderScale>, &Attached), With<Collider>>,
@@ -129,8 +129,8 @@ pub(super) fn keep_unscaled(
     }
 }
 
-/// Takes the collider along with the shape that it was made from, at once: whatever the user puts there next is not touched. A box that is left
-/// makes its own again.
+/// Removes the collider immediately when its [`MedialMesh`] is removed, so that a collider which the user inserts next is kept. If the entity has a
+/// [`StaticObb`], its box collider is inserted again.
 pub(super) fn detach_shape(
     removed: On<Remove, MedialMesh>,
     mut commands: Commands,
@@ -143,7 +143,7 @@ pub(super) fn detach_shape(
     }
     entity.try_remove::<Attached>();
     if has_box {
-        // Unless the entity itself goes.
+        // Fails silently if the entity is despawned.
         entity.queue_silenced(|mut entity: EntityWorldMut| {
             if let Some(mut obb) = entity.get_mut::<StaticObb>() {
                 obb.set_changed();
@@ -152,11 +152,11 @@ pub(super) fn detach_shape(
     }
 }
 
-/// Marks a body that is there for its box alone.
+/// Marks an entity whose `RigidBody` was inserted for its [`StaticObb`].
 #[derive(Component)]
 pub(super) struct BodyOfBox;
 
-/// The same for a box, and for the body that it was given.
+/// Removes the collider, and the body that was inserted with it, when its [`StaticObb`] is removed.
 pub(super) fn detach_box(
     removed: On<Remove, StaticObb>,
     mut commands: Commands,
@@ -170,14 +170,14 @@ pub(super) fn detach_box(
     }
 }
 
-/// Gives every entity with a [`StaticObb`] and no shape of its own a fixed box collider.
+/// Inserts a fixed box collider on every entity with a [`StaticObb`] and without a [`MedialMesh`].
 ///
-/// A box is its own mirror image, but rapier would scale it to a negative size.
+/// A mirrored entity gets a `ColliderScale` that undoes the mirroring, because rapier would scale the box to a negative size.
 pub(super) fn attach_boxes(
     mut commands: Commands,
     boxes: Query<
         (Entity, Ref<StaticObb>, Has<RigidBody>, Option<&ColliderScale>),
-        // What a parent does to a child rapier sees in this step, its transform in the next.
+        // Rapier applies a parent's transform to a child in this step, but the child's `GlobalTransform` changes only in the next. So all children are checked.
         (Or<(Changed<StaticObb>, Changed<Transform>, Changed<GlobalTransform>, With<ChildOf>)>, Without<MedialMesh>),
     >,
     hierarchy: TransformHelper,
@@ -195,14 +195,15 @@ pub(super) fn attach_boxes(
             hierarchy.compute_global_transform(id).is_ok_and(|place| place.affine().matrix3.determinant() < 0.0);
         match scale {
             None | Some(&PLAIN) if is_mirrored => _ = entity.try_insert(MIRRORED),
-            // To take it away would change nothing.
+            // Rapier does not react to the removal of the component, so the scale is replaced.
             Some(&MIRRORED) if !is_mirrored => _ = entity.try_insert(PLAIN),
             _ => {}
         }
     }
 }
 
-/// What has lost its parent or its body since the last step, which may be several frames ago: Bevy forgets by then what was removed.
+/// Entities that have lost their parent or their body since the last step. `RemovedComponents` is no alternative, because several frames may pass between two
+/// steps and Bevy drops removal events earlier.
 #[derive(Resource, Default)]
 pub(super) struct Freed(Vec<Entity>);
 
@@ -211,14 +212,14 @@ pub(super) fn note_freed<C: Component>(
     physical: Query<(), Or<(With<RigidBody>, With<RapierColliderHandle>, With<Children>)>>,
     mut freed: ResMut<Freed>,
 ) {
-    // Much else has a parent, as the nodes of a menu.
+    // Skip other entities with a parent, such as UI nodes.
     if physical.contains(removed.entity) {
         freed.0.push(removed.entity);
     }
 }
 
-/// Gives a shape to the body that it belongs to by now, if it got another one or the first after its collider: rapier has it made anew, which otherwise
-/// leaves it where it was.
+/// Attaches a collider to its current body, if the shape was moved to another body or the body was added after the collider. Removing the handle makes rapier
+/// create the collider again; otherwise rapier keeps it on its old body.
 pub(super) fn follow_bodies(
     mut commands: Commands,
     changed: Query<Entity, Or<(Added<RigidBody>, Changed<ChildOf>)>>,
@@ -251,19 +252,19 @@ pub(super) fn follow_bodies(
     }
 }
 
-/// The scale of a box: Bevy has the sign of a mirrored one along x.
+/// Scale of a mirrored box: Bevy's decomposition of a mirrored transform has the negative sign along x.
 const MIRRORED: ColliderScale = ColliderScale::Relative(Vec3::new(-1.0, 1.0, 1.0));
 const PLAIN: ColliderScale = ColliderScale::Relative(Vec3::ONE);
 
-/// Marks a body that was spawned asleep, until its first shape is there.
+/// Marks a body that was spawned asleep, until its first collider exists.
 #[derive(Component)]
 pub(super) struct SpawnedAsleep;
 
-/// A bit of the hooks that calls none. Rapier never recycles the contacts of a collider with hooks.
+/// A bit of `ActiveHooks` that enables no hook. Rapier never recycles the contacts of a collider with active hooks.
 const NO_RECYCLING: RapierHooks = RapierHooks::from_bits_retain(1 << 31);
 
-/// Excludes medial colliders from rapier's recycling of contacts, which keeps the contacts of a pair that has hardly moved. A pair that has just stopped at
-/// an impact has hardly moved either, and its new contact must not be missed. Rapier still recycles pairs of its own shapes.
+/// Excludes medial colliders from rapier's contact recycling, which keeps the contacts of a pair that has hardly moved. A pair that has just stopped at
+/// an impact may have hardly moved either, but its new contact must not be missed. Rapier still recycles pairs of its own shapes.
 pub(super) fn keep_contacts_fresh(
     changed: Query<
         (&RapierColliderHandle, &RapierContextEntityLink, &Collider),
@@ -282,8 +283,8 @@ pub(super) fn keep_contacts_fresh(
     }
 }
 
-/// A body without a collider has no mass and falls asleep; it does not wake up by getting one, nor by getting another. One that was spawned asleep
-/// sleeps on with its first.
+/// Wakes bodies that get a new collider. A body without a collider has no mass and falls asleep, and rapier does not wake it when a collider is added. A body
+/// that was spawned asleep stays asleep when it gets its first collider.
 pub(super) fn wake_attached(
     mut commands: Commands,
     spawned: Query<(Entity, &RapierRigidBodyHandle, &RapierContextEntityLink), Added<RapierRigidBodyHandle>>,

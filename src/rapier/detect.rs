@@ -1,4 +1,4 @@
-//! The step of the pipeline around rapier's: poses before it, the motion that it has solved, and what comes of that.
+//! Runs the pipeline around rapier's step: records the poses before it, sweeps bodies along the motion that rapier has solved, and applies the result.
 
 use std::{ops::Range, sync::Arc, time::Duration};
 
@@ -37,7 +37,7 @@ use crate::{
     plugin::{BodyInfo, MedialCcd, MedialSettings, MedialStep},
 };
 
-/// A rapier context: a world whose bodies meet no others.
+/// A rapier context: a world. Bodies of different worlds do not collide.
 #[derive(QueryData)]
 #[query_data(mutable)]
 pub(super) struct Context {
@@ -56,7 +56,7 @@ impl ContextReadOnlyItem<'_, '_> {
         Reach::new(parameters.prediction_distance(), parameters.length_unit)
     }
 
-    /// True if there is anything medial in it.
+    /// Returns true if the world has a medial collider.
     fn is_medial(&self) -> bool {
         self.colliders.colliders.iter().any(|(_, collider)| medial(collider).is_some())
     }
@@ -66,13 +66,13 @@ impl ContextReadOnlyItem<'_, '_> {
     }
 }
 
-/// Where colliders were, and how fast, before rapier's step.
+/// Poses and velocities of colliders before rapier's step.
 #[derive(Resource, Default)]
 pub(super) struct Snapshot {
     starts: HashMap<(Entity, ColliderHandle), Start>,
-    /// How far each world was ahead of the time that is shown, in seconds.
+    /// [`SimulationToRenderTime`] of each world before the step: rendered time minus simulated time, in seconds.
     leads: HashMap<Entity, f32>,
-    /// True if rapier's step has been run since, and not left out by a condition on its set.
+    /// True if rapier's step has run since the snapshot. A condition on its system set may skip it.
     stepped: bool,
     took: Duration,
 }
@@ -84,7 +84,7 @@ struct Start {
     angular: Vec3,
 }
 
-/// Pose of a collider by its body's, which is newer than the collider's own after a change by the user.
+/// Returns the pose of a collider in the world, from the pose of its body. After a change by the user, the body's pose is newer than that of the collider.
 pub(super) fn collider_pose(collider: &RapierCollider, body: Option<&RapierBody>) -> Pose3 {
     rigid(match (body, collider.position_wrt_parent()) {
         (Some(body), Some(local)) => body.position() * local,
@@ -92,7 +92,7 @@ pub(super) fn collider_pose(collider: &RapierCollider, body: Option<&RapierBody>
     })
 }
 
-/// The pose with a rotation of unit length, which one of a sheared hierarchy of transforms does not have. Others keep their bits.
+/// Returns the pose with a normalized rotation. Sheared transform hierarchies give rotations that are not normalized. Normalized poses keep their bits.
 pub(super) fn rigid(pose: Pose3) -> Pose3 {
     let length = pose.rotation.length();
     if pose.rotation.is_normalized() || length == 0.0 {
@@ -105,7 +105,7 @@ fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
     collider.shape().as_shape::<MedialShape>()
 }
 
-/// What a collider moves by in a step of so many seconds.
+/// Returns the motion of a collider in `dt` seconds at the velocity of its body.
 fn pace(collider: &RapierCollider, body: &RapierBody, dt: f32) -> Pace {
     let radius = collider.shape().compute_local_bounding_sphere().radius;
     Pace { way: body.linvel() * dt, rotation: body.angvel() * dt, radius }
@@ -138,7 +138,8 @@ pub(super) fn snapshot(
             let owed = collider.parent().and_then(|parent| owed.0.get(&(context.entity, parent)));
             let seconds = dt + owed.map_or(0.0, |owed| owed.seconds);
             let pace = pace(collider, moving, seconds);
-            // Of several colliders that share a shape the dispatcher knows no one: the fastest counts, so that none is told of what it only passes.
+            // The dispatcher cannot distinguish colliders that share a shape. The fastest one counts, because the reach of a slower one would include bodies
+            // that the fastest one only passes.
             let known = paces.entry(SecondKey::of(collider.shape())).or_insert(pace);
             if pace.against(&Pace::REST) > known.against(&Pace::REST) {
                 *known = pace;
@@ -152,17 +153,17 @@ pub(super) fn snapshot(
     snapshot.took = clock.elapsed();
 }
 
-/// Notes that rapier's step is run: among its systems, under their conditions.
+/// Records that rapier's step runs. This system is in rapier's step set, so the same run conditions apply.
 pub(super) fn note_step(mut snapshot: ResMut<Snapshot>) {
     snapshot.stepped = true;
 }
 
-/// True if rapier's step has been run.
+/// Returns true if rapier's step has run since the snapshot.
 pub(super) fn has_stepped(snapshot: Res<Snapshot>) -> bool {
     snapshot.stepped
 }
 
-/// Seconds that rapier simulates in a step to come, as far as that is known.
+/// Returns an estimate of the time that rapier will simulate in the next step, in seconds.
 fn to_come(mode: &TimestepMode, time: &Time) -> f32 {
     match *mode {
         TimestepMode::Interpolated { dt, time_scale, .. } => dt * time_scale,
@@ -171,7 +172,7 @@ fn to_come(mode: &TimestepMode, time: &Time) -> f32 {
     }
 }
 
-/// What rapier has done in its step.
+/// Information about the last step of rapier.
 #[derive(SystemParam)]
 pub(super) struct RapierStep<'w> {
     snapshot: Res<'w, Snapshot>,
@@ -180,15 +181,15 @@ pub(super) struct RapierStep<'w> {
 }
 
 impl RapierStep<'_> {
-    /// How many steps of its own length it has taken for a world.
+    /// Returns the number of steps of length `dt` that rapier has run for a world in this frame.
     pub fn steps(&self, context: &ContextReadOnlyItem) -> f32 {
         let TimestepMode::Interpolated { dt, .. } = *self.mode else { return 1.0 };
-        // A world that has come since was not ahead.
+        // A world that was added after the snapshot starts at 0.
         let lead = self.snapshot.leads.get(&context.entity).copied().unwrap_or(0.0);
         ((lead + self.time.delta_secs() - context.lead.diff) / dt).round()
     }
 
-    /// Seconds that it has simulated.
+    /// Returns the time that rapier has simulated for a world, in seconds.
     fn simulated(&self, context: &ContextReadOnlyItem) -> f32 {
         match *self.mode {
             TimestepMode::Interpolated { dt, time_scale, .. } => self.steps(context) * dt * time_scale,
@@ -196,20 +197,20 @@ impl RapierStep<'_> {
         }
     }
 
-    /// False for a world that is halted, and while a frame passes between two steps.
+    /// Returns false for a paused world, and in a frame without a step.
     pub fn runs(&self, context: &ContextReadOnlyItem) -> bool {
         context.configuration.physics_pipeline_active && self.simulated(context) > 0.0
     }
 }
 
-/// Collision groups and solver groups.
+/// Returns the collision groups and the solver groups.
 fn groups(collider: &RapierCollider) -> [Groups; 2] {
     [collider.collision_groups(), collider.solver_groups()]
         .map(|groups| Groups { memberships: groups.memberships.bits(), filter: groups.filter.bits() })
 }
 
-/// The type of a collider's body, and the types that it collides with. Those that do not give way are told of whether rapier looks at them
-/// or not: nothing stops there.
+/// Returns the type of a collider's body, and the types that it collides with. Pairs without a dynamic body are always included, even if rapier skips them,
+/// because they only report contacts and stop no body.
 fn types(collider: &RapierCollider, body: Option<&RapierBody>) -> Groups {
     use RigidBodyType::{Dynamic, Fixed, KinematicPositionBased, KinematicVelocityBased};
     let own = body.map_or(Fixed, RapierBody::body_type);
@@ -220,23 +221,23 @@ fn types(collider: &RapierCollider, body: Option<&RapierBody>) -> Groups {
     Groups { memberships: 1 << own as u32, filter }
 }
 
-/// The axes along which a body does not move.
+/// Returns the world axes along which the body cannot move.
 fn locked(body: &RapierBody) -> BVec3 {
     let bits = body.locked_axes().bits();
     BVec3::new(bits & 1 != 0, bits & 2 != 0, bits & 4 != 0)
 }
 
-/// A collider's place in rapier's order.
+/// Returns the index of a collider in rapier's order.
 fn order(collider: ColliderHandle) -> u32 {
     collider.into_raw_parts().0
 }
 
-/// A number for a rigid body: none that exist at a time share theirs.
+/// Returns an id of a rigid body. Two bodies that exist at the same time have different ids.
 fn owner(world: u32, body: RigidBodyHandle) -> u64 {
     u64::from(world) << 32 | u64::from(body.into_raw_parts().0)
 }
 
-/// What a shape is made of. None for one that nothing is known about.
+/// Converts a shape for the pipeline. Returns `None` for a custom shape without a support map.
 pub(super) fn solid(shape: &SharedShape) -> Option<Solid> {
     match shape.as_shape::<MedialShape>() {
         Some(medial) => Some(medial.shape.clone().into()),
@@ -244,7 +245,7 @@ pub(super) fn solid(shape: &SharedShape) -> Option<Solid> {
     }
 }
 
-/// A collider without a body that moves, by all that the pipeline knows of it.
+/// A collider that does not move, with all properties that the pipeline uses.
 #[derive(Clone)]
 pub(super) struct Fixed {
     entity: Entity,
@@ -273,7 +274,7 @@ fn sensors(fixed: &[Fixed]) -> impl Iterator<Item = &Fixed> {
     fixed.iter().filter(|item| item.sensor)
 }
 
-/// Runs the pipeline over the motion that rapier has solved, stops bodies at their first impact and fills the table.
+/// Runs the pipeline over the motion that rapier has solved, stops bodies at their first impact and fills the contact table.
 pub(super) fn detect<Hooks>(
     mut step: ResMut<MedialStep>,
     rapier: RapierStep,
@@ -288,14 +289,14 @@ pub(super) fn detect<Hooks>(
     Hooks: 'static + BevyPhysicsHooks,
     for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
 {
-    // While all is halted, or a frame passes between two steps, the last step holds, and whatever changes counts from the next step on.
+    // Without a step, the output of the last step stays valid. Changes by the user count in the next step.
     if !contexts.iter().any(|context| rapier.runs(&context)) {
         return;
     }
     let clock = Instant::now();
     let step = step.as_mut();
     step.settings = *settings;
-    // Where bodies sleep. One that sleeps elsewhere now was put there, as by a context that is restored, and is looked at once.
+    // Poses of sleeping bodies. A body that sleeps at another pose was moved there, e.g. by restoring a context, so its pairs are searched once.
     let sleepers: HashMap<Entity, Pose3> = std::iter::zip(&step.infos, &step.input.bodies)
         .filter(|(info, _)| info.asleep)
         .map(|(info, body)| (info.entity, body.sweep.end))
@@ -309,9 +310,9 @@ pub(super) fn detect<Hooks>(
     let mut worlds: Vec<(Entity, f32)> = Vec::new();
     let mut fixed = Vec::new();
     let to_come = to_come(&rapier.mode, &rapier.time);
-    // Those that sleep where they slept.
+    // Bodies that sleep at the same pose as in the last step.
     let mut resting = Vec::new();
-    // Those whose motion ends elsewhere than rapier's.
+    // Bodies whose sweep does not end at rapier's pose.
     let mut astray = Vec::new();
     for context in contexts.iter().sort::<Entity>().filter(|context| context.is_medial()) {
         let world = worlds.len() as u32;
@@ -327,7 +328,7 @@ pub(super) fn detect<Hooks>(
             [a.min(b), a.max(b)]
         }));
         let assemblies = assemblies(context.joints, &context.bodies.bodies);
-        // In the order of their handles, as rapier orders pairs.
+        // Iterate in the order of the handles, because rapier orders pairs by them.
         for (handle, collider) in context.colliders.colliders.iter().filter(|(_, collider)| collider.is_enabled()) {
             let Some(entity) = context.colliders.collider_entity(handle) else { continue };
             let body = context.body(collider);
@@ -351,9 +352,9 @@ pub(super) fn detect<Hooks>(
                 resting.push((step.input.bodies.len(), sensor || !body.is_dynamic()));
             }
             let [groups, stop_groups] = groups(collider);
-            // The pose of a link of a multibody is a matter of the whole.
+            // A link of a multibody cannot be moved by itself.
             let linked = context.joints.multibody_joints.rigid_body_link(parent).is_some();
-            // What sleeps is carried along as well by a kinematic body that would be past it before rapier sees them touch.
+            // Sleeping bodies count too: a fast kinematic body would pass through them before rapier finds a contact.
             let stops = simulated && body.is_dynamic() && !linked;
             let motion = if stops { motion } else { Sweep::between };
             let mut held = false;
@@ -365,7 +366,7 @@ pub(super) fn detect<Hooks>(
             if sweep.end != end {
                 astray.push(step.input.bodies.len() as u32);
             }
-            // Rapier finds the velocity of what is moved by poses in the step.
+            // Rapier computes the velocity of a kinematic body within the step, so it is taken from the sweep.
             let (linear, angular) = if running && body.is_kinematic() {
                 (sweep.translation / dt, sweep.rotation / dt)
             } else {
@@ -394,7 +395,7 @@ pub(super) fn detect<Hooks>(
                 entity,
                 collider: handle,
                 sensor,
-                // In a world that is halted nothing is looked at, either.
+                // Bodies of a paused world are treated like sleeping bodies.
                 asleep: !running || body.is_sleeping(),
                 center: start.pose.transform_point(center),
                 linear,
@@ -404,9 +405,10 @@ pub(super) fn detect<Hooks>(
     }
     step.worlds = worlds.iter().map(|(entity, _)| *entity).collect();
     step.dt = worlds.first().map_or(0.0, |(_, dt)| *dt);
-    // Who sets the resource anew has lost them.
+    // The lengths differ if the user has replaced the resource, because the new one has no statics.
     if fixed != *known || step.static_infos.len() != fixed.len() {
-        // Rapier wakes nobody for a sensor that comes, goes or moves, nor for anything fixed that does one that only is told.
+        // Rapier wakes no body when a sensor is added, removed or moved, and no sensor or kinematic body when a static changes. Pairs of these bodies are
+        // searched once, so that touch messages are correct.
         let is_for_all = sensors(&fixed).ne(sensors(&known));
         for (body, _) in resting.into_iter().filter(|(_, is_told_alone)| is_for_all || *is_told_alone) {
             step.input.bodies[body].active = true;
@@ -435,7 +437,7 @@ pub(super) fn detect<Hooks>(
     step.table_time = clock.elapsed();
 }
 
-/// Rebuilds the statics: one of them has come, gone or changed.
+/// Rebuilds the statics after one of them was added, removed or changed.
 fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
     let mut bodies = Vec::new();
     step.static_infos.clear();
@@ -450,10 +452,10 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
     step.statics = Statics::new(bodies);
 }
 
-/// Moves bodies back to where they stop, with the velocities that they have there, so that the next step solves a true contact at a true pose. The rest
-/// of the step is owed to them, with the velocity that gravity has given them for it.
+/// Moves stopped bodies back to their impacts, so that the next step solves a true contact at a true pose. The rest of the step is owed to the body, and the
+/// velocity that gravity has added for this time is removed until the time is used.
 ///
-/// Bodies whose motion ends elsewhere than rapier's are moved there.
+/// Bodies whose sweep does not end at rapier's pose are moved to the end of the sweep.
 fn stop_bodies(
     step: &MedialStep,
     astray: &[u32],
@@ -464,7 +466,7 @@ fn stop_bodies(
     owed: &mut HashMap<BodyKey, Owed>,
 ) {
     let ContextItem { entity, mut bodies, colliders, configuration, .. } = context;
-    // The shapes of one body stop together, and it is moved once.
+    // The shapes of one body stop together, so the body is moved once.
     let mut last = None;
     let end = |&body: &u32| Stop { body, fraction: 1.0, pose: step.input.bodies[body as usize].sweep.end };
     let ends = astray.iter().filter(|body| step.output.stop_of(**body).is_none()).map(end);
@@ -477,7 +479,7 @@ fn stop_bodies(
             continue;
         }
         let BodyInfo { collider, asleep, .. } = step.infos[stop.body as usize];
-        // What stays where it sleeps is not woken.
+        // Do not wake a sleeping body that does not move.
         if asleep && stop.pose == step.input.bodies[stop.body as usize].sweep.start {
             continue;
         }
@@ -492,7 +494,7 @@ fn stop_bodies(
             let rest = left.times(1.0 - stop.fraction);
             body.set_linvel(body.linvel() + known.velocity - rest.velocity, true);
             if rest.seconds > 0.0 {
-                // At most a step is owed. A body that is held up for longer turns more slowly, or it would gain energy.
+                // At most one step is owed. If more is left, the body turns more slowly by the same factor, because it would gain energy otherwise.
                 let kept = (dt / rest.seconds).min(1.0);
                 body.set_angvel(body.angvel() * kept, true);
                 owed.insert((entity, parent), Owed { is_full: kept < 1.0, ..rest.times(kept) });
@@ -501,7 +503,7 @@ fn stop_bodies(
     }
 }
 
-/// Time that bodies have not moved for, as they stopped at an impact: their next step is longer by it.
+/// Time that is owed to bodies that stopped at an impact. Their next step is longer by this time.
 ///
 /// This resource has to be [saved and restored](super) with a world.
 #[derive(Resource, Clone, Debug, Default, Reflect)]
@@ -514,9 +516,9 @@ type BodyKey = (Entity, RigidBodyHandle);
 #[derive(Clone, Copy, Debug, Default)]
 struct Owed {
     seconds: f32,
-    /// The velocity that gravity adds in that time, in metres per second.
+    /// Velocity that gravity adds in this time, in metres per second.
     velocity: Vec3,
-    /// True if it would be more than a step.
+    /// True if more than a step would be owed without the limit.
     is_full: bool,
 }
 
@@ -525,7 +527,7 @@ impl Owed {
         Self { seconds: self.seconds * factor, velocity: self.velocity * factor, ..self }
     }
 
-    /// The motion of a body that goes on for that time.
+    /// Extends the motion of a body by the owed time.
     fn longer(&self, sweep: &Sweep, body: &RapierBody) -> Sweep {
         let turn = body.angvel() * self.seconds;
         let center = sweep.end.transform_point(sweep.local_center) + (body.linvel() + self.velocity) * self.seconds;
@@ -535,8 +537,8 @@ impl Owed {
     }
 }
 
-/// The velocity that a body has gained by a fall from the velocity it had, as far as that shows in its own at all: what a contact holds up has gained
-/// none, nor has any along locked axes.
+/// Returns the part of the velocity change `fall` by gravity that shows in the velocity of a body. `before`: velocity before the step. A body that a contact
+/// holds up has gained no velocity, and no body gains velocity along locked axes.
 fn gained(body: &RapierBody, before: Vec3, fall: Vec3) -> Vec3 {
     let free = Vec3::select(body.mass_properties().effective_inv_mass.cmpgt(Vec3::ZERO), Vec3::ONE, Vec3::ZERO);
     let fall = free * fall * body.gravity_scale();
@@ -544,7 +546,7 @@ fn gained(body: &RapierBody, before: Vec3, fall: Vec3) -> Vec3 {
     if shown > 0.0 { fall * shown.min(1.0) } else { Vec3::ZERO }
 }
 
-/// The manifolds of a world's pairs under the keys that the dispatcher will look them up by.
+/// Returns the manifold ranges of a world's pairs, with the keys that the dispatcher uses.
 fn table_entries<'a>(
     step: &'a MedialStep,
     world: Entity,

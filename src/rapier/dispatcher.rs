@@ -28,12 +28,11 @@ use crate::{
     },
 };
 
-/// Answers rapier's questions about pairs with a medial shape; all others go on to the next dispatcher of the chain.
+/// Query dispatcher for pairs with a medial shape. Passes all other pairs to the next dispatcher of the chain.
 ///
-/// Manifolds come from the step's [`ContactTable`] where it knows the pair at this very relative pose, and are computed
-/// otherwise.
+/// Manifolds come from the [`ContactTable`] if it has the pair at exactly this relative pose. Otherwise they are computed.
 pub struct MedialDispatcher {
-    /// What the last step found.
+    /// Contacts of the last step.
     pub table: ContactTable,
 }
 
@@ -43,7 +42,7 @@ struct Pair<'a> {
     other: &'a dyn ParryShape,
     /// Pose of the other collider in the frame of the first.
     pose12: Pose3,
-    /// True if rapier has the medial shape second.
+    /// True if the first shape of this pair is rapier's second one.
     swapped: bool,
 }
 
@@ -58,7 +57,7 @@ impl<'a> Pair<'a> {
         if is_known(pair.other) { Ok(pair) } else { Err(Unsupported) }
     }
 
-    /// Of two medial shapes the one that moves first, as in the pipeline's pairs.
+    /// Puts the moving shape first if only one of two medial shapes moves, as in the pipeline's pairs.
     fn moving_first(self, table: &ContactTable) -> Self {
         match self.other.as_shape::<MedialShape>() {
             Some(other) if table.moves(other.key) && !table.moves(self.first.key) => {
@@ -90,7 +89,7 @@ impl<'a> Pair<'a> {
         contacts.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))
     }
 
-    /// Point and outward normal of both sides, each in its collider's frame, in rapier's order.
+    /// Returns the points and outward normals of both sides, each in its collider's frame, in rapier's order.
     fn sides(&self, contact: &Contact) -> [(Vec3, Vec3); 2] {
         let normal2 = self.pose12.rotation.inverse() * -contact.normal1;
         self.in_order((contact.point1, contact.normal1), (contact.point2, normal2))
@@ -100,7 +99,7 @@ impl<'a> Pair<'a> {
         if self.swapped { [second, first] } else { [first, second] }
     }
 
-    /// A distance that the pair does not exceed.
+    /// Returns an upper bound of the distance of the pair, in metres.
     fn distance_bound(&self) -> f32 {
         let bound = self.first.shape.bounding_sphere();
         let center = self.pose12.inverse_transform_point(bound.center);
@@ -164,7 +163,7 @@ impl QueryDispatcher for MedialDispatcher {
         Ok(hit.map(|hit| if pair.swapped { hit.swapped() } else { hit }))
     }
 
-    /// No hit: the step finds the impacts of medial shapes itself, with both motions.
+    /// Always returns no hit, because the step finds the impacts of medial shapes with both motions.
     fn cast_shapes_nonlinear(
         &self,
         _: &NonlinearRigidMotion,
@@ -179,7 +178,7 @@ impl QueryDispatcher for MedialDispatcher {
     }
 }
 
-/// Marks a pair as one whose manifolds come and go: rapier then rebuilds its solver graph instead of patching it.
+/// Marks a pair whose number of manifolds changes. Rapier rebuilds its solver graph for such a pair instead of patching it.
 #[derive(Clone)]
 struct Composite;
 
@@ -222,7 +221,7 @@ impl PersistentQueryDispatcher<ContactManifoldData, ContactData> for MedialDispa
             manifold.match_contacts(&previous);
             manifolds.push(manifold);
         }
-        // With two manifolds or more rapier matches contacts by position, which survives any change of their number.
+        // With two or more manifolds, rapier matches contacts by position. This works even if the number of manifolds changes, so an empty one is added.
         manifolds.push(ContactManifold::with_data(0, 0, ContactManifoldData::default()));
         Ok(())
     }

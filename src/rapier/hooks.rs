@@ -1,4 +1,4 @@
-//! What the user's hooks let be between two colliders.
+//! Evaluation of the user's physics hooks for the pairs of a step.
 
 use bevy_rapier3d::{
     prelude::{BevyPhysicsHooks, PairFilterContextView},
@@ -11,10 +11,10 @@ use bevy_rapier3d::{
 
 use crate::pipeline::Meeting;
 
-/// Asks the hooks about a pair as rapier does, which may not have met it: of a fast pair, not before it is stopped.
+/// Calls the user's hooks for a pair as rapier does. Rapier itself may not have called them, because it sees a fast pair only after the pair has stopped.
 ///
-/// What a hook does to single contacts shows only in what rapier has made of those at the start of the step: one that has taken away all
-/// of a pair in touch, as that of a one-way platform does, lets it pass.
+/// `MODIFY_SOLVER_CONTACTS` hooks change single contacts, so their effect is read from rapier's contacts at the start of the step. If such a hook has removed
+/// all contacts of a touching pair, as for a one-way platform, the bodies do not stop at each other.
 pub(super) fn meeting(
     hooks: &impl BevyPhysicsHooks,
     [first, second]: [ColliderHandle; 2],

@@ -1,4 +1,4 @@
-//! Bodies that rapier shows between its steps.
+//! Interpolated transforms of bodies that stopped.
 
 use bevy::prelude::*;
 use bevy_rapier3d::{prelude::TransformInterpolation, rapier::geometry::Collider};
@@ -6,8 +6,10 @@ use bevy_rapier3d::{prelude::TransformInterpolation, rapier::geometry::Collider}
 use super::detect::{ContextReadOnly, RapierStep};
 use crate::{pipeline::Side, plugin::MedialStep};
 
-/// Of the steps of a frame rapier shows the way from where the last one began. Who has stopped in an earlier one was never there, which may be beyond
-/// a wall: it is shown where it stopped.
+/// Corrects the start pose of `TransformInterpolation` for bodies that stopped.
+///
+/// If a frame has several steps, rapier interpolates from the pose at the start of the last step. A body that stopped in an earlier step was never at this
+/// pose, and the pose may be behind a wall. Such a body is shown at the pose where it stopped.
 pub(super) fn show_stops(
     step: Res<MedialStep>,
     rapier: RapierStep,

@@ -1,4 +1,4 @@
-//! What joints mean for the step: which bodies do not collide, and which stop together.
+//! Effects of joints on the step: pairs of bodies that do not collide, and bodies that stop together.
 
 use bevy::platform::collections::HashMap;
 use bevy_rapier3d::{
@@ -8,7 +8,7 @@ use bevy_rapier3d::{
 
 use crate::disjoint_sets::DisjointSets;
 
-/// Pairs of bodies that a joint keeps from colliding.
+/// Returns the pairs of bodies whose collisions a joint disables.
 pub(super) fn kept_apart(joints: &RapierContextJoints) -> Vec<[RigidBodyHandle; 2]> {
     let impulse = joints.impulse_joints.iter().filter(|(_, joint)| !joint.data.contacts_enabled);
     let mut pairs: Vec<_> = impulse.map(|(_, joint)| [joint.body1(), joint.body2()]).collect();
@@ -24,9 +24,9 @@ pub(super) fn kept_apart(joints: &RapierContextJoints) -> Vec<[RigidBodyHandle; 
     pairs
 }
 
-/// For each dynamic body on an enabled impulse joint one that stands for all that are joined with it, directly or by others.
+/// Maps each dynamic body on an enabled impulse joint to a representative of all bodies that are joined with it, directly or through others.
 ///
-/// If one of them stopped by itself, the joints would be torn, and the solver would make up for it with a jerk.
+/// These bodies stop together. If one of them stopped alone, the joints would be violated and the solver would correct them with a jerk.
 pub(super) fn assemblies(
     joints: &RapierContextJoints,
     bodies: &RigidBodySet,
@@ -37,7 +37,7 @@ pub(super) fn assemblies(
     let enabled = joints.impulse_joints.iter().filter(|(_, joint)| joint.data.is_enabled());
     let pairs = enabled.map(|(_, joint)| [joint.body1(), joint.body2()]);
     let pairs: Vec<_> = pairs.filter(|pair| pair.iter().all(is_solved)).collect();
-    // Of a body that is there several times one place stands for all.
+    // A body on several joints is in the list several times. The map keeps one index per body.
     let joined = pairs.as_flattened();
     let numbers: HashMap<RigidBodyHandle, u32> = joined.iter().copied().zip(0..).collect();
     let mut sets = DisjointSets::new(joined.len());

@@ -1,35 +1,41 @@
-//! Response through rapier: medial bodies are colliders with a custom shape, and rapier asks our dispatcher for their contacts.
+//! Response through rapier: medial bodies are colliders with a custom shape, and rapier gets their contacts from this crate's query dispatcher.
 //!
 //! ```text
-//! SyncBackend      attach: the collider of each loaded shape
-//! -- Snapshot      quarantine of what is not finite; poses and velocities at the start of the step
-//! StepSimulation   rapier solves; the dispatcher answers from the last step's table, or computes
-//! -- Detect        the step of the pipeline from start to solved poses; bodies stop at their first impact; the table for
-//!                  the next step; finer solver steps for fast pairs in contact
+//! SyncBackend      attach: insert the collider of each loaded shape
+//! -- Snapshot      disable bodies with invalid values; record poses and velocities at the start of the step
+//! StepSimulation   rapier solves; the dispatcher returns contacts from the last step's table, or computes them
+//! -- Detect        run the pipeline from start poses to solved poses; stop bodies at their first impact; fill the table for
+//!                  the next step; set more solver iterations for fast pairs in contact
 //! Writeback
 //! -- Report        messages, events and diagnostics
 //! ```
 //!
-//! One pass of the pipeline serves both ends: the impacts of this step, and the contacts of the next, whose start is this end.
-//! A body that is moved in between is no longer where the table knows it, and its contacts are computed on demand.
+//! One pass of the pipeline finds the impacts of this step and the contacts of the next step, because the next step starts where this one ends.
+//! If a body is moved between the steps, the table has no entry for its new pose, and its contacts are computed on demand.
 //!
-//! # Values that cannot be computed with
+//! # Invalid values
 //!
-//! A body whose transform, velocity or force is not finite, or beyond [`MAX_MAGNITUDE`](crate::constants::MAX_MAGNITUDE), is disabled by a
-//! `RigidBodyDisabled` (a collider without a body of its own by a `ColliderDisabled`), with a warning that names the entity. It comes back when it
-//! is set to finite values. This holds for rapier's own bodies as well, since what they touch would be next, as long as the app has a medial mesh
-//! or a static box.
+//! A body is disabled if its transform, velocity or force is not finite, or if its transform or velocity exceeds
+//! [`MAX_MAGNITUDE`](crate::constants::MAX_MAGNITUDE). It gets a `RigidBodyDisabled`; a collider without a body of its own gets a `ColliderDisabled`. A
+//! warning names the entity. The body is enabled again when it is set to valid values. This applies to bodies without a medial mesh too, because invalid
+//! values spread through contacts. It requires that the app has a medial mesh or a static box.
 //!
 //! # Saving and restoring
 //!
-//! A copy of the context in memory replays to the same bits: clone `RapierRigidBodySet`, `RapierContextColliders`, `RapierContextJoints` and, of
-//! `RapierContextSimulation`, which is no `Clone`, the fields `islands`, `broad_phase`, `narrow_phase` and `ccd_solver`; put them back with a new
-//! `PhysicsPipeline`, and the `Transform` and `Velocity` of each body with them; for `TimestepMode::Interpolated` the context's
-//! `SimulationToRenderTime` as well, and the resource [`OwedTime`]. No entity that has a body may have come or
-//! gone in between. Messages of touches continue from the last one that was sent.
-//! A file cannot hold it: parry reads no custom shape back, and a narrow phase that is read back has lost its dispatcher. There, save the
-//! components (`Transform`, `Velocity`, `MedialMesh` by its path) and spawn them again: contacts then start without what the solver knew of
-//! them.
+//! A copy of the context in memory replays to the same bits. Clone:
+//!
+//! - `RapierRigidBodySet`, `RapierContextColliders` and `RapierContextJoints`;
+//! - the fields `islands`, `broad_phase`, `narrow_phase` and `ccd_solver` of `RapierContextSimulation`, which is not `Clone`;
+//! - the `Transform` and `Velocity` of each body;
+//! - the resource [`OwedTime`];
+//! - the context's `SimulationToRenderTime`, for `TimestepMode::Interpolated`.
+//!
+//! Put the clones back together with a new `PhysicsPipeline`. No entity with a body may have been spawned or despawned in between. Messages of touches
+//! continue from the last one that was sent.
+//!
+//! The context cannot be saved to a file: parry cannot deserialize custom shapes, and a deserialized narrow phase has lost its dispatcher. Save the
+//! components instead (`Transform`, `Velocity`, and the path of the `MedialMesh`) and spawn the entities again. The solver then starts without warm-start
+//! data of the contacts.
 
 mod attach;
 mod detect;
@@ -69,24 +75,24 @@ pub use query::MedialQueries;
 pub use shape::MedialShape;
 pub use table::ContactTable;
 
-/// Adds rapier, if it is not there yet, and the systems around its step.
+/// Adds `RapierPhysicsPlugin` unless the app has it, and the systems around rapier's step.
 ///
 /// # Panics
-/// If rapier is there with other hooks.
+/// If the app has a `RapierPhysicsPlugin` with other hooks.
 pub(crate) fn add_systems<Hooks>(app: &mut App, schedule: Interned<dyn ScheduleLabel>)
 where
     Hooks: 'static + BevyPhysicsHooks,
     for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
 {
     if !app.is_plugin_added::<RapierPhysicsPlugin<Hooks>>() {
-        // Whatever its hooks are, it brings these messages.
+        // A RapierPhysicsPlugin adds these messages, for any type of hooks.
         let other = app.world().contains_resource::<Messages<CollisionEvent>>();
-        assert!(!other, "RapierPhysicsPlugin has other hooks: name them by MedialPhysicsPlugin::with_hooks");
+        assert!(!other, "RapierPhysicsPlugin has other hooks: set the same hooks with MedialPhysicsPlugin::with_hooks");
         app.add_plugins(RapierPhysicsPlugin::<Hooks>::default().in_schedule(schedule));
     } else if !has_rapier(app, schedule) {
         warn!(
-            "RapierPhysicsPlugin does not step in {schedule:?}, so that nothing would stop at an impact: \
-             give MedialPhysicsPlugin the same schedule, by in_schedule or in_fixed_schedule"
+            "RapierPhysicsPlugin does not step in {schedule:?}, so no body would stop at an impact: \
+             give MedialPhysicsPlugin the same schedule with in_schedule or in_fixed_schedule"
         );
     }
     app.add_observer(attach::detach_shape)
@@ -121,7 +127,7 @@ where
                 .chain()
                 .in_set(MedialSystems::Attach),
         )
-        // Rapier propagates transforms without: what is set on an entity with children, by rapier's characters too, would be lost.
+        // Rapier propagates transforms without marking dirty trees. Changes to entities with children, such as those by character controllers, would be lost.
         .add_systems(
             schedule,
             mark_dirty_trees
@@ -156,19 +162,19 @@ where
         .add_systems(schedule, detect::note_step.in_set(PhysicsSet::StepSimulation));
 }
 
-/// True if an entity has a medial mesh or a static box, or if the last step had bodies, whose contacts have to end. Without, no system loops over
-/// rapier's bodies.
+/// Returns true if an entity has a medial mesh or a static box, or if the last step had bodies, because their contacts have to end. Otherwise the systems that
+/// loop over rapier's bodies do not run.
 fn is_needed(shapes: Query<(), Or<(With<MedialMesh>, With<StaticObb>)>>, step: Res<MedialStep>) -> bool {
     !shapes.is_empty() || !step.input.bodies.is_empty()
 }
 
-/// True if rapier steps in a schedule.
+/// Returns true if rapier steps in a schedule.
 fn has_rapier(app: &App, schedule: Interned<dyn ScheduleLabel>) -> bool {
     let step = PhysicsSet::StepSimulation.intern();
     app.get_schedule(schedule).is_some_and(|schedule| schedule.graph().system_sets.get_key(step).is_some())
 }
 
-/// Before a world has its first collider: later the pairs that rapier's broad phase knows already would be lost.
+/// Installs the dispatcher before a world has its first collider. Replacing the narrow phase later would lose the pairs that rapier's broad phase has reported.
 fn install_dispatcher(
     table: Res<ContactTable>,
     mut contexts: Query<&mut RapierContextSimulation, Added<RapierContextSimulation>>,

@@ -1,4 +1,4 @@
-//! How bodies have moved in a step of rapier.
+//! Motion of bodies in a step of rapier.
 
 use std::f32::consts::PI;
 
@@ -9,10 +9,10 @@ use crate::{
     geometry::{Pose3, Sweep},
 };
 
-/// How a dynamic body has moved from one pose to another, by its angular velocity times the step.
+/// Returns the motion of a dynamic body from one pose to another. `turn`: its angular velocity times the length of the step, in radians.
 ///
-/// Beyond half a turn the poses do not tell it alone: what is left over whole turns may be about any axis, if a contact has changed the spin
-/// within the step. Then the body goes on as it spins in the end, and ends elsewhere.
+/// If the body turns by more than half a turn, both poses do not determine the axis: after a contact has changed the spin within the step, the rotation between
+/// the poses may have any axis. In this case the body turns at its final angular velocity, and the motion does not end at `end`.
 pub(super) fn motion(start: Pose3, end: Pose3, center: Vec3, turn: Vec3) -> Sweep {
     let sweep = Sweep::between(start, end, center, turn);
     let [axis, spin] = [sweep.rotation, turn].map(Vec3::normalize_or_zero);

@@ -1,4 +1,4 @@
-//! Rapier's colliders in the terms of the pipeline: the convex parts of their shapes that are in reach.
+//! Rapier's other colliders as [`ConvexParts`] for the pipeline.
 
 use std::sync::Arc;
 
@@ -17,10 +17,10 @@ use crate::{
     query::SupportShape,
 };
 
-/// Coordinates of shapes without an end, in metres: beyond them f32 has nothing to tell.
+/// Largest coordinate of unbounded shapes, in metres. Products of larger coordinates lose all precision in f32.
 const FARTHEST: f32 = 1.0e9;
 
-/// A collider's shape that is not medial.
+/// A parry shape that is not medial.
 pub(super) struct Foreign<'a>(pub &'a dyn ParryShape);
 
 impl ConvexParts for Foreign<'_> {
@@ -40,7 +40,7 @@ impl ConvexParts for Foreign<'_> {
             TypedShape::Compound(compound) => compound.shapes().len(),
             TypedShape::TriMesh(mesh) => mesh.indices().len(),
             TypedShape::Polyline(line) => line.indices().len(),
-            // Removed ones among them: to count the others takes as long as there are.
+            // Includes removed triangles, because counting the others would take a loop over all cells.
             TypedShape::HeightField(field) => 2 * field.nrows() * field.ncols(),
             TypedShape::Voxels(voxels) => voxels.voxels().filter(|voxel| !voxel.state.is_empty()).count(),
             _ => 1,
@@ -69,19 +69,19 @@ impl ConvexParts for SharedShape {
         parts_within(&**self, reach)
     }
 
-    /// Clones have the same.
+    /// Clones have the same address.
     fn address(&self) -> usize {
         Arc::as_ptr(&self.0).addr()
     }
 }
 
-/// False for a shape of which nothing is known but that it is there.
+/// Returns false for a custom shape of another crate without a support map.
 pub(super) fn is_known(shape: &dyn ParryShape) -> bool {
     let custom = matches!(shape.as_typed_shape(), TypedShape::Custom(_));
     !custom || shape.as_shape::<MedialShape>().is_some() || shape.as_support_map().is_some()
 }
 
-/// The convex parts of a shape that come within `reach`, a box in its frame.
+/// Returns the convex parts of a shape that overlap with `reach`, a box in the shape's frame.
 pub(super) fn parts_within<'a>(shape: &'a dyn ParryShape, reach: &Aabb) -> Parts<'a> {
     let parry_reach = ParryAabb::new(reach.min, reach.max);
     let mut parts = Parts::new();
@@ -118,12 +118,12 @@ pub(super) fn parts_within<'a>(shape: &'a dyn ParryShape, reach: &Aabb) -> Parts
         }
         _ => parts.extend(convex(0, Pose3::IDENTITY, shape, reach)),
     }
-    // Cells come in the order of their columns or chunks.
+    // Cells of height fields and voxels are visited by columns or chunks, so the ids are not in order.
     parts.sort_unstable_by_key(|part| part.id);
     parts
 }
 
-/// A shape of one part, which has the pose `pose` in the collider's frame.
+/// Converts a convex shape to a part. `pose`: pose of the shape in the collider's frame.
 fn convex<'a>(id: u32, pose: Pose3, shape: &'a dyn ParryShape, reach: &Aabb) -> Option<Part<'a>> {
     let at = |part: Part<'a>| Part { pose: pose * part.pose, ..part };
     Some(match shape.as_typed_shape() {
@@ -146,7 +146,7 @@ fn convex<'a>(id: u32, pose: Pose3, shape: &'a dyn ParryShape, reach: &Aabb) -> 
         TypedShape::RoundCone(round) => mapped(id, pose, &round.inner_shape, round.border_radius)?,
         TypedShape::RoundConvexPolyhedron(round) => mapped(id, pose, &round.inner_shape, round.border_radius)?,
         TypedShape::HalfSpace(half_space) => {
-            // A box below the plane, larger than what can reach it and centred under that.
+            // A box below the plane stands in for the half-space. It is larger than the reach and centred below it.
             let reach = reach.transformed(&pose.inverse(), 1.0);
             let center = reach.center();
             let height = half_space.normal.dot(center);
@@ -159,25 +159,25 @@ fn convex<'a>(id: u32, pose: Pose3, shape: &'a dyn ParryShape, reach: &Aabb) -> 
     })
 }
 
-/// A shape that has a support map, and a rounding outside of that.
+/// Converts a shape with a support map to a part. `rounding`: distance of the surface from the shape, in metres.
 fn mapped<'a>(id: u32, pose: Pose3, shape: &'a dyn ParryShape, rounding: f32) -> Option<Part<'a>> {
     let map = shape.as_support_map()?;
     Some(Part { id, pose, core: Core::Support(Box::new(Mapped { shape, map })), rounding })
 }
 
-/// A capsule or segment. The origin is its first end: coordinates are of its own size.
+/// Converts a capsule or segment to a part. The origin of its frame is the first end, so coordinates are no larger than the part.
 fn cone<'a>(id: u32, [a, b]: [Vec3; 2], radius: f32) -> Part<'a> {
     let spheres = [Vec3::ZERO, b - a].map(|center| Sphere::new(center, radius));
     Part { id, pose: Pose3::from_translation(a), core: Core::Hull(Hull::Cone(spheres)), rounding: 0.0 }
 }
 
-/// A triangle, flat or round, likewise.
+/// Converts a triangle or round triangle to a part. The origin of its frame is the first corner.
 fn slab<'a>(id: u32, [a, b, c]: [Vec3; 3], radius: f32) -> Part<'a> {
     let spheres = [Vec3::ZERO, b - a, c - a].map(|center| Sphere::new(center, radius));
     Part { id, pose: Pose3::from_translation(a), core: Core::Hull(Hull::Slab(spheres)), rounding: 0.0 }
 }
 
-/// A convex shape of parry's.
+/// A convex parry shape.
 struct Mapped<'a> {
     shape: &'a dyn ParryShape,
     map: &'a dyn SupportMap,

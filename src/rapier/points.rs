@@ -1,4 +1,4 @@
-//! Points against medial shapes and their primitives: the nearest point of the surface.
+//! Point queries on medial shapes and their primitives: the nearest point of the surface.
 
 use std::cell::Cell;
 
@@ -18,8 +18,8 @@ use crate::{
 };
 
 impl PointQuery for MedialShape {
-    /// From inside and not `solid`: a point of the surface from which every near one is farther. On a shape whose primitives overlap deeply
-    /// and askew another part of the surface may be nearer.
+    /// For a point inside, without `solid`, the result is a local minimum of the distance to the surface. On a shape whose primitives overlap deeply at oblique
+    /// angles, another part of the surface may be nearer.
     fn project_local_point(&self, point: Vector, solid: bool) -> PointProjection {
         let (nearest, _) = self.nearest(point);
         match nearest.distance > 0.0 {
@@ -49,26 +49,26 @@ impl PointQuery for PrimitiveShape {
     }
 }
 
-/// From the primitive to the point.
+/// Returns the separation from the primitive to the point.
 fn to_point(hull: &Hull, point: Vec3) -> Separation {
     with_spheres!(hull, |spheres| separation(spheres, &[Sphere::new(point, 0.0)], 0))
 }
 
-/// What lies on the outer side of a plane.
+/// The half-space on the outer side of a plane: all `x` with `normal . x >= offset`.
 struct Outside {
     normal: Vec3,
     offset: f32,
 }
 
 impl MedialShape {
-    /// Calls `visit` with the primitives whose boxes come nearer to the point than `limit` holds.
+    /// Calls `visit` for each primitive whose box is within `limit` metres of the point. `visit` may lower the limit.
     fn visit_near(&self, point: Vec3, limit: &Cell<f32>, mut visit: impl FnMut(u32, Separation)) {
         let scale = self.shape.scale;
         let is_near = |aabb: &Aabb| aabb.distance(point / scale) * scale <= limit.get();
         self.shape.bvh().visit(is_near, |primitive| visit(primitive, to_point(&self.shape.hull(primitive), point)));
     }
 
-    /// The primitive nearest to the point, or the one that it lies deepest in.
+    /// Finds the primitive nearest to the point, or the one that contains the point most deeply.
     fn nearest(&self, point: Vec3) -> (Separation, u32) {
         let limit = Cell::new(f32::INFINITY);
         let mut best: Option<(Separation, u32)> = None;
@@ -78,14 +78,15 @@ impl MedialShape {
                 best = Some((found, primitive));
             }
         });
-        // A shape has primitives; those of a point that is not a number are not near.
+        // Every shape has primitives, but none is near a point with NaN coordinates.
         best.unwrap_or_else(|| (to_point(&self.shape.hull(0), point), 0))
     }
 
-    /// A point of the surface near to one that lies inside, and its primitive.
+    /// Finds a point of the surface near to a point inside, and its primitive.
     ///
-    /// Beyond the plane that touches a primitive nothing is inside of it. So the nearest point that is beyond the planes of all primitives,
-    /// as they touch seen from a point of the surface, is outside of all and not farther than that one. Rays give the points to start from.
+    /// No point beyond a tangent plane of a primitive is inside the primitive. Take the tangent planes of all primitives at their points nearest to a point of
+    /// the surface. The nearest point beyond all these planes is outside of all primitives, and it is not farther away than the point of the surface. Rays give
+    /// the points of the surface to start from.
     fn way_out(&self, point: Vec3) -> (Vec3, u32) {
         let mut ways: Vec<Vec3> = Vec::new();
         self.visit_near(point, &Cell::new(0.0), |_, held_by| {
@@ -104,7 +105,7 @@ impl MedialShape {
         (exit, self.nearest(exit).1)
     }
 
-    /// From a point of the surface to one from which there is no nearer to `point` beyond the same planes.
+    /// Moves a point of the surface towards `point`, along tangent planes, until an iteration gains no more.
     fn nearer_exit(&self, point: Vec3, mut exit: Vec3) -> Vec3 {
         let size = self.shape.bounding_sphere().radius;
         for _ in 0..WAY_OUT_ROUNDS {
@@ -126,7 +127,8 @@ impl MedialShape {
     }
 }
 
-/// The point nearest to `point` beyond all planes, but for an accuracy in metres (Hildreth's method). None if it takes too long.
+/// Finds the point nearest to `point` beyond all planes with Hildreth's method. `accuracy` is in metres. Returns `None` if the method does not converge within
+/// [`NEAREST_BEYOND_ROUNDS`] iterations.
 fn nearest_beyond(planes: &[Outside], point: Vec3, accuracy: f32) -> Option<Vec3> {
     let mut pushes = vec![0.0f32; planes.len()];
     let mut nearest = point;

@@ -1,4 +1,4 @@
-//! A medial shape as parry's own algorithms see it: a compound of convex primitives.
+//! The view of a medial shape for parry's own algorithms: a compound of convex primitives.
 
 use std::sync::{Arc, OnceLock};
 
@@ -20,22 +20,22 @@ use crate::{
     pipeline::{Hull, Shape, with_spheres},
 };
 
-/// The compound of a shape's primitives, made when it is first asked for and shared by all colliders of the same shape and scale.
+/// The compound of a shape's primitives. It is created on first use and shared by all colliders of the same shape and scale.
 pub(super) type Primitives = Arc<OnceLock<Compound>>;
 
 /// One primitive, in a frame whose y axis is its longest edge.
 #[derive(Clone)]
 pub(super) struct PrimitiveShape {
     pub hull: Hull,
-    /// A cylinder along that edge: what is drawn, printed and scaled in the primitive's place by those who know parry's shapes only. Of all
-    /// such shapes rapier's own continuous collision detection passes over cylinders in a compound, and so leaves medial shapes to the step.
+    /// A cylinder along that edge. Code that knows only parry's shapes draws, prints and scales it in place of the primitive. It is a cylinder because rapier's
+    /// CCD skips cylinders in a compound, which leaves medial shapes to the step.
     stand_in: Cylinder,
 }
 
-/// Radius of the stand-in of what has none, in metres.
+/// Smallest radius of a stand-in cylinder, in metres.
 const THINNEST: f32 = 1.0e-6;
 
-/// The primitives of a shape.
+/// Creates the compound of a shape's primitives.
 pub(super) fn compound(shape: &Shape) -> Compound {
     let primitives = (0..shape.len() as u32).map(|primitive| {
         let (pose, primitive) = PrimitiveShape::new(shape.hull(primitive));
@@ -45,7 +45,7 @@ pub(super) fn compound(shape: &Shape) -> Compound {
 }
 
 impl PrimitiveShape {
-    /// The pose of its frame in the shape's, and the primitive.
+    /// Creates the primitive, and returns it with the pose of its frame in the shape's frame.
     fn new(hull: Hull) -> (Pose3, Self) {
         let (ends, radius) = with_spheres!(hull, |spheres| {
             let edges = (0..spheres.len()).map(|i| [spheres[i].center, spheres[(i + 1) % spheres.len()].center]);
@@ -124,7 +124,7 @@ impl SupportMap for PrimitiveShape {
 }
 
 impl PolygonalFeatureMap for PrimitiveShape {
-    /// A round surface has one point in a direction.
+    /// Returns a single point, because a round surface has one support point per direction.
     fn local_support_feature(&self, direction: Vector, feature: &mut PolygonalFeature) {
         *feature = PolygonalFeature {
             vertices: [self.local_support_point(direction); 4],

@@ -1,7 +1,8 @@
-//! Bodies that cannot be computed with leave the simulation, and come back when they are set to what can: the rest goes on.
+//! Disables bodies with invalid values, so that the rest of the simulation continues. Enables them again when the user sets valid values.
 //!
-//! Rapier takes out what is not finite at the start or at the end of its step. Here that is told, and found before the step where rapier would
-//! find it after: in a force, say, whose contacts have it by then. What is finite and too large for the kernels goes the same way.
+//! Rapier itself disables bodies with values that are not finite at the start or at the end of its step. This module reports them. It also finds some before
+//! the step that rapier finds too late: a force that is not finite would spread through contacts within the step. Values that are finite but too large for
+//! the kernels are handled in the same way.
 
 use bevy::prelude::*;
 use bevy_rapier3d::{
@@ -22,11 +23,11 @@ use crate::{
     plugin::{is_bounded, is_sound_pose},
 };
 
-/// Marks an entity whose body is out of the simulation.
+/// Marks an entity whose body this module has disabled.
 #[derive(Component)]
 pub(super) struct QuarantinedBody;
 
-/// Marks an entity whose collider is out of the simulation, whatever its body is.
+/// Marks an entity whose collider this module has disabled. This does not depend on its body.
 #[derive(Component)]
 pub(super) struct QuarantinedCollider;
 
@@ -45,7 +46,8 @@ fn is_sound_collider(collider: &RapierCollider) -> bool {
     is_sound_pose(collider.position_wrt_parent().unwrap_or(collider.position()))
 }
 
-/// What is in the simulation when rapier's step begins, with the entity of its context: what is disabled after it rapier has taken out.
+/// Bodies and colliders that are enabled when rapier's step begins, with the entity of their context. Those that are disabled after the step were disabled by
+/// rapier.
 #[derive(Resource, Default)]
 pub(super) struct Running {
     bodies: Vec<(Entity, RigidBodyHandle)>,
@@ -54,7 +56,7 @@ pub(super) struct Running {
 
 type Contexts<'w, 's> = Query<'w, 's, (Entity, &'static mut RapierRigidBodySet, &'static mut RapierContextColliders)>;
 
-/// Takes out what cannot be computed with. Right before rapier's step.
+/// Disables bodies and colliders with invalid values. Runs right before rapier's step.
 pub(super) fn isolate(
     mut commands: Commands,
     mut contexts: Contexts,
@@ -82,7 +84,8 @@ pub(super) fn isolate(
                 && let Some(body) = bodies.bodies.get(parent)
                 && !body.is_enabled()
             {
-                // Rapier disables colliders with their body when that is disabled, and not those that come, or are enabled, later.
+                // Rapier disables the colliders of a body at the moment when the body is disabled. Colliders that are added or enabled later have to be
+                // disabled here.
                 let body = &mut bodies.bodies[parent];
                 body.set_enabled(true);
                 body.set_enabled(false);
@@ -98,7 +101,7 @@ pub(super) fn isolate(
             let collider = &colliders.colliders[handle];
             let parent = collider.parent().and_then(|parent| bodies.bodies.get(parent));
             match (parent, collider.position_wrt_parent()) {
-                // The body's place was spoiled when it was made, or is and the body is disabled for that.
+                // The local pose is valid, but the body's pose was invalid when the collider was made, or is invalid and the body is disabled.
                 (Some(body), Some(local)) if is_sound_pose(local) => {
                     let pose = body.position() * local;
                     let pose = if is_sound_pose(&pose) { pose } else { Pose3::IDENTITY };
@@ -110,7 +113,7 @@ pub(super) fn isolate(
     }
 }
 
-/// Takes out what cannot be computed with any more, and tells of what rapier has taken out. Right after rapier's step.
+/// Disables bodies whose values have become invalid, and reports bodies and colliders that rapier has disabled. Runs right after rapier's step.
 pub(super) fn isolate_results(
     mut commands: Commands,
     mut contexts: Contexts,
@@ -147,7 +150,7 @@ fn take_body(
     let Some(name) = entity.and_then(|entity| names.get(entity).ok()) else { return };
     warn!(
         "{name}: its transform, velocity, mass or a force on it is not finite, too large or sheared, so its body is disabled; \
-         set them to finite values, of at most {MAX_MAGNITUDE:e}, and it comes back"
+         set finite values of at most {MAX_MAGNITUDE:e} to enable it again"
     );
     commands.entity(name.entity).try_insert((QuarantinedBody, RigidBodyDisabled));
 }
@@ -167,16 +170,16 @@ fn take_collider(
     collider.set_enabled(false);
     let Some(name) = entity.and_then(|entity| names.get(entity).ok()) else { return };
     warn!(
-        "{name}: its transform or size is not finite, too large or sheared, so its collider is disabled; set them to finite values, \
-         of at most {MAX_MAGNITUDE:e}, and it comes back"
+        "{name}: its transform or size is not finite, too large or sheared, so its collider is disabled; set finite values \
+         of at most {MAX_MAGNITUDE:e} to enable it again"
     );
     commands.entity(name.entity).try_insert((QuarantinedCollider, ColliderDisabled));
 }
 
-/// Disables a body, with values that harm nothing until it comes back.
+/// Disables a body and gives it harmless values until it is enabled again.
 fn put_away(body: &mut RapierBody, colliders: &mut RapierContextColliders) {
     body.set_position(Pose3::IDENTITY, false);
-    // What becomes fixed loses its velocity: the one way to take it from a body of any type.
+    // A body that becomes fixed loses its velocity. This is the only way to reset the velocity of a body of any type.
     let kind = body.body_type();
     for kind in [RigidBodyType::Dynamic, RigidBodyType::Fixed, kind] {
         body.set_body_type(kind, false);
@@ -185,7 +188,7 @@ fn put_away(body: &mut RapierBody, colliders: &mut RapierContextColliders) {
     body.reset_torques(false);
     body.set_enabled(false);
     for &handle in body.colliders() {
-        // One that has just been made has its place by the body's.
+        // A collider that was just created still has a pose from the old pose of the body.
         if let Some(collider) = colliders.colliders.get_mut(handle)
             && let Some(&local) = collider.position_wrt_parent()
         {
@@ -194,7 +197,7 @@ fn put_away(body: &mut RapierBody, colliders: &mut RapierContextColliders) {
     }
 }
 
-/// Takes back what has been set to finite values.
+/// Enables quarantined bodies and colliders again after the user has set valid values.
 pub(super) fn release(
     mut commands: Commands,
     mut contexts: Query<(&mut RapierRigidBodySet, &mut RapierContextColliders)>,
@@ -263,14 +266,14 @@ pub(super) fn release(
                 body.set_enabled(true);
             }
             if !sound || !is_sound_body(body) {
-                // It may have been enabled as it is.
+                // The user may have enabled the body without correcting its values.
                 if body.is_enabled() {
                     put_away(body, &mut colliders);
                     commands.entity(entity).try_insert(RigidBodyDisabled);
                 }
                 continue;
             }
-            // Rapier may have taken out one by one those that were as spoiled.
+            // Rapier may have disabled single colliders of the body that had invalid poses.
             for &handle in body.colliders() {
                 if !colliders.collider_entity(handle).is_some_and(|entity| disabled.contains(entity))
                     && let Some(collider) = colliders.colliders.get_mut(handle)

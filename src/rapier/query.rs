@@ -1,38 +1,37 @@
 //! Scene queries.
 //!
-//! Rapier's own queries see medial shapes as compounds of convex primitives, and [`MedialQueries`] asks the same questions with this crate's
-//! kernels. All take the same filters.
+//! Rapier's own queries treat medial shapes as compounds of convex primitives. [`MedialQueries`] runs the same queries with this crate's kernels.
+//! Both take the same filters.
 //!
-//! | query | through rapier's own API | through [`MedialQueries`] |
+//! | query | with rapier's own API | with [`MedialQueries`] |
 //! |---|---|---|
 //! | `cast_ray`, `cast_ray_and_get_normal`, `intersect_ray`, picking | exact | the same |
 //! | `project_point`, `intersect_point` | exact; from inside, see below | the same |
-//! | `intersect_shape` | as good as parry's iterative distance | exact |
-//! | `cast_shape` | sees every hit; time and witness points of some are off by up to a quarter of the shape's size | exact |
-//! | `KinematicCharacterController`, `move_shape` | by `cast_shape` as above | |
-//! | `contact_pair`, `intersection_pair`, events | the simulation's, exact | |
+//! | `intersect_shape` | accuracy of parry's iterative distance | exact |
+//! | `cast_shape` | finds every hit; time and witness points may be off by up to a quarter of the shape's size | exact |
+//! | `KinematicCharacterController`, `move_shape` | uses `cast_shape` as above | |
+//! | `contact_pair`, `intersection_pair`, events | results of the simulation, exact | |
 //! | `cast_shape_nonlinear` of rapier's `QueryPipeline` | as `cast_shape` | finds no medial shape |
-//! | what a body is about to hit, turning as it goes | | `first_impact`, exact |
+//! | next impact of a body, with its rotation | | `first_impact`, exact |
 //!
-//! Picking is `MedialPickingPlugin` of the feature `picking`, which hits medial bodies and static boxes, or `bevy_rapier3d`'s own back end, its feature
-//! `picking-backend`, which asks `intersect_ray` for each pointer and hits all colliders.
+//! There are two picking back ends. `MedialPickingPlugin` (feature `picking`) hits medial bodies and static boxes. The back end of `bevy_rapier3d` (its feature
+//! `picking-backend`) calls `intersect_ray` for each pointer and hits all colliders.
 //!
-//! *Exact*: but for rounding, within a ten-thousandth of the shape's size. `move_shape` takes a `RapierQueryPipelineMut`: made with a
-//! [`MedialDispatcher`](super::MedialDispatcher) chained to parry's own, its casts are exact as well.
+//! *Exact* results have an error of rounding only: at most a ten-thousandth of the shape's size. The casts of `move_shape` are exact too if its
+//! `RapierQueryPipelineMut` is made with a [`MedialDispatcher`](super::MedialDispatcher) chained to parry's dispatcher.
 //!
-//! A ray that starts inside and is not `solid` hits where it leaves the union of all primitives. A point that is projected from inside goes to
-//! a place of the union's surface from which every near one is farther.
+//! A ray that starts inside hits where it leaves the union of all primitives, unless it is `solid`. A point inside is projected to a point of the union's
+//! surface whose distance is a local minimum.
 //!
-//! Colliders are where rapier's last step has left them: a body that has stopped at its impact takes its collider along in the next step.
+//! Queries use the collider poses after rapier's last step. The collider of a body that has stopped at an impact follows its body in the next step.
 //!
-//! # Foreign views
+//! # Other views of a medial collider
 //!
-//! Parry knows no medial shape, so what draws, prints or scales a collider sees a compound too: of cylinders, one along the longest edge of
-//! each primitive. Rapier's debug render draws these, `{:?}` of a `Collider` prints that it is a compound, and `Collider::set_scale` makes a
-//! compound of them, which is a medial shape no more. The scale of a medial body is that of its `Transform`; a `ColliderScale` beside it counts
-//! for nothing.
+//! Parry has no medial shape, so code that draws, prints or scales a collider gets a compound of cylinders, one along the longest edge of each primitive.
+//! Rapier's debug render draws these cylinders, and `{:?}` of a `Collider` prints a compound. `Collider::set_scale` replaces the medial shape by a scaled
+//! compound. The scale of a medial body is the scale of its `Transform`; a `ColliderScale` on it has no effect.
 //!
-//! A compound cannot be nested, so `Collider::compound` panics when given the collider of a medial mesh, as it does for a triangle mesh.
+//! A compound cannot be nested, so `Collider::compound` panics for the collider of a medial mesh, as it does for a triangle mesh.
 
 use bevy::prelude::*;
 use bevy_rapier3d::{
@@ -53,7 +52,7 @@ use crate::{
     pipeline::{Body, Culling, Impact, first_touch},
 };
 
-/// Rapier's scene queries by the simulation's own dispatcher, which knows medial shapes.
+/// Rapier's scene queries with the dispatcher of the simulation, which supports medial shapes.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -71,15 +70,15 @@ use crate::{
 /// }
 /// ```
 pub trait MedialQueries {
-    /// Calls `ask` with the queries of what passes the filter: as rapier's `with_query_pipeline`, which knows parry's shapes only.
+    /// Calls `ask` with a query pipeline of the colliders that pass the filter. Rapier's `with_query_pipeline` does the same without support for medial shapes.
     fn with_medial_queries<T>(&self, filter: QueryFilter, ask: impl FnOnce(RapierQueryPipeline) -> T) -> T;
 
-    /// What a medial body is about to hit within some seconds, if it and all others go on at the velocities that they have, turning as they go:
-    /// no force acts, nothing gives way, and no spin tumbles. The collider's entity, and the impact, whose fraction is one of that time.
+    /// Predicts the first impact of a medial body within some seconds, on the assumption that all bodies keep their linear and angular velocities. Returns the
+    /// entity of the hit collider, and the impact. The fraction of the impact is a fraction of `seconds`.
     ///
-    /// `entity`: the one with the [`MedialMesh`](crate::plugin::MedialMesh). Other shapes of its rigid body are not in its way, and the filter
-    /// tells what else is not; its collision groups are not asked. What it is in touch with already counts if an overlap would grow. None if
-    /// there is nothing, or if the entity has no medial collider. Looks at all colliders once.
+    /// `entity`: the entity with the [`MedialMesh`](crate::plugin::MedialMesh). Ignores the other shapes of its rigid body, the colliders that the filter
+    /// excludes, and the body's own collision groups. A body in touch counts if its overlap would grow. Returns `None` without an impact, or if the
+    /// entity has no medial collider. Tests every collider once.
     fn first_impact(&self, entity: Entity, seconds: f32, filter: QueryFilter) -> Option<(Entity, Impact)> {
         self.with_medial_queries(filter, |queries| first_impact(&queries, entity, seconds))
     }
@@ -120,7 +119,7 @@ fn first_impact(queries: &RapierQueryPipeline, entity: Entity, seconds: f32) -> 
     impacts.min_by(|a, b| a.1.fraction.total_cmp(&b.1.fraction))
 }
 
-/// A collider that goes on as it does. None if nothing is known about its shape.
+/// Returns a collider with its motion at constant velocities. `None` for a custom shape without a support map.
 fn in_motion(bodies: &RigidBodySet, collider: &RapierCollider, seconds: f32) -> Option<Body> {
     let body = collider.parent().and_then(|parent| bodies.get(parent));
     let pose = collider_pose(collider, body);

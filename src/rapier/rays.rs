@@ -1,4 +1,4 @@
-//! Rays against medial shapes and their primitives: where they enter, and from inside, where they leave.
+//! Ray casts against medial shapes and their primitives: the entry point, or the exit point for a ray that starts inside.
 
 use std::cell::Cell;
 
@@ -16,18 +16,18 @@ use crate::{
     query::{RayHit, ray_cast},
 };
 
-/// The part of a ray that lies in a primitive.
+/// The part of a ray inside a primitive.
 #[derive(Clone, Copy)]
 struct Span {
     enter: RayHit,
-    /// Time, and outward normal.
+    /// Time of the exit, and outward normal there.
     leave: RayHit,
     primitive: u32,
 }
 
 impl RayCast for MedialShape {
-    /// A ray that starts inside and is not `solid` hits where it has left all primitives, as far as those that overlap reach; the normal
-    /// there points inwards, as with parry's own shapes.
+    /// Without `solid`, a ray that starts inside hits where it leaves the union of the overlapping primitives. The normal points inwards there, as for parry's
+    /// own shapes.
     fn cast_local_ray_and_get_normal(&self, ray: &Ray, max_time: Real, solid: bool) -> Option<RayIntersection> {
         let hit = self.enter(ray, max_time)?;
         if solid || hit.time_of_impact > 0.0 { Some(hit) } else { self.leave(ray, max_time) }
@@ -46,13 +46,13 @@ impl RayCast for PrimitiveShape {
 }
 
 impl MedialShape {
-    /// Where the ray enters first; at time 0 if it starts inside.
+    /// Returns the first entry of the ray, at time 0 if it starts inside.
     fn enter(&self, ray: &Ray, max_time: f32) -> Option<RayIntersection> {
         let (hit, primitive) = self.shape.ray_cast(ray.origin, ray.dir, max_time)?;
         Some(RayIntersection::new(hit.time, hit.normal, FeatureId::Face(primitive)))
     }
 
-    /// Where a ray that starts inside leaves: overlapping primitives are gone through one after the other.
+    /// Returns the exit of a ray that starts inside. Follows the ray through overlapping primitives.
     pub(super) fn leave(&self, ray: &Ray, max_time: f32) -> Option<RayIntersection> {
         let mut spans = Vec::new();
         self.shape.visit_crossed(ray.origin, ray.dir, &Cell::new(f32::MAX), |primitive, hull| {
@@ -79,7 +79,7 @@ fn enter(hull: &Hull, ray: &Ray, max_time: f32) -> Option<RayHit> {
     with_spheres!(hull, |spheres| ray_cast(spheres, ray.origin, ray.dir, max_time))
 }
 
-/// Where a ray that enters leaves: where it enters when it comes back from beyond.
+/// Returns the exit of a ray from a primitive, as the entry of the reversed ray that starts beyond the primitive.
 fn leave(hull: &Hull, ray: &Ray, enter: RayHit) -> RayHit {
     let speed = ray.dir.length();
     if speed == 0.0 {
@@ -90,7 +90,7 @@ fn leave(hull: &Hull, ray: &Ray, enter: RayHit) -> RayHit {
     let back = with_spheres!(hull, |spheres| ray_cast(spheres, beyond, -ray.dir, f32::MAX));
     match back {
         Some(back) => RayHit { time: enter.time + 1.1 * around.extent_squared().sqrt() / speed - back.time, ..back },
-        // It only grazes.
+        // The ray only grazes the primitive.
         None => enter,
     }
 }

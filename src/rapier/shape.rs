@@ -8,23 +8,23 @@ use bevy_rapier3d::parry::{
 use super::primitive::{Primitives, compound};
 use crate::pipeline::Shape;
 
-/// A medial shape as a collider's shape. What rapier's queries and views make of it: see [`query`](super::query).
+/// A medial shape as a collider's shape. See [`query`](super::query) for its support in rapier's queries and views.
 #[derive(Clone)]
 pub struct MedialShape {
     /// The shape.
     pub shape: Shape,
-    /// Tells this collider's contacts in the step's table from those of others; unique for each collider ever made.
+    /// Key of this collider's contacts in the contact table. Unique among all colliders ever made.
     pub key: u64,
     primitives: Primitives,
 }
 
 impl MedialShape {
-    /// A shape with the key of its collider.
+    /// Creates a shape with the key of its collider.
     pub fn new(shape: Shape, key: u64) -> Self {
         Self::sharing(shape, key, Primitives::default())
     }
 
-    /// The same where another collider has the same shape at the same scale.
+    /// Creates a shape that shares its compound with colliders of the same shape and scale.
     pub(super) fn sharing(shape: Shape, key: u64, primitives: Primitives) -> Self {
         Self { shape, key, primitives }
     }
@@ -49,7 +49,7 @@ impl ParryShape for MedialShape {
         Box::new(self.clone())
     }
 
-    /// Uniform scales only.
+    /// Returns `None` for a scale that is not uniform and positive.
     fn scale_dyn(&self, scale: Vector, _: u32) -> Option<Box<dyn ParryShape>> {
         let uniform = scale.x > 0.0 && scale.x == scale.y && scale.x == scale.z;
         uniform.then(|| {
@@ -72,7 +72,7 @@ impl ParryShape for MedialShape {
         ShapeType::Custom
     }
 
-    /// A compound of the primitives: what is drawn and printed by those who know parry's shapes only.
+    /// Returns a compound of the primitives. Code that knows only parry's shapes draws and prints it.
     fn as_typed_shape(&self) -> TypedShape<'_> {
         TypedShape::Compound(self.compound())
     }
@@ -81,8 +81,8 @@ impl ParryShape for MedialShape {
         Some(self.compound())
     }
 
-    /// Rapier takes no body with such a thickness for fast: impacts of medial bodies are found by the step, not by rapier's own sweep, which
-    /// stops bodies in contact as well and leaves piles restless.
+    /// Returns the maximum, so that rapier does not treat the body as fast. The step finds the impacts of medial bodies. Rapier's own CCD would also stop
+    /// bodies that are in contact, and piles would not come to rest.
     fn ccd_thickness(&self) -> Real {
         Real::MAX
     }

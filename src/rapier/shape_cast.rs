@@ -1,4 +1,4 @@
-//! Linear shape casts: a medial shape and any other collider that move past each other without turning.
+//! Linear shape casts of a medial shape and any other collider, without rotation.
 
 use bevy_rapier3d::parry::{
     query::{ShapeCastHit, ShapeCastStatus, details::ShapeCastOptions},
@@ -17,18 +17,19 @@ use crate::{
 struct Touch {
     time: f32,
     toi: TimeOfImpact,
-    /// How far the medial shape has come by then, in the other collider's frame.
+    /// Displacement of the medial shape until the touch, in the other collider's frame.
     way: Vec3,
-    /// Pose of the frame that the contact is told in, in the other collider's.
+    /// Pose of the contact's frame in the other collider's frame.
     frame: Pose3,
-    /// What was added to the medial shape: the part's rounding, and the target distance.
+    /// Lengths that were added to the radii of the medial shape, in metres: the part's rounding, and the target distance.
     grown: [f32; 2],
 }
 
-/// When a medial shape and another collider come within the target distance. `pose12` and `velocity12`: of the other, in the frame of the medial
-/// shape.
+/// Finds the first time at which a medial shape and another collider come within the target distance. `pose12` and `velocity12`: pose and velocity of the
+/// other collider in the frame of the medial shape.
 ///
-/// Told for each pair of convex parts by itself, and so is whether an overlap at the start counts; of several such the deepest is told.
+/// Each pair of convex parts is tested separately, including the test whether an overlap at the start counts. Of several overlaps at the start, the deepest one
+/// is returned.
 pub(super) fn first_touch(
     shape: &Shape,
     other: &dyn ParryShape,
@@ -36,7 +37,7 @@ pub(super) fn first_touch(
     velocity12: Vec3,
     options: &ShapeCastOptions,
 ) -> Option<ShapeCastHit> {
-    // All in the frame of the other, in which that is at rest.
+    // All coordinates are in the frame of the other collider, which is at rest there.
     let pose21 = pose12.inverse();
     let velocity = pose21.rotation * -velocity12;
     let max_time = if velocity == Vec3::ZERO { 0.0 } else { options.max_time_of_impact };
@@ -108,7 +109,7 @@ impl Touch {
     }
 }
 
-/// Fraction of its way at which a primitive touches a convex shape at rest.
+/// Finds the time of impact of a moving primitive and a convex shape at rest.
 fn time_to<const N: usize>(moving: &Moving<N>, core: &Core, limit: f32) -> TimeOfImpact {
     match core {
         Core::Cuboid(half) => time_of_impact(moving, &Cuboid { half: *half }, limit),
@@ -120,7 +121,7 @@ fn time_to<const N: usize>(moving: &Moving<N>, core: &Core, limit: f32) -> TimeO
     }
 }
 
-/// The convex parts within reach, of a medial shape its primitives.
+/// Returns the convex parts of a collider within `reach`, a box in its frame. The parts of a medial shape are its primitives.
 fn convex_parts<'a>(other: &'a dyn ParryShape, reach: &Aabb) -> Parts<'a> {
     let Some(medial) = other.as_shape::<MedialShape>() else { return parts_within(other, reach) };
     let shape = &medial.shape;
@@ -132,13 +133,13 @@ fn convex_parts<'a>(other: &'a dyn ParryShape, reach: &Aabb) -> Parts<'a> {
     parts
 }
 
-/// Between which times a box that moves is near a collider.
+/// Returns the first and last time at which a moving box may touch a collider. `None` if it cannot touch until `max_time`.
 fn times_near(other: &dyn ParryShape, moving: &Aabb, velocity: Vec3, max_time: f32) -> Option<[f32; 2]> {
     let Some(half_space) = other.as_halfspace() else {
         let aabb = other.compute_local_aabb();
         return times_within(&Aabb { min: aabb.mins, max: aabb.maxs }, moving, velocity, max_time);
     };
-    // Until the box is all below the plane, if it gets there.
+    // For a half-space, from the first touch until the whole box is below the plane.
     let height = half_space.normal.dot(moving.center());
     let half = half_space.normal.abs().dot(moving.half_extents());
     let sinking = -half_space.normal.dot(velocity);
@@ -149,11 +150,11 @@ fn times_near(other: &dyn ParryShape, moving: &Aabb, velocity: Vec3, max_time: f
     (enter <= leave.min(max_time)).then_some([enter, leave.min(max_time)])
 }
 
-/// Between which times a box that moves overlaps a box at rest.
+/// Returns the first and last time at which a moving box overlaps with a box at rest. `None` if they do not overlap until `max_time`.
 fn times_within(target: &Aabb, moving: &Aabb, velocity: Vec3, max_time: f32) -> Option<[f32; 2]> {
     let half = moving.half_extents();
     let around = Aabb { min: target.min - half, max: target.max + half };
-    // Coordinates are no more exact than that.
+    // Rounding error of the coordinates.
     let rounding = f32::EPSILON * moving.center().abs().max_element();
     around.inflated(rounding).crossing(moving.center(), velocity, max_time)
 }

@@ -1,9 +1,10 @@
-//! Finer solver steps for fast bodies in contact.
+//! More solver iterations for fast bodies in contact.
 //!
-//! Rapier's solver keeps normal and lever arms of a contact for the whole step, and takes its distance anew where the bodies are
-//! after each substep. Fast bodies are far off by then, so the next substeps undo or repeat what the first has done. A pair that ends a
-//! step in contact therefore gets so many substeps in the next that it hardly moves within one. Measured on rods at 100 m/s: 17 of 120 hits
-//! made energy, up to eight times what there was, and none does so.
+//! Rapier's solver keeps the normal and the lever arms of a contact for the whole step, but updates its distance after each substep. Fast bodies have moved
+//! far by then, so the next substeps undo or repeat the effect of the first one. Therefore a pair that ends a step in contact gets enough substeps in the next
+//! step that it hardly moves within one substep.
+//!
+//! Measured with 120 hits of rods at 100 m/s: without this rule 17 hits gain energy, up to eight times the initial energy. With it, no hit does.
 
 use bevy::prelude::*;
 use bevy_rapier3d::{
@@ -20,8 +21,8 @@ use crate::{
     plugin::MedialStep,
 };
 
-/// Sets the number of substeps of the next step, and takes back that of the last, whoever has set it: a context that was saved in between has
-/// it as well. Worlds that rest meanwhile keep theirs.
+/// Sets the number of solver iterations of the next step, after resetting all bodies to the user's value. The reset covers values from a restored context
+/// too. Paused worlds keep their values.
 pub(super) fn refine(
     step: Res<MedialStep>,
     rapier: RapierStep,
@@ -34,7 +35,7 @@ pub(super) fn refine(
         let Ok(mut context) = contexts.get_mut(link.0) else { continue };
         let set = &mut context.bodies;
         let own = own.map_or(0, |own| own.0);
-        // What is asked for to be changed counts as changed.
+        // Compare before the mutable access, because `get_mut` marks a body as changed.
         if set.bodies.get(handle.0).is_some_and(|body| body.additional_solver_iterations() != own)
             && let Some(body) = set.bodies.get_mut(handle.0)
         {
@@ -62,7 +63,7 @@ pub(super) fn refine(
     }
 }
 
-/// How far the sides of a pair have gone relative to each other in the last step, in radii of the smaller one.
+/// Returns the relative displacement of the sides of a pair in the last step, in bounding radii of the smaller one.
 fn pace(step: &MedialStep, pair: &Pair) -> f32 {
     let [pace1, pace2] = [pair.first, pair.second].map(|side| {
         let Side::Body(body) = side else { return Pace::REST };

@@ -12,22 +12,22 @@ use crate::{
     pipeline::{Manifold, Pace, Reach},
 };
 
-/// The manifolds that the last step found, for rapier to fetch by pair and relative pose; and the paces of the bodies.
+/// The manifolds of the last step, by pair and relative pose, and the displacements of the bodies in the next step. The dispatcher reads it.
 ///
-/// Manifolds are a pure function of shapes, relative pose, prediction distance and length unit, which are in the key but for the last: an
-/// entry is never wrong, only missing once a body has been moved in between.
+/// Manifolds are a pure function of shapes, relative pose, reach and length unit. The key contains all of these except the length unit; a change of the
+/// length unit clears the table. So an entry is never wrong. It is missing if a body has been moved after the step.
 ///
-/// Reflection sees that it is there, and nothing in it: it is full of addresses of this run.
+/// Reflection shows the resource without its content, because the content consists of memory addresses.
 #[derive(Resource, Clone, Default, Reflect)]
 #[reflect(Resource, Default, Clone)]
 pub struct ContactTable(#[reflect(ignore, clone)] Arc<RwLock<Entries>>);
 
 struct Entries {
-    /// Of each pair a range of the manifolds.
+    /// The range of manifolds of each pair.
     pairs: HashMap<PairKey, Range<usize>>,
     manifolds: Vec<Manifold>,
     paces: HashMap<SecondKey, Pace>,
-    /// In metres, of colliders without skins.
+    /// Prediction distance of colliders without contact skin, in metres.
     prediction: f32,
     length_unit: f32,
 }
@@ -39,13 +39,13 @@ impl Default for Entries {
     }
 }
 
-/// What a pair's manifolds depend on.
+/// The key of a pair: the quantities that determine its manifolds.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct PairKey {
     first: u64,
     second: SecondKey,
     pose12: [u32; 7],
-    /// Both distances of the reach.
+    /// Bits of both distances of the reach.
     reach: [u32; 2],
 }
 
@@ -53,12 +53,12 @@ pub(super) struct PairKey {
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum SecondKey {
     Medial(u64),
-    /// Where another shape is in memory: the step keeps it there as long as the table has its contacts.
+    /// Memory address of another shape. The step keeps the shape alive while the table has its contacts.
     Address(usize),
 }
 
 impl SecondKey {
-    /// The key of a shape.
+    /// Returns the key of a shape.
     pub fn of(shape: &dyn Shape) -> Self {
         match shape.as_shape::<MedialShape>() {
             Some(medial) => Self::Medial(medial.key),
@@ -77,7 +77,7 @@ impl PairKey {
 }
 
 impl ContactTable {
-    /// A panic of another thread while it held the lock leaves nothing half done here.
+    /// Locks the table for reading. Ignores poisoning, because the next step replaces the content.
     fn read(&self) -> RwLockReadGuard<'_, Entries> {
         self.0.read().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
@@ -95,13 +95,14 @@ impl ContactTable {
         table.manifolds.extend_from_slice(manifolds);
     }
 
-    /// The manifolds of a pair, if they are known for this very pose.
+    /// Returns the manifolds of a pair if the table has an entry for exactly this pose.
     pub(super) fn get(&self, key: &PairKey) -> Option<Vec<Manifold>> {
         let table = self.read();
         table.pairs.get(key).map(|range| table.manifolds[range.clone()].to_vec())
     }
 
-    /// Sets the paces of all that moves in the step to come, and the prediction distance of the worlds. With another length unit nothing is known.
+    /// Sets the motion of all moving colliders in the next step, the prediction distance and the length unit. Clears the manifolds if the length unit has
+    /// changed.
     pub(super) fn prepare(&self, paces: HashMap<SecondKey, Pace>, Reach { prediction, length_unit, .. }: Reach) {
         let mut table = self.write();
         table.paces = paces;
@@ -111,18 +112,20 @@ impl ContactTable {
         }
     }
 
-    /// The length unit in metres.
+    /// Returns the length unit in metres.
     pub(super) fn length_unit(&self) -> f32 {
         self.read().length_unit
     }
 
-    /// True if a medial shape is one of a body that is not fixed.
+    /// Returns true if the medial shape with this key belongs to a body that is not fixed.
     pub(super) fn moves(&self, key: u64) -> bool {
         self.read().paces.contains_key(&SecondKey::Medial(key))
     }
 
-    /// How far contacts of a pair are looked for, with rapier's prediction distance in metres: what it has beyond that of the world are the skins of the
-    /// colliders, at whose distance they touch, however slow.
+    /// Returns the reach of the contact search of a pair.
+    ///
+    /// `prediction`: rapier's prediction distance for the pair, in metres. The excess over the world's prediction distance is the sum of the colliders' contact
+    /// skins. It is added to the reach at any speed, because colliders with skins touch at this distance.
     pub(super) fn reach(&self, first: u64, second: SecondKey, prediction: f32) -> Reach {
         let table = self.read();
         let skins = (prediction - table.prediction).max(0.0);
@@ -133,12 +136,12 @@ impl ContactTable {
         Reach { prediction: reach.prediction + skins, in_touch: reach.in_touch + skins, ..reach }
     }
 
-    /// Number of pairs.
+    /// Returns the number of pairs.
     pub fn len(&self) -> usize {
         self.read().pairs.len()
     }
 
-    /// True if no pair is near another.
+    /// Returns true if the table has no pairs.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

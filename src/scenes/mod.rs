@@ -1,6 +1,6 @@
-//! The demo scenes, written once: the example shows them, tests check them, benchmarks time them.
+//! The demo scenes. The example shows them, tests check them, benchmarks measure them.
 //!
-//! [`SCENES`] lists them, [`Scene::spawn`] fills a world, [`Monitor`] watches it step by step, [`headless_app`] needs no display.
+//! [`SCENES`] lists them. [`Scene::spawn`] spawns their entities, and [`Monitor`] records each step. [`headless_app`] creates an app without a display.
 
 mod models;
 mod monitor;
@@ -27,11 +27,11 @@ pub use monitor::{Monitor, Row, StageSummary, Summary, add_monitor};
 pub struct Scene {
     /// Its name on the command line.
     pub name: &'static str,
-    /// What it shows, in a sentence.
+    /// Description in one sentence.
     pub about: &'static str,
-    /// Steps after which it has come to its point.
+    /// Number of steps that show the main event of the scene.
     pub steps: u32,
-    /// Where a camera looks from, and at what.
+    /// Position of the camera, and the point that it looks at.
     pub view: [Vec3; 2],
     build: fn(&mut Builder),
 }
@@ -68,7 +68,7 @@ pub const SCENES: &[Scene] = &[
     },
     Scene {
         name: "bullets",
-        about: "bodies are shot at a thin plate, at resting ones and at each other, at 10 to 1000 m/s",
+        about: "bodies are shot at a thin plate, at resting bodies and at each other, at 10 to 1000 m/s",
         steps: 240,
         view: [Vec3::new(-5.5, 4.5, 9.5), Vec3::new(0.5, 1.3, 0.0)],
         build: bullets,
@@ -83,7 +83,7 @@ pub const SCENES: &[Scene] = &[
 ];
 
 impl Scene {
-    /// The scene of that name.
+    /// Returns the scene with this name.
     pub fn by_name(name: &str) -> Option<&'static Scene> {
         SCENES.iter().find(|scene| scene.name == name)
     }
@@ -94,7 +94,7 @@ impl Scene {
     }
 }
 
-/// Marks what a scene has spawned.
+/// Marks the entities of a scene.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
@@ -106,17 +106,16 @@ pub struct SceneEntity;
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct Projectile;
 
-/// Marks a body of the scene `bullets`: rapier would hold it to 400 m/s and an eighth of a turn a step, whatever hits it. See
-/// [`lift_speed_limits`].
+/// Marks a body of the scene `bullets`. Rapier would limit it to 400 m/s and an eighth of a turn per step. See [`lift_speed_limits`].
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct Bullet;
 
-/// Beyond this distance from the origin, in metres, a body has escaped.
+/// Distance from the origin in metres beyond which a body has escaped.
 pub const WORLD_RADIUS: f32 = 40.0;
 
-/// An app that runs medial physics with rapier, one step of `dt` seconds an update, and nothing else.
+/// Creates an app that runs medial physics with rapier and nothing else, with one step of `dt` seconds per update.
 pub fn headless_app(dt: f32) -> App {
     let mut app = App::new();
     app.add_plugins((
@@ -135,7 +134,7 @@ pub fn headless_app(dt: f32) -> App {
     app
 }
 
-/// Gives the bodies that scenes spawn in an app from now on that budget.
+/// Sets the budget of all bodies that scenes spawn in an app after this call.
 pub fn set_budget(app: &mut App, budget: MedialBudget) {
     app.add_observer(
         move |added: On<Add, SceneEntity>, bodies: Query<(), With<MedialMesh>>, mut commands: Commands| {
@@ -146,7 +145,7 @@ pub fn set_budget(app: &mut App, budget: MedialBudget) {
     );
 }
 
-/// Lets every [`Bullet`] of an app be as fast as it is.
+/// Removes rapier's speed limits from every [`Bullet`] of an app.
 pub fn lift_speed_limits(app: &mut App) {
     app.add_systems(PostUpdate, lift_limits.after(PhysicsSet::SyncBackend).before(MedialSystems::Snapshot));
 }
@@ -164,7 +163,7 @@ fn lift_limits(
     }
 }
 
-/// A rotation, all rotations equally likely.
+/// A random rotation, uniformly distributed.
 fn rotation(random: &mut Random) -> Quat {
     loop {
         let (v, w) = (random.in_cube(), random.signed());
@@ -175,7 +174,7 @@ fn rotation(random: &mut Random) -> Quat {
     }
 }
 
-/// Spawns what scenes are made of.
+/// Spawns the parts of scenes.
 struct Builder<'a> {
     world: &'a mut World,
     models: &'a [Model],
@@ -199,7 +198,7 @@ impl Builder<'_> {
     /// A static rod, one medial cone, 3 m long.
     fn rod(&mut self, center: Vec3, direction: Vec3) {
         let half = direction.normalize() * 1.5;
-        // The ends are in range by construction.
+        // The points and the radius are always valid.
         let Ok(axis) = MedialAxis::capsule(-half, half, 0.03) else { return };
         let mesh = self.add(axis);
         self.world.spawn((
@@ -212,13 +211,13 @@ impl Builder<'_> {
         ));
     }
 
-    /// A body of the given model, scaled to fit a ball `size` metres across, so that it can be turned at will.
+    /// A body of the given model, scaled to fit a ball with a diameter of `size` metres, so that any rotation is possible.
     fn body(&mut self, model: usize, size: f32, center: Vec3, velocity: Velocity) -> Entity {
         let model = &self.models[model % self.models.len()];
         self.body_of(model.name.clone(), model.axis.clone(), size, center, velocity)
     }
 
-    /// The same of a shape that is no model.
+    /// The same for a shape that is not a model.
     fn body_of(&mut self, name: String, axis: MedialAxis, size: f32, center: Vec3, velocity: Velocity) -> Entity {
         let bound = axis.bounding_sphere();
         let scale = 0.5 * size / bound.radius;
@@ -226,12 +225,12 @@ impl Builder<'_> {
         let mesh = self.add(axis);
         let center = center - rotation * bound.center * scale;
         let transform = Transform::from_translation(center).with_rotation(rotation).with_scale(Vec3::splat(scale));
-        // A little damping stands in for rolling friction, which rapier has not.
+        // Damping stands in for rolling friction, which rapier lacks.
         let damping = Damping { linear_damping: 0.1, angular_damping: 1.0 };
         self.world.spawn((SceneEntity, Name::new(name), RigidBody::Dynamic, mesh, transform, velocity, damping)).id()
     }
 
-    /// A bullet at a place about which it may be up to 10 cm off: a rod for every third number, else a model.
+    /// A bullet within 10 cm of a position along each axis: a rod for every third number, otherwise a model.
     fn bullet(&mut self, number: usize, center: Vec3, speed: f32) {
         let center = center + self.random.in_cube() * 0.1;
         let angular = if speed == 0.0 { Vec3::ZERO } else { self.random.in_cube() * 50.0 };
@@ -303,7 +302,7 @@ fn bullets(builder: &mut Builder) {
     for (lane, speed) in [10.0, 50.0, 100.0, 300.0, 1000.0].into_iter().enumerate() {
         let z = 0.95 * lane as f32;
         builder.bullet(lane, Vec3::new(-5.0, 1.6, z - 4.3), speed);
-        // At resting ones, and the fastest two head-on.
+        // Bullets against resting bodies. In the two fastest lanes, two bullets meet head-on.
         let (place, other) = if speed > 200.0 { (9.0, -speed) } else { (2.0, 0.0) };
         builder.bullet(lane + 1, Vec3::new(-5.0, 1.1, z + 0.8), speed);
         builder.bullet(lane + 1, Vec3::new(place, 1.1, z + 0.8), other);
@@ -321,7 +320,7 @@ fn tori(builder: &mut Builder) {
     }
 }
 
-/// Eight layers of 5 x 5 animals of a metre, 1.1 m apart, above a bin that is 5.5 m wide.
+/// Eight layers of 5 x 5 animals of one metre, 1.1 m apart, above a bin that is 5.5 m wide.
 fn pile(builder: &mut Builder) {
     const HALF: f32 = 2.75;
     builder.ground();

@@ -13,51 +13,51 @@ use crate::{
 /// A shape with its name.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// The file's name without its ending.
+    /// Name of the file without its extension.
     pub name: String,
-    /// The shape, with its coarser levels if the file has some.
+    /// The shape, with its coarser levels if the file has any.
     pub axis: MedialAxis,
 }
 
-/// Why models could not be read.
+/// Reason why models could not be read.
 #[derive(Debug, Error)]
 pub enum ModelError {
     /// The folder or a file in it could not be read.
     #[error("{}: {source}", path.display())]
     Io {
-        /// Which.
+        /// The folder or file.
         path: PathBuf,
-        /// Why.
+        /// The error.
         source: std::io::Error,
     },
     /// A file is not in the format.
     #[error("{}: {source}", path.display())]
     Format {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The error.
         source: ma::MaError,
     },
     /// A file does not describe a shape.
     #[error("{}: {source}", path.display())]
     Shape {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// Why.
+        /// The error.
         source: MedialAxisError,
     },
     /// A `.medial` file cannot be used.
     #[error(transparent)]
     Levels(#[from] MedialFileError),
     /// The folder holds no medial mesh.
-    #[error("{}: no .medial or .ma file in this folder; `--models` wants a folder of medial meshes", .0.display())]
+    #[error("{}: no .medial or .ma file in this folder; `--models` expects a folder of medial meshes", .0.display())]
     None(PathBuf),
 }
 
-/// Reads every `.medial` file of a folder, and every `.ma` file that has no such one beside it, in the order of their names.
+/// Reads every `.medial` file of a folder, and every `.ma` file without a `.medial` file of the same name, in the order of their names.
 ///
 /// # Errors
-/// If the folder or a file cannot be read, or a file is no shape; the message names the file and, for its text, the line.
+/// If the folder or a file cannot be read, or if a file is not a shape. The message names the file and, for text, the line.
 pub fn load_models(folder: &Path) -> Result<Vec<Model>, ModelError> {
     let io = |path: &Path| {
         let path = path.to_owned();
@@ -98,7 +98,7 @@ fn without_levels(stem: &Path) -> Result<MedialAxis, ModelError> {
     Ok(axis)
 }
 
-/// A name may have dots.
+/// Appends an extension. The name itself may contain dots.
 fn with_ending(stem: &Path, ending: &str) -> PathBuf {
     let mut path = stem.as_os_str().to_owned();
     path.push(".");

@@ -1,4 +1,4 @@
-//! What happens in a scene, measured: times, counts, and the signs that something went wrong.
+//! Measurements of a scene: times, counts, and signs of errors.
 
 use std::{collections::HashSet, time::Duration};
 
@@ -16,10 +16,10 @@ use crate::{
     plugin::{MedialContactStarted, MedialStep, MedialSystems},
 };
 
-/// Change of speed, in metres per second and beyond gravity and damping, that takes a contact to explain.
+/// Change of speed in metres per second, beyond gravity and damping, that only a contact can cause.
 const UNEXPLAINED_SPEED: f32 = 0.1;
 
-/// What was seen in every step so far.
+/// Measurements of all steps so far.
 #[derive(Resource, Default, Reflect)]
 #[reflect(Resource, Default)]
 pub struct Monitor {
@@ -27,11 +27,11 @@ pub struct Monitor {
     pub rows: Vec<Row>,
     /// Deepest overlap of any pair so far, in percent of the smaller body's size.
     pub deepest_overlap_percent: f32,
-    /// Pairs that had an impact within a step, have no contact at its end, and are on each other's far side.
+    /// Number of pairs that had an impact within a step, have no contact at its end, and have passed each other.
     pub tunnelled: usize,
-    /// Bodies whose velocity changed though nothing was near.
+    /// Number of bodies whose velocity changed without a body nearby.
     pub ghosts: usize,
-    /// Everything that the scene's projectile has touched.
+    /// All entities that the scene's projectile has touched.
     pub touched_by_projectile: HashSet<Entity>,
     near: HashSet<Entity>,
     #[reflect(ignore)]
@@ -39,7 +39,7 @@ pub struct Monitor {
     response: Duration,
 }
 
-/// One step.
+/// Measurements of one step.
 #[derive(Clone, Copy, Debug, Reflect, Serialize)]
 pub struct Row {
     /// Broad phase, in milliseconds.
@@ -58,21 +58,21 @@ pub struct Row {
     pub body_pairs: usize,
     /// Primitive pairs after the mid phase.
     pub candidates: usize,
-    /// Time of impact queries.
+    /// Number of time of impact queries.
     pub toi_tests: usize,
     /// Contact points.
     pub contacts: usize,
-    /// Bodies stopped at an impact.
+    /// Number of bodies that stopped at an impact.
     pub stopped: usize,
     /// Deepest overlap in percent of the smaller body's size.
     pub overlap_percent: f32,
-    /// Kinetic energy over mass.
+    /// Kinetic energy over mass, in joules per kilogram.
     pub kinetic_energy_per_kg: f32,
-    /// Lowest point of any body.
+    /// Lowest point of any body, in metres.
     pub lowest_y: f32,
 }
 
-/// Median and 95th percentile of a stage.
+/// Median and 95th percentile of the times of a stage.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct StageSummary {
     /// Median.
@@ -81,7 +81,7 @@ pub struct StageSummary {
     pub p95_ms: f64,
 }
 
-/// All stages.
+/// Times of all stages.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Stages {
     /// Broad phase.
@@ -98,7 +98,7 @@ pub struct Stages {
     pub response: StageSummary,
 }
 
-/// Counts: those that vary are medians over the steps, with their greatest value beside them.
+/// Counts. Those that vary are medians over the steps, each followed by its maximum.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct CountSummary {
     /// Moving bodies.
@@ -107,40 +107,40 @@ pub struct CountSummary {
     pub primitive_pairs: usize,
     /// Body pairs after the broad phase.
     pub body_pairs: usize,
-    /// Greatest number of them.
+    /// Maximum of that number.
     pub body_pairs_max: usize,
     /// Primitive pairs after the mid phase.
     pub candidates: usize,
-    /// Greatest number of them.
+    /// Maximum of that number.
     pub candidates_max: usize,
     /// Time of impact queries.
     pub toi_tests: usize,
-    /// Greatest number of them.
+    /// Maximum of that number.
     pub toi_tests_max: usize,
     /// Contact points.
     pub contacts: usize,
-    /// Greatest number of them.
+    /// Maximum of that number.
     pub contacts_max: usize,
 }
 
-/// A run in figures.
+/// Summary of a run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     /// Name of the scene.
     pub scene: String,
-    /// Steps.
+    /// Number of steps.
     pub steps: usize,
     /// Moving bodies.
     pub bodies: usize,
-    /// Primitive pairs in total: what brute force would test in each step.
+    /// Primitive pairs in total, which brute force would test in each step.
     pub primitive_pairs: usize,
-    /// Times.
+    /// Times of the stages.
     pub stages: Stages,
     /// Counts.
     pub counts: CountSummary,
     /// Deepest overlap in any step, in percent of the smaller body's size.
     pub deepest_overlap_percent: f32,
-    /// Lowest point of any body, in any step.
+    /// Lowest point of any body in any step, in metres.
     pub lowest_y: f32,
     /// Kinetic energy over mass at the end, in joules per kilogram.
     pub kinetic_energy_per_kg: f32,
@@ -156,7 +156,7 @@ pub struct Summary {
     pub seed: u64,
 }
 
-/// Adds the monitor to an app whose physics runs in `PostUpdate`, and lets the app reflect what scenes spawn.
+/// Adds the monitor to an app whose physics runs in `PostUpdate`, and registers the components of scenes for reflection.
 pub fn add_monitor(app: &mut App) {
     app.init_resource::<Monitor>()
         .register_type::<Monitor>()
@@ -230,7 +230,7 @@ fn watch(
         let damped = explained / (1.0 + step.dt * rigid.linear_damping());
         let stopped = step.output.stop_of(index).is_some();
         if !body.active {
-            // What wakes it is not told.
+            // The cause of its waking up is not reported.
             monitor.near.insert(info.entity);
         }
         if body.active
@@ -269,10 +269,10 @@ fn watch(
     });
 }
 
-/// How far points that have met may go past each other, in sizes of the smaller body: what slides along another turns a little.
+/// Largest allowed distance between points that have met and passed each other, in sizes of the smaller body. Bodies that slide along each other turn a little.
 const PASSED: f32 = 5e-3;
 
-/// True if the points that met at an impact have gone past each other by more than `slack` metres when the step ends.
+/// Returns true if the points that met at an impact have passed each other by more than `slack` metres at the end of the step.
 fn has_passed(step: &MedialStep, pair: &Pair, impact: &Impact, slack: f32) -> bool {
     let end_of = |side: Side| {
         let Side::Body(index) = side else { return impact.point };
@@ -285,7 +285,7 @@ fn has_passed(step: &MedialStep, pair: &Pair, impact: &Impact, slack: f32) -> bo
     (end_of(pair.second) - end_of(pair.first)).dot(impact.normal) < -slack
 }
 
-/// The element at a fraction of the sorted values; the default for none.
+/// Returns the element at a fraction of the sorted values, or the default if there is no value.
 fn quantile<T: Copy + Default + PartialOrd>(values: impl Iterator<Item = T>, fraction: f64) -> T {
     let mut values: Vec<T> = values.collect();
     values.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
@@ -294,7 +294,7 @@ fn quantile<T: Copy + Default + PartialOrd>(values: impl Iterator<Item = T>, fra
 }
 
 impl Monitor {
-    /// The run so far, in figures.
+    /// Returns a summary of the run so far.
     pub fn summary(&self, scene: &str, seed: u64, world: &mut World) -> Summary {
         let stage = |value: fn(&Row) -> f64| StageSummary {
             median_ms: quantile(self.rows.iter().map(value), 0.5),
@@ -307,7 +307,7 @@ impl Monitor {
         for set in context.iter(world) {
             for (_, body) in set.bodies.iter().filter(|(_, body)| body.is_dynamic()) {
                 asleep += usize::from(body.is_sleeping());
-                // A position that is not a number has escaped as well.
+                // A position that is NaN has escaped as well.
                 let inside = body.translation().length() <= WORLD_RADIUS;
                 escaped += usize::from(!inside);
             }

@@ -1,4 +1,4 @@
-//! The builder on shapes made here, whole and damaged.
+//! The builder on generated shapes, intact and damaged.
 
 use std::{collections::HashSet, f32::consts::TAU, ops::ControlFlow, sync::Mutex};
 
@@ -18,7 +18,7 @@ fn built(mesh: &TriangleMesh, options: &BuildOptions) -> Result<Built, BuildErro
     build(mesh, options, &|_| ControlFlow::Continue(()))
 }
 
-/// A surface of `rings` times `around` quads that closes on itself both ways.
+/// A closed torus of `rings` times `around` quads.
 fn torus(major: f32, minor: f32, rings: u32, around: u32) -> TriangleMesh {
     let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
     for i in 0..rings {
@@ -54,7 +54,7 @@ fn boxes(count: u32) -> TriangleMesh {
     mesh
 }
 
-/// Number of connected shapes, by shared spheres.
+/// Number of connected components. Primitives are connected by shared spheres.
 fn components(axis: &MedialAxis) -> usize {
     let mut label: Vec<u32> = (0..axis.spheres().len() as u32).collect();
     for _ in 0..label.len() {
@@ -66,7 +66,7 @@ fn components(axis: &MedialAxis) -> usize {
     label.into_iter().collect::<HashSet<_>>().len()
 }
 
-/// Edges, those of faces included, and faces.
+/// Number of edges, including those of faces, and number of faces.
 fn counts(axis: &MedialAxis) -> (usize, usize) {
     let mut edges = HashSet::new();
     let mut faces = 0;
@@ -86,42 +86,42 @@ fn counts(axis: &MedialAxis) -> (usize, usize) {
 }
 
 #[test]
-fn a_torus_becomes_a_ring_of_cones() {
+fn a_torus_is_built_as_a_closed_ring() {
     let (major, minor) = (0.2, 0.0525);
     let mesh = torus(major, minor, 200, 64);
     let Built { axis, report } = built(&mesh, &with(26)).unwrap();
     assert_eq!(components(&axis), 1);
     assert!(axis.spheres().len() <= 26);
     println!("{report:?}");
-    // A regular ring of 26 reaches 0.0010.
+    // The error of a regular ring of 26 spheres is 0.0010.
     assert!(report.max_error < 0.0012, "{report:?}");
     // The hole stays open.
     let (edges, _) = counts(&axis);
-    assert!(edges >= axis.spheres().len(), "no ring of {edges} edges");
+    assert!(edges >= axis.spheres().len(), "too few edges for a ring: {edges}");
 }
 
 #[test]
-fn pieces_too_small_for_samples_have_a_sphere_each() {
+fn pieces_too_small_for_samples_get_spheres() {
     for seed in 1..4 {
         let mut house = TriangleMesh { positions: vec![], triangles: vec![] };
         add_box(&mut house, Vec3::ZERO, Vec3::new(10.0, 10.0, 5.0));
-        // Far enough away not to drown in the house's own error.
+        // The knobs are so far away that the error of the house does not cover them.
         let knobs = [0.05, 0.02, 0.01].map(|size| (Vec3::new(11.5, 3.0 + 100.0 * size, 1.07), size));
         knobs.iter().for_each(|&(min, size)| add_box(&mut house, min, Vec3::splat(size)));
         let axis = built(&house, &BuildOptions { seed, ..with(20) }).unwrap().axis;
         assert_eq!(components(&axis), 4, "seed {seed}");
         for (min, size) in knobs {
             let within = |center: Vec3| (center - min).min_element() > 0.0 && (center - min).max_element() < size;
-            assert!(axis.spheres().iter().any(|sphere| within(sphere.center)), "seed {seed}: none in {size} m");
+            assert!(axis.spheres().iter().any(|sphere| within(sphere.center)), "seed {seed}: no sphere in {size} m");
         }
     }
 }
 
 #[test]
-fn pieces_among_many_others_have_a_sphere_each() {
+fn each_of_many_pieces_gets_a_sphere() {
     let mut tree = TriangleMesh { positions: vec![], triangles: vec![] };
     add_box(&mut tree, Vec3::ZERO, Vec3::new(1.0, 1.0, 20.0));
-    // Leaves, which enclose nothing.
+    // The leaves enclose no volume.
     for i in 0..1500 {
         let first = tree.positions.len() as u32;
         let at = Vec3::new(2.0 + 0.1 * (i % 40) as f32, 0.0, 0.5 * (i / 40) as f32);
@@ -133,15 +133,15 @@ fn pieces_among_many_others_have_a_sphere_each() {
     let axis = built(&tree, &with(60)).unwrap().axis;
     for min in fruits {
         let within = |center: Vec3| (center - min).min_element() > 0.0 && (center - min).max_element() < 0.1;
-        assert!(axis.spheres().iter().any(|sphere| within(sphere.center)), "none in the one at {min}");
+        assert!(axis.spheres().iter().any(|sphere| within(sphere.center)), "no sphere in the fruit at {min}");
     }
-    // And all of them are counted.
+    // The error counts all components.
     let error = built(&boxes(1500), &with(60)).unwrap_err();
     assert_eq!(error, BuildError::TooFewSpheres { components: 1500, spheres: 60 });
 }
 
 #[test]
-fn what_is_as_thin_as_sheet_metal_is_solid() {
+fn thin_sheets_and_rods_are_solid() {
     for size in [Vec3::new(20.0, 20.0, 0.002), Vec3::new(100.0, 0.008, 0.008)] {
         let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
         add_box(&mut mesh, Vec3::ZERO, size);
@@ -169,11 +169,11 @@ fn check_bytes(mesh: &TriangleMesh) {
     };
     let first = text(1);
     assert_eq!(first, text(1));
-    assert_ne!(first, text(2), "the seed does nothing, so neither would a difference show");
+    assert_ne!(first, text(2), "the seed has no effect, so equal bytes prove nothing");
 }
 
 #[test]
-fn each_component_is_one_shape() {
+fn each_component_becomes_one_shape() {
     for (count, spheres) in [(1, 1), (1, 5), (3, 3), (3, 20), (5, 23)] {
         let Built { axis, report } = built(&boxes(count), &with(spheres)).unwrap();
         assert_eq!((components(&axis), report.components), (count as usize, count as usize), "{spheres} spheres");
@@ -183,9 +183,9 @@ fn each_component_is_one_shape() {
 }
 
 #[test]
-fn nothing_bulges_out_of_a_hole() {
+fn spheres_do_not_bulge_out_of_a_hole() {
     let mut mesh = boxes(1);
-    // One of its sides is the open one.
+    // Each side in turn is removed.
     for side in 0..6 {
         mesh.triangles.rotate_left(2);
         let open = TriangleMesh { triangles: mesh.triangles[2..].to_vec(), ..mesh.clone() };
@@ -196,35 +196,35 @@ fn nothing_bulges_out_of_a_hole() {
     }
 }
 
-/// Spheres of the levels of 20.
+/// Number of spheres of each level, for a finest level of 20.
 const CHAIN_OF_20: [usize; 11] = [20, 17, 14, 11, 9, 7, 5, 4, 3, 2, 1];
 
 #[test]
-fn limits_hold() {
+fn limits_on_edges_and_faces_hold() {
     check_limits(&[(22, 1)]);
 }
 
 #[test]
 #[ignore = "exhaustive"]
-fn exhaustive_limits_hold() {
+fn exhaustive_limits_on_edges_and_faces_hold() {
     check_limits(&[(19, 0), (22, 1), (30, 5)]);
 }
 
-/// Limits on edges and faces.
+/// Checks limits on the numbers of edges and faces.
 fn check_limits(limits: &[(usize, usize)]) {
     let mesh = boxes(1);
     let free = built(&mesh, &with(20)).unwrap();
     let (edges, faces) = counts(&free.axis);
     assert!(edges > 19 || faces > 0, "nothing to limit: {edges} edges, {faces} faces");
     let none = BuildOptions { edges: Some(usize::MAX), faces: Some(usize::MAX), ..with(20) };
-    built(&mesh, &BuildOptions { spheres: 3, ..none }).expect("no limit is one as well");
+    built(&mesh, &BuildOptions { spheres: 3, ..none }).expect("the largest limits are valid");
     for &(edges, faces) in limits {
         let options = BuildOptions { edges: Some(edges), faces: Some(faces), ..with(20) };
         let levels = build_levels(&mesh, &options, &|_| ControlFlow::Continue(())).unwrap();
         for (level, spheres) in levels.iter().zip(CHAIN_OF_20) {
             let found = counts(&level.axis);
             assert!(found.0 <= edges && found.1 <= faces, "{found:?} of {edges} and {faces}");
-            // Spheres that merge may leave an edge or two more than the share of a coarser level.
+            // Merged spheres may leave up to two edges or faces above the share of a coarser level.
             let [edges, faces] = [edges, faces].map(|limit| limit * spheres / 20 + 2);
             assert!(found.0 <= edges && found.1 <= faces, "{found:?} of {edges} and {faces}, {spheres} spheres");
         }
@@ -242,7 +242,7 @@ fn levels_shrink_down_to_one_sphere() {
     };
     let levels = build_levels(&mesh, &options, &tell).unwrap();
     let told = told.into_inner().unwrap();
-    assert!(told.is_sorted() && told[0] >= 0.0, "progress falls: {told:?}");
+    assert!(told.is_sorted() && told[0] >= 0.0, "progress decreases: {told:?}");
     assert!((0.9..=1.0).contains(told.last().unwrap()), "{told:?}");
     let spheres: Vec<usize> = levels.iter().map(|l| l.axis.spheres().len()).collect();
     println!("{spheres:?} {:?}", levels.iter().map(|l| l.report.rms_error).collect::<Vec<_>>());
@@ -265,13 +265,13 @@ fn more_searches_find_better_shapes() {
     };
     let ratios = cases.map(|(mesh, spheres)| error(&mesh, spheres, 5) / error(&mesh, spheres, 1));
     println!("{ratios:?}");
-    // The judge's samples are others than the measure's.
+    // The builder and `measure` use different samples.
     assert!(ratios.iter().all(|&ratio| ratio < 1.05), "{ratios:?}");
     assert!(ratios.iter().any(|&ratio| ratio < 0.98), "{ratios:?}");
 }
 
 #[test]
-fn an_inside_out_mesh_is_turned_round() {
+fn an_inside_out_mesh_is_built_as_well() {
     let mut mesh = boxes(2);
     let right = built(&mesh, &with(10)).unwrap();
     mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
@@ -280,7 +280,7 @@ fn an_inside_out_mesh_is_turned_round() {
 }
 
 #[test]
-fn what_has_no_shape_is_refused() {
+fn invalid_meshes_and_cancelled_builds_are_errors() {
     let empty = TriangleMesh { positions: vec![], triangles: vec![] };
     assert_eq!(built(&empty, &with(5)).unwrap_err(), BuildError::Empty);
     let sheet = TriangleMesh {

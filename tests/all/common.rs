@@ -1,4 +1,4 @@
-//! What the tests share: apps, bodies, and what is read back from them.
+//! Shared helpers: they create apps and bodies, and read back their state.
 
 use std::{
     path::{Path, PathBuf},
@@ -31,7 +31,7 @@ pub const DT: f32 = 1.0 / 60.0;
 /// Speeds below these count as rest, in metres and radians per second.
 pub const STILL: f32 = 1e-3;
 
-/// An app whose every update is a step.
+/// An app that runs one step per update.
 pub fn app() -> App {
     headless_app(DT)
 }
@@ -41,7 +41,7 @@ pub fn assets() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets")
 }
 
-/// An app with the physics in a schedule of choice, and files from a folder of choice.
+/// An app with the given physics plugins and asset folder.
 pub fn app_with<M>(physics: impl Plugins<M>, assets: &Path) -> App {
     let mut app = App::new();
     app.add_plugins((
@@ -64,7 +64,7 @@ pub fn models() -> &'static [Model] {
     MODELS.get_or_init(|| load_models(&assets().join("models")).unwrap())
 }
 
-/// The model of that name, without levels of detail: about a hundred spheres.
+/// The model with this name at a single level of about a hundred spheres.
 pub fn model(name: &str) -> MedialAxis {
     let axis = &models().iter().find(|model| model.name == name).unwrap().axis;
     let error = 0.006 * 2.0 * axis.aabb().half_extents().length();
@@ -77,7 +77,7 @@ pub fn run(app: &mut App, steps: u32) {
     }
 }
 
-/// Updates until the server knows how the loading of the file ends. The step count is bounded, the clock is not looked at.
+/// Updates the app until the asset server has loaded or refused the file. The limit is a number of updates, not a time.
 pub fn wait(app: &mut App, mesh: &MedialMesh) -> LoadState {
     for _ in 0..10_000 {
         app.update();
@@ -101,7 +101,7 @@ pub fn spawn_body(app: &mut App, axis: MedialAxis, transform: Transform) -> Enti
     app.world_mut().spawn((RigidBody::Dynamic, mesh, transform)).id()
 }
 
-/// A dynamic body that neither gravity nor damping acts on.
+/// A dynamic body without gravity and damping.
 pub fn spawn_flying(app: &mut App, axis: MedialAxis, transform: Transform, velocity: Velocity) -> Entity {
     let body = spawn_body(app, axis, transform);
     app.world_mut().entity_mut(body).insert((velocity, bevy_rapier3d::prelude::GravityScale(0.0)));
@@ -113,7 +113,7 @@ pub fn spawn_ground(app: &mut App) -> Entity {
     app.world_mut().spawn((StaticObb::new(10.0, 1.0, 10.0), Transform::from_xyz(0.0, -1.0, 0.0))).id()
 }
 
-/// Rapier's body of an entity, as it is now.
+/// The current rapier body of an entity.
 pub fn rigid(app: &mut App, entity: Entity) -> RapierBody {
     let world = app.world();
     let handle = world.get::<RapierRigidBodyHandle>(entity).expect("a rigid body").0;
@@ -141,7 +141,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Runs steps and notes what is told.
+    /// Runs steps and records their messages.
     pub fn run(&mut self, app: &mut App, steps: u32) {
         for _ in 0..steps {
             app.update();
@@ -154,7 +154,7 @@ impl Record {
         }
     }
 
-    /// How often the two, in either order, started and ended.
+    /// Numbers of start and end messages of the pair, in either order.
     pub fn counts(&self, one: Entity, other: Entity) -> [usize; 2] {
         let are = |a: Entity, b: Entity| (a, b) == (one, other) || (a, b) == (other, one);
         let started = self.started.iter().filter(|(_, m)| are(m.entity1, m.entity2)).count();

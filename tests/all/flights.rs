@@ -1,11 +1,12 @@
-//! Fast impacts: bodies shot at a thin wall, at a resting equal and at each other, against the same app in fine steps; and near misses.
+//! Fast impacts compared with the same app in fine steps, and near misses. Bodies are shot at a thin wall, at a resting body of the same
+//! shape, and at each other.
 //!
-//! The *transfer* of a hit is the change of the first body's momentum in [`STEPS`] steps, of which 5 to 7 come after the first contact. A ratio
-//! of transfers is that of its component along the reference's. A hit whose reference changes by more than a tenth in steps half as long is
-//! chaotic, and there is nothing to compare with.
+//! The *transfer* of a hit is the change of the first body's momentum in [`STEPS`] steps; 5 to 7 of them follow the first contact. A ratio of
+//! transfers compares the component along the reference's transfer. A hit is *chaotic* if its reference changes by more than a tenth in steps
+//! half as long. Such a hit has no valid reference.
 //!
-//! Rapier's gyroscopic term is off: explicit in time, it makes energy out of a fast spin in free flight. Without it a free body keeps its angular
-//! velocity, whatever its inertia does as it turns: an impact's energy is counted where it happens, with the inertia there.
+//! Rapier's gyroscopic term is off because it is explicit in time and adds energy to a body that spins fast in free flight. Without it a free
+//! body keeps its angular velocity although its inertia turns with it. So the energy of an impact is computed with the inertia at the impact.
 
 use bevy::prelude::*;
 use bevy_medial::{
@@ -28,22 +29,22 @@ use crate::{
     true_motion::{Motion, Solid, corners_of_box, distance},
 };
 
-/// Steps of the reference in one of the app.
+/// Steps of the reference per step of the app.
 const FINER: u32 = 100;
 
-/// Steps at most until then, for flights with an impact in step after step.
+/// Largest number of steps until the transfer is measured, for flights with impacts in consecutive steps.
 const LONGEST: u32 = 12;
 
-/// Steps of free flight before, where the GPU looks ahead: its first answers are as late.
+/// Steps of free flight before a hit if the GPU looks ahead: its first answers come this late.
 const LEAD: u32 = 10;
 
 /// Steps until the transfer is measured.
 const STEPS: u32 = 8;
 
-/// Steps after that in which nobody may get behind the wall.
+/// Further steps in which no body may get behind the wall.
 const FURTHER: u32 = 120;
 
-/// Part of the reference's transfer below which a hit is lost.
+/// A hit that transfers less than this part of the reference's transfer is lost.
 const LOST: f64 = 0.2;
 
 /// Hits that transfer less than this part of the flying body's momentum, in the reference, are grazes.
@@ -55,7 +56,7 @@ pub const SPEEDS: [f32; 6] = [1.0, 10.0, 50.0, 100.0, 300.0, 1000.0];
 /// Clearance of a near miss, in metres.
 const CLEARANCE: f64 = 0.02;
 
-/// Half extents of the wall: it is 5 cm thick, and the flight along x.
+/// Half extents of the wall in metres. It is 5 cm thick along x, the direction of flight.
 const WALL: Vec3 = Vec3::new(0.025, 8.0, 8.0);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,15 +66,15 @@ pub enum Aim {
     HeadOn,
 }
 
-/// What is shot at what, and how.
+/// One combination of shape, target, speed and spin.
 pub struct Cell {
     pub shape: Shape,
     pub aim: Aim,
     /// In metres per second.
     pub speed: f32,
-    /// Greatest angular speed, in radians per second.
+    /// Largest angular speed, in radians per second.
     pub spin: f32,
-    /// Makes the app, of steps of so many seconds. The reference's is always on the CPU.
+    /// Creates the app; the argument is the length of a step in seconds. The reference always runs on the CPU.
     pub app: fn(f32) -> App,
 }
 
@@ -84,10 +85,10 @@ struct Flyer {
     velocity: Velocity,
 }
 
-/// The flying body, and the other if that is no wall.
+/// The flying body, and the other body unless the target is the wall.
 type Flight = Vec<Flyer>;
 
-/// A rod and concave models, scaled to a metre: the shared ones where they are there.
+/// A rod and concave models, scaled to a metre. Models of the shared folder replace those of the project if the folder exists.
 pub fn shapes() -> Vec<(&'static str, Shape)> {
     let rod = MedialAxis::capsule(Vec3::X * -0.5, Vec3::X * 0.5, 0.02).unwrap();
     let folder = assets().join("../../shared/models/qmat");
@@ -102,7 +103,7 @@ pub fn shapes() -> Vec<(&'static str, Shape)> {
 }
 
 impl Cell {
-    /// The way of a body as rapier integrates it with steps of `dt`: at a constant rate, which is a little less than asked for.
+    /// The motion of a body as rapier integrates it with steps of `dt`. The body turns at a constant rate, slightly below its angular velocity.
     fn motion(&self, flyer: &Flyer, dt: f32) -> Motion {
         let spin = flyer.velocity.angular.as_dvec3();
         let sweep = Sweep {
@@ -120,7 +121,7 @@ impl Cell {
         bound.radius + bound.center.distance(self.shape.center_of_mass())
     }
 
-    /// A flyer with its centre of mass at a place, turned and spinning at random.
+    /// A flyer with the given centre of mass, and with random rotation and spin.
     fn flyer(&self, random: &mut Random, center: Vec3, linear: Vec3, spin: f32) -> Flyer {
         let rotation = random.rotation();
         let pose = Pose3::from_parts(center - rotation * self.shape.center_of_mass(), rotation);
@@ -128,7 +129,7 @@ impl Cell {
         Flyer { pose, velocity: Velocity { linear, angular } }
     }
 
-    /// A flight towards a place beside the target, at a time when both are apart.
+    /// A flight towards the point `beside` the target's centre, at a time when both bodies are apart.
     fn flight(&self, random: &mut Random, tilt: f32, beside: Vec3) -> Flight {
         let away = 2.0 * self.radius() + 0.2;
         let direction = (Vec3::X + random.in_ball() * Vec3::new(0.0, tilt, tilt)).normalize();
@@ -177,18 +178,18 @@ impl Cell {
         None
     }
 
-    /// Time in which the pair passes each other.
+    /// Time in seconds until the bodies have passed each other.
     fn passage(&self) -> f64 {
         f64::from((4.0 * self.radius() + 0.4) / self.speed)
     }
 
-    /// The flight from another time on.
+    /// The flight at another time, in seconds.
     fn from(&self, flight: &Flight, time: f64) -> Flight {
         let later = |flyer: &Flyer| Flyer { pose: self.motion(flyer, DT).pose(time), ..*flyer };
         flight.iter().map(later).collect()
     }
 
-    /// Flights that meet their target within 1.3 to 2.7 steps, and would sink into it; and the same earlier by some steps.
+    /// Flights that touch their target after 1.3 to 2.7 steps and would sink into it; and the same flights `lead` steps earlier.
     fn hits(&self, random: &mut Random, count: usize, lead: u32) -> [Vec<Flight>; 2] {
         let mut flights = [const { Vec::new() }; 2];
         while flights[0].len() < count {
@@ -205,7 +206,7 @@ impl Cell {
         flights
     }
 
-    /// Flights that pass their target, at less than a few centimetres, from some steps before on.
+    /// Flights that pass their target within a few centimetres. They start `lead` steps earlier.
     fn misses(&self, random: &mut Random, count: usize, lead: u32) -> Vec<Flight> {
         let mut flights = Vec::new();
         while flights.len() < count {
@@ -241,7 +242,7 @@ struct Range {
 }
 
 impl Range {
-    /// In an app of steps of `dt` seconds.
+    /// Spawns the flights in an app with steps of `dt` seconds.
     fn new(cell: &Cell, flights: &[Flight], dt: f32, mut app: App) -> Self {
         assert!(flights.len() < 32);
         app.add_systems(
@@ -253,7 +254,7 @@ impl Range {
             app.world_mut().spawn((StaticObb { half_extents: WALL }, Transform::default()));
         }
         let mut spawn = |group: Group, flyer: &Flyer| {
-            // The wall is in every group.
+            // The wall is a member of every group.
             let filter = if cell.aim == Aim::Wall { Group::GROUP_32 } else { group };
             let transform = Transform {
                 translation: flyer.pose.translation,
@@ -283,7 +284,7 @@ impl Range {
         (0..self.bodies.len()).map(|flight| self.momenta(flight)).collect()
     }
 
-    /// Kinetic energy of a flight's bodies before and after the last step, in joules, both where they were at its start.
+    /// Kinetic energy of a flight's bodies before and after the last step, in joules. Both use the orientations at the start of the step.
     fn energies(&mut self, flight: usize) -> [f64; 2] {
         let mut energies = [0.0; 2];
         for &entity in &self.bodies[flight] {
@@ -304,25 +305,25 @@ impl Range {
     }
 }
 
-/// How fast a body turns that rapier integrates with steps of `dt`: a little less than asked for.
+/// Angular speed at which rapier turns a body in steps of `dt`. It is slightly less than `spin`.
 fn rate(spin: f64, dt: f32) -> f64 {
     let substep = f64::from(dt) / 4.0;
     (spin * substep * 0.5).atan() * 2.0 / substep
 }
 
-/// The angular velocity with which steps of `dt` turn a body as fast as steps of [`DT`] do with another.
+/// The angular velocity that turns a body in steps of `dt` as fast as `angular` turns it in steps of [`DT`].
 fn same_turn(angular: Vec3, dt: f32) -> Vec3 {
     let substep = f64::from(dt) / 4.0;
     let spin = (rate(angular.as_dvec3().length(), DT) * substep * 0.5).tan() * 2.0 / substep;
     angular.normalize_or_zero() * spin as f32
 }
 
-/// What impulses do to a flight.
+/// Energy balance of a flight.
 #[derive(Clone)]
 struct Work {
-    /// Kinetic energy at first, in joules.
+    /// Initial kinetic energy, in joules.
     energy: f64,
-    /// Of all impulses so far, in joules.
+    /// Work of all impulses so far, in joules.
     work: f64,
 }
 
@@ -335,7 +336,7 @@ fn without_gyroscopic_term(
     }
 }
 
-/// Steps that flights need before they come near anything.
+/// Steps of free flight that the app needs before a body comes near its target.
 fn lead(app: &App) -> u32 {
     if app.world().resource::<MedialSettings>().pipelined { LEAD } else { 0 }
 }
@@ -345,21 +346,21 @@ fn index(step: &MedialStep, entity: Entity) -> usize {
     step.infos.iter().position(|info| info.entity == entity).unwrap()
 }
 
-/// What came of the hits of a cell.
+/// Results of the hits of a cell.
 #[derive(Default, Debug)]
 pub struct Hits {
     pub count: usize,
-    /// Too little transfer in the reference to compare.
+    /// Hits with too little transfer in the reference to compare.
     pub grazes: usize,
-    /// No reference to compare with.
+    /// Hits without a valid reference.
     pub chaotic: usize,
-    /// Too little transfer; of chaotic hits, beside either reference.
+    /// Hits with too little transfer. A chaotic hit counts only if this holds for both references.
     pub lost: usize,
-    /// Of transfers, in ascending order.
+    /// Ratios of transfers, in ascending order.
     pub ratios: Vec<f64>,
-    /// Change of the total momentum, in momenta of the flying body.
+    /// Largest change of the total momentum, in momenta of the flying body.
     pub momentum_error: f64,
-    /// Hits whose impulses together make energy, at any time more than a hundredth of what there was at first.
+    /// Hits whose impulses together add, at any time, more than a hundredth of the initial energy.
     pub gains: usize,
     /// Bodies that were behind the wall at the end of any step.
     pub behind: usize,
@@ -381,9 +382,9 @@ pub fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> H
     let [flights, earlier] = cell.hits(&mut Random(seed), count, lead);
     let references = [FINER, 2 * FINER].map(|finer| {
         let mut fine = Range::new(cell, &flights, DT / finer as f32, headless_app(DT / finer as f32));
-        // The bodies are there from the second update on.
+        // The bodies take part from the second update on.
         run(&mut fine.app, 1);
-        // The momenta after each step from the first on at which a flight may be measured.
+        // The momenta after each step at which a flight may be measured; the first one is step `STEPS`.
         let mut after = |steps: u32| {
             run(&mut fine.app, steps);
             fine.all_momenta()
@@ -394,13 +395,13 @@ pub fn run_hits(cell: &Cell, seed: u64, count: usize, stop_at_impact: bool) -> H
     let mut coarse = Range::new(cell, &earlier, DT, app);
     coarse.app.world_mut().resource_mut::<MedialSettings>().stop_at_impact = stop_at_impact;
     run(&mut coarse.app, 1 + lead);
-    // Nothing touches so early.
+    // No body touches anything this early.
     let before = coarse.all_momenta();
     let mut hits = Hits { count, ..default() };
     let mut gained = vec![false; count];
     let mut works: Vec<Option<Work>> = vec![None; count];
     let mut behind = vec![false; count];
-    // The steps of each flight, and its momenta after them.
+    // Number of steps of each flight, and its momenta after them.
     let mut measured = vec![None; count];
     for steps in 2..=LONGEST {
         run(&mut coarse.app, 1);
@@ -464,7 +465,7 @@ fn note_behind_the_wall(cell: &Cell, range: &mut Range, behind: &mut [bool]) {
     }
 }
 
-/// Near misses that are proven to be some, and those of them after which a body has stopped or moves in another way.
+/// Returns the number of proven near misses, and how many of them stopped or deflected a body.
 pub fn run_misses(cell: &Cell, seed: u64, count: usize) -> [usize; 2] {
     let app = (cell.app)(DT);
     let lead = lead(&app);
@@ -492,7 +493,7 @@ pub fn run_misses(cell: &Cell, seed: u64, count: usize) -> [usize; 2] {
             clear[i] &= stays_clear(&solid(&sweeps[0]), &second);
             changed[i] = bodies.iter().zip(&sweeps).zip(flight).any(|((body, sweep), flyer)| {
                 let difference = sweep.translation / DT - flyer.velocity.linear;
-                // Places are rounded to micrometres.
+                // Positions are rounded to micrometres.
                 let rounding = 1e-3 * (1.0 + cell.speed);
                 step.output.stop_of(index(step, *body) as u32).is_some() || difference.length() > rounding
             });
@@ -502,7 +503,7 @@ pub fn run_misses(cell: &Cell, seed: u64, count: usize) -> [usize; 2] {
     [proven, clear.iter().zip(&changed).filter(|(clear, changed)| **clear && **changed).count()]
 }
 
-/// Whether two solids stay apart by [`CLEARANCE`] all through a step.
+/// True if two solids stay apart by at least [`CLEARANCE`] during the whole step.
 fn stays_clear(first: &Solid, second: &Solid) -> bool {
     let limit = 0.1;
     let reach = first.reach() + second.reach();
@@ -517,8 +518,8 @@ fn stays_clear(first: &Solid, second: &Solid) -> bool {
     true
 }
 
-/// Some of the cells, by numbers of up to 12, in which there is every speed with and without spin, and every shape at every target. How many
-/// transfers are within 25 % of the reference, and how many there are.
+/// Checks the cells with the given numbers. The numbers 0 to 11 cover every speed with and without spin, and every shape at every target.
+/// Returns how many transfers are within 25 % of the reference, and how many were compared.
 pub fn check(app: fn(f32) -> App, cells: impl Iterator<Item = usize>) -> [usize; 2] {
     let aims = [Aim::Wall, Aim::Resting, Aim::HeadOn];
     let shapes = shapes();

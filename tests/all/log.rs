@@ -1,4 +1,4 @@
-//! The log of all tests. Each test looks for its own names.
+//! A log that all tests share. Each test searches it for names that only this test uses.
 
 use std::{
     fmt::Write,
@@ -17,7 +17,7 @@ use bevy::log::{
 
 static LINES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-/// A layer for everything of this level or worse.
+/// A layer that records events of this level or a more severe one.
 struct Keep(Level);
 
 impl<S: Subscriber> Layer<S> for Keep {
@@ -38,13 +38,13 @@ impl Visit for Line {
     }
 }
 
-/// Keeps everything from `INFO` up, from the first call on.
+/// Starts to record events of level `INFO` and more severe ones. Further calls do nothing.
 pub fn keep() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| set_global_default(registry().with(Keep(Level::INFO))).unwrap());
 }
 
-/// The lines so far that contain the text.
+/// The recorded lines that contain the text.
 pub fn lines(text: &str) -> Vec<String> {
     LINES.lock().unwrap().iter().filter(|line| line.contains(text)).cloned().collect()
 }

@@ -1,6 +1,6 @@
-//! All tests that need the crate from outside, except those of the program `medial`.
+//! All tests of the public interface, except those of the program `medial`.
 //!
-//! One binary, so that Bevy is linked once. Everything is seeded, and nothing depends on the clock.
+//! The tests share one binary, so Bevy is linked once. All random numbers are seeded, and no test depends on the clock.
 
 #[macro_use]
 mod pairs;

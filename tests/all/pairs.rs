@@ -1,4 +1,4 @@
-//! Random moving pairs of every category and kind, and what an answer for one is worth.
+//! Random moving pairs of every category and kind, and a judge of answers.
 
 use std::fmt;
 
@@ -41,7 +41,7 @@ fn cube(random: &mut Random) -> DVec3 {
     DVec3::from_array([(); 3].map(|()| random.range(-1.0, 1.0)))
 }
 
-/// A box at rest, as in the file.
+/// A box at rest, as in a file of pairs.
 #[derive(Clone, Copy)]
 struct Placed {
     center: Vec3,
@@ -70,7 +70,7 @@ pub enum Other {
     Box(Cuboid),
 }
 
-/// Runs an expression for whatever kinds the pair's sides are of.
+/// Runs an expression with the concrete types of both sides.
 macro_rules! for_kinds {
     ($first:expr, $second:expr, |$a:ident, $b:ident| hulls: $hulls:expr, cuboid: $cuboid:expr) => {{
         use $crate::pairs::{Other, Primitive};
@@ -94,7 +94,7 @@ macro_rules! for_kinds {
 }
 
 impl Pair {
-    /// Relative to one of the first body's centres, a box in its own frame: positions far from the origin lose nothing.
+    /// The pair relative to a centre of the first body, or in the frame of the box. So positions far from the origin lose no precision.
     pub fn relative(&self) -> (Primitive, Other) {
         let (origin, rotation, second) = match &self.second {
             Second::Hull(spheres) => {
@@ -118,7 +118,7 @@ impl Pair {
         Difference::new(&self.first.iter().map(ball).collect::<Vec<_>>(), &second)
     }
 
-    /// The greater extent of the two, and the greatest relative speed of two vertices.
+    /// The larger extent of the two bodies, and the largest relative speed of two vertices.
     pub fn size_and_speed(&self) -> (f64, f64) {
         let extent = |spheres: &[(Sphere, Vec3)]| {
             let first = spheres[0].0.center.as_dvec3();
@@ -148,7 +148,7 @@ pub fn corners(half: DVec3, center: DVec3, rotation: DQuat) -> Vec<Ball> {
 }
 
 fn hull(spheres: &[(Sphere, Vec3)], origin: Vec3, rotation: Quat) -> Primitive {
-    // In f64, so that turning into a box's frame costs no more than one rounding.
+    // Computed in f64, so that the rotation into the frame of a box adds only one rounding.
     let rotation = rotation.as_dquat().normalize();
     let turned = |v: DVec3| (rotation * v).as_vec3();
     let place = |i: usize| Sphere::new(turned(spheres[i].0.center.as_dvec3() - origin.as_dvec3()), spheres[i].0.radius);
@@ -193,7 +193,7 @@ impl fmt::Display for Pair {
     }
 }
 
-/// What really happens.
+/// The true outcome of a pair.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub enum Truth {
     Overlap,
@@ -212,15 +212,15 @@ pub enum Verdict {
     Invalid,
 }
 
-/// How far from touching, in sizes, an f32 answer may be taken for a touch. A pair that grazes by less stays this near for longer than the
-/// tolerances of time allow for.
+/// Distance, in sizes of the pair, at which an f32 answer may count as a touch. A pair that grazes by less stays this close for longer than
+/// the tolerances of time allow.
 const ROUNDING: f64 = 2e-6;
 
-/// Judges an answer by the tolerances that files of pairs are judged by, and by the true distance where the pair is within rounding of
-/// touching when it is said to.
+/// Judges an answer by the tolerances for files of pairs. A late or early answer is also good if the pair is within [`ROUNDING`] of touching
+/// at that time.
 ///
-/// Where centres cross, the reference's depth ends at minus the radii, which is nothing for sharp edges. So a miss also counts where
-/// moving the bodies apart takes a translation as long as the tolerance.
+/// Where centres cross, the reference's distance ends at minus the radii, which is zero for sharp edges. So a miss also counts if no
+/// translation of the tolerance's length separates the bodies.
 pub fn judge(pair: &Pair, answer: &Touch) -> (Truth, Verdict) {
     let difference = pair.difference();
     let (size, speed) = pair.size_and_speed();
@@ -234,7 +234,7 @@ pub fn judge(pair: &Pair, answer: &Touch) -> (Truth, Verdict) {
         Some(_) => Truth::Hit,
         None => Truth::Apart,
     };
-    // A touch by a hair may be missed, but not a hit this deep.
+    // Touches shallower than the tolerance may be missed; deeper hits may not.
     let deep_at = |t: f64, tolerance: f64| difference.at(t).deeper_than(tolerance * size);
     let verdict = if hit && !(0.0..=1.0).contains(&fraction) {
         Verdict::Invalid
@@ -266,7 +266,7 @@ pub fn judge(pair: &Pair, answer: &Touch) -> (Truth, Verdict) {
     (truth, verdict)
 }
 
-/// A pair of the category, in f64 until the last step. Bodies measure about 1, but for `uneven`.
+/// A pair of the category, computed in f64 and rounded at the end. Bodies measure about 1, except the smaller one of `uneven`.
 pub fn random_pair(random: &mut Random, category: usize, (count1, count2): (usize, usize)) -> Pair {
     let name = CATEGORIES[category];
     let smaller = if name == "uneven" { random.magnitude(-3.2, -2.8) } else { random.magnitude(-0.5, 0.0) };
@@ -289,7 +289,7 @@ pub fn random_pair(random: &mut Random, category: usize, (count1, count2): (usiz
         corners(half, DVec3::ZERO, rotation)
     };
 
-    // Where, and how they move: to each other, give or take.
+    // Position, and motion roughly towards each other.
     let reach = |balls: &[Ball]| balls.iter().map(|b| b.center.length() + b.radius).fold(0.0, f64::max);
     let (reach1, reach2) = (reach(&first), reach(&second));
     let towards = random.direction();
@@ -301,7 +301,7 @@ pub fn random_pair(random: &mut Random, category: usize, (count1, count2): (usiz
     } * (reach1 + reach2);
     let mut place = towards * apart;
     if name == "parallel" && random.chance(0.5) {
-        // Exactly above each other along one axis or two.
+        // Exactly aligned in some coordinates.
         let axis = random.below(3);
         for k in 0..3 {
             if k == axis || random.chance(0.3) {
@@ -314,7 +314,7 @@ pub fn random_pair(random: &mut Random, category: usize, (count1, count2): (usiz
         }
     }
     let aside = random.direction().reject_from(towards) * (reach1 + reach2) * random.range(0.0, 1.2);
-    // Some point of the one at some point of the other, at some time.
+    // This displacement brings a random point of one body to a random point of the other.
     let aim = place + point_of(random, &second) - point_of(random, &first);
     let mut motion = match name {
         "fast" if random.chance(0.6) => aim.normalize() * reach1.max(reach2) * random.magnitude(1.0, 3.0),
@@ -331,7 +331,7 @@ pub fn random_pair(random: &mut Random, category: usize, (count1, count2): (usiz
         _ => (towards * apart + aside) * random.range(0.4, 2.5),
     };
     if name == "parallel" && random.chance(0.4) {
-        // Straight along an axis: faces meet or slide exactly.
+        // Motion straight along an axis, so that faces meet or slide exactly.
         let axis = DVec3::AXES[random.below(3)];
         motion = axis * motion.dot(axis);
     }
@@ -350,7 +350,7 @@ pub fn random_pair(random: &mut Random, category: usize, (count1, count2): (usiz
         ball.center += place;
     }
 
-    // Shifted to where they just touch.
+    // Shift the second body until both just touch.
     let mut difference = Difference::new(&first, &second);
     let size = reach1.max(reach2);
     let nudge = match name {
@@ -385,7 +385,7 @@ fn point_of(random: &mut Random, balls: &[Ball]) -> DVec3 {
     balls.iter().zip(&weights).map(|(ball, weight)| ball.center * *weight).sum::<DVec3>() / weights.iter().sum::<f64>()
 }
 
-/// Shifts the second body along the direction of least distance until that is `wanted`.
+/// Shifts the second body along the direction of the shortest distance until the distance is `wanted`.
 fn settle(difference: &mut Difference, fraction: f64, wanted: f64) -> DVec3 {
     let now = difference.at(fraction).distance();
     let shift = now.normal.normalize_or(DVec3::Y) * (wanted - now.lower);
@@ -393,12 +393,12 @@ fn settle(difference: &mut Difference, fraction: f64, wanted: f64) -> DVec3 {
     shift
 }
 
-/// Shifts the second body so that the least distance over the step is within 1e-3 of touching, or about that.
+/// Shifts the second body until the smallest distance over the step is within about 1e-3 of zero, in sizes of the pair.
 fn graze(random: &mut Random, difference: &mut Difference, size: f64) -> DVec3 {
     let wanted = size * random.magnitude(-6.0, -3.0) * if random.chance(0.5) { 1.0 } else { -1.0 };
     let mut shift = DVec3::ZERO;
     for samples in [12, 8, 8] {
-        // Least of a few samples, then closer around it.
+        // The smallest of a few samples, then a finer search around it.
         let distance = |t: f64| difference.at(t).distance().lower;
         let best = (0..=samples)
             .map(|i| f64::from(i) / f64::from(samples))
@@ -416,7 +416,7 @@ fn graze(random: &mut Random, difference: &mut Difference, size: f64) -> DVec3 {
     shift
 }
 
-/// Gives every vertex the motion of the body, and to a `turning` one something of its own: a chord of a rotation, or a stretch.
+/// Gives every vertex the motion of the body. If `turning`, each vertex also moves by the chord of a rotation, or by a random stretch.
 fn set_motion(random: &mut Random, balls: &mut [Ball], motion: DVec3, turning: bool, size: f64) {
     let rotation = DQuat::from_axis_angle(random.direction(), random.range(-1.5, 1.5));
     let stretch = random.chance(0.5);
@@ -466,7 +466,7 @@ fn random_hull(random: &mut Random, category: &str, count: usize, size: f64) -> 
     balls
 }
 
-/// Puts the last sphere into the hull of the others, or by a hair not.
+/// Puts the last sphere into the hull of the others. If `near`, it is only inside or outside by a small distance.
 fn degenerate(random: &mut Random, balls: &mut [Ball], near: bool, size: f64) {
     let last = balls.len() - 1;
     let hair =
@@ -474,13 +474,13 @@ fn degenerate(random: &mut Random, balls: &mut [Ball], near: bool, size: f64) {
     balls[0].radius = random.range(0.1, 1.2) * size;
     let aside = random.direction();
     if last == 1 || random.chance(0.3) {
-        // Inside the first: touching it from within, or anywhere.
+        // Inside the first sphere: near its surface, or anywhere.
         let small = balls[0].radius * random.range(0.02, 0.95);
         let room = balls[0].radius - small;
         let room = if near { room + hair } else { room * random.range(0.0, 0.999) };
         balls[last] = Ball { center: balls[0].center + aside * room, radius: small, ..balls[last] };
     } else {
-        // In the hull of the first two: on their axis, bulging or not, or beside it.
+        // Near the hull of the first two: on their axis, with a larger or smaller radius, or beside the axis.
         let (a, b) = (balls[0], balls[1]);
         let t = random.range(0.0, 1.0);
         let radius = a.radius + (b.radius - a.radius) * t;

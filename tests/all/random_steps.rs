@@ -36,7 +36,7 @@ pub fn shapes() -> &'static [MedialAxis] {
     })
 }
 
-/// Rounded so that adding 1024 to it is exact.
+/// Rounds a vector so that adding 1024 to it is exact.
 fn coarse(v: Vec3) -> Vec3 {
     (v * 512.0).round() / 512.0
 }
@@ -48,7 +48,7 @@ fn groups(random: &mut Random) -> Groups {
     }
 }
 
-/// The sweep of a rigid motion, given as rapier would: by its end poses and the angular velocity.
+/// The sweep of a rigid motion, given by its end poses and angular velocity as rapier gives it.
 fn sweep(start: Pose3, center: Vec3, translation: Vec3, rotation: Vec3) -> Sweep {
     let turned = (Quat::from_scaled_axis(rotation) * start.rotation).normalize();
     let end = start.transform_point(center) + translation - turned * center;
@@ -58,8 +58,8 @@ fn sweep(start: Pose3, center: Vec3, translation: Vec3, rotation: Vec3) -> Sweep
 /// Bodies and statics in a room of the given half size around `origin`. Some are fast, some spin up to six turns a step, some
 /// sleep, some are sensors.
 ///
-/// At a few turns a step no chord is near its arc any more. Impacts are early by up to that, and culling, which knows of true motions
-/// and the prediction distance only, would not look at them: so it is long there.
+/// At a few turns per step chords are far from their arcs, and impacts are early by up to that distance. Culling considers only true motions
+/// and the prediction distance, so it would skip such pairs. Therefore the prediction distance is large there.
 pub fn random_step(
     random: &mut Random,
     bodies: usize,
@@ -113,7 +113,7 @@ pub fn random_step(
     (input, Statics::new(statics))
 }
 
-/// Number of impacts, contacts, stops and pairs.
+/// Numbers of impacts, contacts, stops and pairs.
 pub fn tally(output: &StepOutput) -> [usize; 4] {
     let impacts = output.pairs.iter().filter(|pair| pair.impact.is_some()).count();
     [impacts, output.counts.contacts, output.stops.len(), output.pairs.len()]

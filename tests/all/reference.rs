@@ -1,17 +1,17 @@
-//! Distance and time of impact in f64, of another make than the kernels: no closed forms, no case for any kind of shape.
+//! Reference distance and time of impact in f64. It shares no method with the kernels: no closed forms, no special cases per kind of shape.
 //!
-//! Two hulls of spheres touch where the hull of their *difference*, the spheres `b_j - a_i` of radius `r_i + r_j`, holds the
-//! origin; a box is the hull of eight points. Its signed distance to the origin is a saddle value,
+//! Two hulls of spheres touch if the hull of their *difference* contains the origin. The difference consists of the spheres `b_j - a_i` of
+//! radius `r_i + r_j`; a box is the hull of eight points. The signed distance of the difference to the origin is a saddle value,
 //!
 //! ```text
 //!   min over weights w of |c(w)| - r(w)  =  max over |n| <= 1 of min over k of c_k . n - r_k,
 //! ```
 //!
-//! found by an interior-point method. Any `w` bounds it from above and any `n` from below, so each answer carries its own proof.
+//! computed by an interior-point method. Any `w` gives an upper bound and any `n` a lower bound, so each result proves its own accuracy.
 
 use glam::DVec3;
 
-/// Where the bounds of a distance are close enough, in sizes of the pair.
+/// Difference of the two bounds at which the search for a distance ends, in sizes of the pair.
 const ACCURACY: f64 = 2e-11;
 
 /// Distance at which two bodies count as touching, in sizes of the pair.
@@ -27,8 +27,8 @@ pub struct Ball {
 
 /// Bounds of a signed distance: `lower <= distance <= upper`.
 ///
-/// It is negative where the bodies overlap and never less than minus the radii where they meet: for a deep overlap see
-/// [`Difference::depth`].
+/// The distance is negative if the bodies overlap. It is never less than minus the largest sum of two radii, so it does not measure deep
+/// overlaps: see [`Difference::depth`].
 #[derive(Clone, Copy, Debug)]
 pub struct Distance {
     pub lower: f64,
@@ -44,7 +44,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Of the hulls of two sets of spheres, up to 24 pairs.
+    /// The difference of the hulls of two sets of spheres, with at most 24 pairs of spheres.
     pub fn new(first: &[Ball], second: &[Ball]) -> Self {
         let mut balls = [Ball::default(); 24];
         let mut count = 0;
@@ -62,7 +62,7 @@ impl Difference {
         &self.balls[..self.count]
     }
 
-    /// The greatest relative speed of two vertices.
+    /// The largest relative speed of two vertices.
     pub fn speed(&self) -> f64 {
         self.balls().iter().map(|ball| ball.motion.length()).fold(0.0, f64::max)
     }
@@ -72,7 +72,7 @@ impl Difference {
         self.balls[..self.count].iter_mut().for_each(|ball| ball.center += by);
     }
 
-    /// The difference as it is at an instant, at rest.
+    /// The difference at a fraction of the motion, with all motions set to zero.
     pub fn at(&self, fraction: f64) -> Self {
         let mut still = Self { balls: self.balls, count: self.count };
         for ball in &mut still.balls[..self.count] {
@@ -163,7 +163,7 @@ impl Difference {
                 n * (-mu / (room * room)) - tension.1 - (w * (2.0 * w.dot(step_n)) + step_n) * stiffness,
             );
 
-            // As far as everything stays inside.
+            // The step is so short that all slacks, weights and cone variables stay feasible.
             let mut length = cone_limit((1.0, n), (0.0, step_n)).min(cone_limit(tension, step_tension));
             let mut step_weight = [0.0; 24];
             for k in 0..c.len() {
@@ -189,12 +189,13 @@ impl Difference {
 
     /// First fraction in [0, 1] at which the signed distance is down to `level`, within [`TOUCHING`] of `size`.
     ///
-    /// The gap along a direction that proves a greater distance now is concave in time: until its first root the proof holds.
+    /// The gap along the normal of the current lower bound is concave in time. It stays above `level` until its first root, so the search
+    /// continues there.
     pub fn first_within(&self, level: f64, size: f64) -> Option<f64> {
         let mut fraction = 0.0;
         for _ in 0..20_000 {
             let now = self.at(fraction).distance();
-            assert!(now.upper - now.lower < 1e-7 * size, "no proof at {fraction}: {now:?}");
+            assert!(now.upper - now.lower < 1e-7 * size, "bounds too far apart at {fraction}: {now:?}");
             if now.lower <= level + TOUCHING * size {
                 return Some(fraction);
             }
@@ -210,16 +211,16 @@ impl Difference {
             }
             fraction = next.max(fraction);
         }
-        panic!("no end at {fraction}: {:?}", self.at(fraction).distance());
+        panic!("no convergence at {fraction}: {:?}", self.at(fraction).distance());
     }
 
-    /// Whether no translation of the given length parts the two at fraction 0.
+    /// True if no translation of the given length separates the two bodies at fraction 0.
     pub fn deeper_than(&self, length: f64) -> bool {
         self.gap(self.distance().normal.normalize_or(DVec3::Y)) < -length && self.depth(400) < -length
     }
 
-    /// Greatest gap at fraction 0 along any unit direction: for an overlap minus the shortest translation that ends it.
-    /// By sampling the sphere and climbing from the best samples, so a lower bound, and near the truth.
+    /// Largest gap at fraction 0 along any unit direction. For an overlap this is minus the length of the shortest translation that ends it.
+    /// The search samples the unit sphere and climbs from the best samples. So the result is a lower bound, close to the truth.
     pub fn depth(&self, samples: usize) -> f64 {
         let turn = std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let mut starts: Vec<(f64, DVec3)> = (0..samples)
@@ -253,7 +254,7 @@ impl Difference {
     }
 }
 
-/// How far a point of the second-order cone `u >= |v|` can go along a direction until it reaches the cone's surface.
+/// Largest multiple of a direction that keeps a point of the second-order cone `u >= |v|` inside the cone.
 fn cone_limit((u, v): (f64, DVec3), (du, dv): (f64, DVec3)) -> f64 {
     let a = du * du - dv.length_squared();
     let b = u * du - v.dot(dv);

@@ -1,4 +1,4 @@
-//! How answers for random pairs of every category and kind are worth, in a table.
+//! Scores of answers for random pairs of every category and kind, as a table.
 
 use std::sync::{
     Mutex,
@@ -12,13 +12,13 @@ use bevy_medial::{
 
 use crate::pairs::{CATEGORIES, KINDS, Pair, Verdict, judge, kind_name, random_pair};
 
-/// A number from the environment, else `default`; unoptimised builds do a twentieth of the work.
+/// A number from the environment, or else `default`. Unoptimised builds divide the default by 20.
 pub fn setting(name: &str, default: u64) -> u64 {
     let default = if cfg!(debug_assertions) { default.div_ceil(20) } else { default };
     std::env::var(name).map_or(default, |text| text.parse().expect(name))
 }
 
-/// Runs `task` for every category and kind on all cores, each with its own random numbers; results in order.
+/// Runs `task` for every category and kind on all cores. Each case has its own random numbers; the results are in order of the cases.
 pub fn for_each_case<T: Send>(stream: u64, task: impl Fn(usize, usize, Random) -> T + Sync) -> Vec<T> {
     let seed = setting("KERNEL_SEED", 0);
     let count = CATEGORIES.len() * KINDS.len();
@@ -45,7 +45,7 @@ pub fn for_each_case<T: Send>(stream: u64, task: impl Fn(usize, usize, Random) -
     results.into_iter().map(|(_, result)| result).collect()
 }
 
-/// How often each truth was met and each verdict given, and some of the pairs that went wrong.
+/// Counts of truths and verdicts, and up to five wrong answers.
 #[derive(Default)]
 pub struct Score {
     pub truths: [usize; 3],
@@ -79,7 +79,7 @@ impl Score {
     }
 }
 
-/// Prints the table; counts of the verdicts over all cases.
+/// Prints the table and returns the counts of verdicts over all cases.
 pub fn summary(scores: &[Score]) -> [usize; 7] {
     println!(
         "{:16} {:12} {:>8} {:>8} {:>8} | {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} | {:>7}",
@@ -114,7 +114,7 @@ pub fn summary(scores: &[Score]) -> [usize; 7] {
     verdicts
 }
 
-/// Asserts that no answer is wrong, and that there were answers of every sort.
+/// Asserts that no answer is wrong, and that each case has enough pairs that touch and enough that stay apart.
 pub fn assert_all_good(scores: &[Score], pairs: u64, kinds: usize) {
     let verdicts = summary(scores);
     for (pair, answer, verdict) in scores.iter().flat_map(|score| &score.failures) {

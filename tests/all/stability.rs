@@ -1,4 +1,4 @@
-//! Hazards: this crate passes all of them, and other methods fail where they are known to fail.
+//! Hazards: this crate passes all of them, and other methods have their known failures.
 
 use bevy_medial_compare::stability::{
     hazards::{self, Hazard},
@@ -15,7 +15,7 @@ fn method(name: &str) -> Method {
 }
 
 #[test]
-fn no_hazard_makes_this_crate_fail() {
+fn this_crate_passes_every_hazard() {
     let mut hazards = hazards::all();
     hazards.retain(|hazard| hazard.seeds[0] > 0);
     assert!(hazards.len() > 30, "{}", hazards.len());
@@ -29,7 +29,7 @@ fn no_hazard_makes_this_crate_fail() {
 }
 
 #[test]
-fn what_is_known_to_fail_fails() {
+fn methods_with_known_weaknesses_fail() {
     for (hazard_name, method_name, fault) in [
         ("thin wall, 100 m/s", "rapier, triangles", "through"),
         ("body at rest, 100 m/s", "rapier", "through"),
@@ -47,7 +47,7 @@ fn what_is_known_to_fail_fails() {
 }
 
 #[test]
-fn a_panic_is_a_fault_of_its_cell() {
+fn a_panic_is_reported_as_a_fault() {
     let hazard = Hazard { name: "panic", criterion: "", seeds: [1, 1], run: |_, _| panic!("out of range") };
     let result = run::run_one(&hazard, &method("rapier"), 0);
     assert_eq!(result, Err("panicked: out of range".into()));

@@ -1,4 +1,4 @@
-//! Distances along the true rigid motion, in f64: no chords, no culling, no closed forms.
+//! Reference distances along the true rigid motion, in f64: no chords, no culling, no closed forms.
 
 use bevy_medial::{
     geometry::{Obb, Pose3, Sweep},
@@ -28,7 +28,7 @@ pub fn corners_of_box(obb: &Obb) -> Corners {
     (0..8).map(|i| (half * DVec3::new(sign(i, 1), sign(i, 2), sign(i, 4)), 0.0)).collect()
 }
 
-/// A sweep as it is meant: the centre of mass on a line, the body turning about it at a constant rate.
+/// The exact motion of a sweep: the centre of mass moves on a line, and the body turns about it at a constant rate.
 #[derive(Clone, Copy)]
 pub struct Motion {
     center: DVec3,
@@ -39,7 +39,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// In a frame with the world's axes and the given origin.
+    /// The motion in a frame with the world's axes and the given origin.
     pub fn new(sweep: &Sweep, origin: DVec3) -> Self {
         let rotation = sweep.start.rotation.as_dquat().normalize();
         let local_center = sweep.local_center.as_dvec3();
@@ -63,7 +63,7 @@ impl Motion {
         corners.iter().map(place).collect()
     }
 
-    /// Where a point of the body is.
+    /// Position of a point of the body.
     pub fn point(&self, point: DVec3, fraction: f64) -> DVec3 {
         let rotation = DQuat::from_scaled_axis(self.spin * fraction) * self.rotation;
         self.center + self.translation * fraction + rotation * (point - self.local_center)
@@ -75,13 +75,13 @@ impl Motion {
         Pose3::from_parts(self.point(DVec3::ZERO, fraction).as_vec3(), rotation.as_quat())
     }
 
-    /// Longest way that a corner's centre goes about the centre of mass.
+    /// Length of the longest arc of a corner's centre about the centre of mass.
     fn swing(&self, corners: &Corners) -> f64 {
         let arm = corners.iter().map(|(corner, _)| corner.distance(self.local_center)).fold(0.0, f64::max);
         self.spin.length() * arm
     }
 
-    /// Longest way that a corner's centre goes.
+    /// Upper bound of the path length of a corner's centre.
     pub fn reach(&self, corners: &Corners) -> f64 {
         self.translation.length() + self.swing(corners)
     }
@@ -93,19 +93,19 @@ pub struct MovingPair {
 }
 
 impl MovingPair {
-    /// Lower bound of the signed distance at an instant, exact to 1e-9.
+    /// Lower bound of the signed distance at a fraction, exact to 1e-9.
     pub fn distance(&self, fraction: f64) -> f64 {
         let [first, second] = [0, 1].map(|i| self.sides[i].1.place(&self.sides[i].0, fraction));
         Difference::new(&first, &second).distance().lower
     }
 
-    /// A bound of the distance's change over the step.
+    /// Upper bound of the distance's change over the step.
     fn reach(&self) -> f64 {
         let [(corners1, motion1), (corners2, motion2)] = &self.sides;
         (motion1.translation - motion2.translation).length() + motion1.swing(corners1) + motion2.swing(corners2)
     }
 
-    /// First fraction at which the distance is down to `level`, by steps that cannot pass it, or that pass less than `accuracy` of it.
+    /// First fraction at which the distance is down to `level`. The search can only miss distances less than `accuracy` below `level`.
     pub fn first_below(&self, level: f64, accuracy: f64) -> Option<f64> {
         let reach = self.reach();
         let mut fraction = 0.0;
@@ -122,7 +122,7 @@ impl MovingPair {
     }
 }
 
-/// All convex parts of a body, or one box, with a sphere around each.
+/// All convex parts of a body, or one box, each with a bounding sphere.
 pub struct Solid {
     pub parts: Vec<(Corners, DVec3, f64)>,
     pub motion: Motion,
@@ -142,13 +142,13 @@ impl Solid {
         Self::new((0..shape.len() as u32).map(|i| corners_of(shape, i)), motion)
     }
 
-    /// Longest way that a sphere's centre goes.
+    /// Upper bound of the path length of a sphere's centre.
     pub fn reach(&self) -> f64 {
         self.parts.iter().map(|(corners, _, _)| self.motion.reach(corners)).fold(0.0, f64::max)
     }
 }
 
-/// Least distance of two solids at an instant, if it is less than `limit`.
+/// Smallest distance of two solids at a fraction, or `limit` if that is smaller.
 pub fn distance(first: &Solid, second: &Solid, fraction: f64, limit: f64) -> f64 {
     let placed = |solid: &Solid| {
         let place = |(_, middle, radius): &(Corners, DVec3, f64)| (solid.motion.point(*middle, fraction), *radius);

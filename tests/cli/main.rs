@@ -1,4 +1,4 @@
-//! The program `medial`, run as a user runs it.
+//! Tests of the program `medial` as a process: arguments, output and exit codes.
 
 use std::{
     fs,
@@ -17,7 +17,7 @@ fn medial(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_medial")).args(args).output().unwrap()
 }
 
-/// What a run prints that ends well.
+/// Runs the program, asserts that it succeeds, and returns its standard output.
 fn prints(args: &[&str]) -> String {
     let output = medial(args);
     let errors = String::from_utf8_lossy(&output.stderr);
@@ -25,7 +25,7 @@ fn prints(args: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// What a run complains about that fails with a code: one line, or usage.
+/// Runs the program, asserts that it fails with the exit code, and returns its error output.
 fn fails(args: &[&str], code: i32) -> String {
     let output = medial(args);
     let errors = String::from_utf8(output.stderr).unwrap();
@@ -35,7 +35,7 @@ fn fails(args: &[&str], code: i32) -> String {
     errors.trim_end().into()
 }
 
-/// A folder that goes when the test ends.
+/// A folder that is deleted when the test ends.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -45,7 +45,7 @@ impl Folder {
         Self(folder)
     }
 
-    /// Writes a file, and gives its path.
+    /// Writes a file and returns its path.
     fn file(&self, name: &str, content: &str) -> String {
         let path = self.0.join(name).to_str().unwrap().to_owned();
         fs::write(&path, content).unwrap();
@@ -99,12 +99,12 @@ fn measure_prints_a_row_for_each_medial_mesh() {
     };
     let (bear, cow) = (row(&bear), row(&cow));
     assert_eq!((bear.len(), cow.len()), (7, 7), "{text}");
-    // A shape's own triangles stray from it by what they cut off; another shape is another thing.
+    // The triangles come from the bear's own medial mesh, so its error is small. The cow is a different shape.
     assert!(bear[5] < 0.5 && cow[3] > 2.0 && cow[5] > 2.0, "{text}");
 }
 
 #[test]
-fn measure_closes_holes_if_told_to() {
+fn measure_closes_holes_on_request() {
     let folder = Folder::new("holes");
     // A pyramid without its base.
     let open = folder
@@ -115,14 +115,14 @@ fn measure_closes_holes_if_told_to() {
         text.lines().last().unwrap().rsplit_once('|').unwrap().1.split_whitespace().next().unwrap().parse().unwrap()
     };
     let [as_it_is, closed] = [&["measure", &open, &ball][..], &["measure", "--close-holes", &open, &ball][..]];
-    // From the ball's lowest point to the sides, and from its highest one, in percent of the diagonal.
+    // Expected errors in percent of the diagonal: distance to the sides from the ball's lowest point, and from its highest point.
     let [lowest, highest] = [2.0, 0.8].map(|above: f32| 100.0 * above / 5f32.sqrt() / 12f32.sqrt());
     let (as_it_is, closed) = (greatest_back(as_it_is), greatest_back(closed));
     assert!((as_it_is - lowest).abs() < 0.5 && (closed - highest).abs() < 0.5, "{as_it_is} {closed}");
 }
 
 #[test]
-fn info_describes_either_kind() {
+fn info_describes_medial_and_triangle_meshes() {
     let folder = Folder::new("info");
     let text = prints(&["info", &format!("{MODELS}dinosaur.ma")]);
     for word in ["in the file: ", "clean-up: ", "slabs", "bounds: ", "radii: ", "volume: ", "inertia"] {
@@ -134,7 +134,7 @@ fn info_describes_either_kind() {
 }
 
 #[test]
-fn levels_are_described_and_measured_one_by_one() {
+fn info_and_measure_list_each_level() {
     let folder = Folder::new("levels");
     let level = |segments| {
         let axis = MedialAxis::torus(1.0, 0.2, segments).unwrap();
@@ -156,9 +156,9 @@ fn levels_are_described_and_measured_one_by_one() {
     assert!(fails(&["info", path], 1).contains("torus.medial: it is no .medial file"));
 }
 
-/// By a number of spheres, with levels, and by an error that few reach.
+/// Builds by a number of spheres, with levels, and by a maximum error. A warning follows if the spheres are too few for that error.
 #[test]
-fn build_fits_what_was_asked_for() {
+fn build_keeps_sphere_limit_and_max_error() {
     let folder = Folder::new("build");
     let mesh = folder.file("torus.obj", &torus());
     let [by_number, by_error] = ["number.ma", "error.ma"].map(|name| folder.file(name, ""));
@@ -184,9 +184,9 @@ fn build_fits_what_was_asked_for() {
 }
 
 #[test]
-fn clean_keeps_the_shape() {
+fn clean_removes_redundant_primitives() {
     let folder = Folder::new("clean");
-    // A cone within a slab, a ball within a ball, and a sphere that nothing uses.
+    // A cone within a slab, a ball within a ball, and an unused sphere.
     let raw = "5 2 1\nv 0 0 0 1\nv 4 0 0 1\nv 0 4 0 1\nv 0 0 0 0.5\nv 9 9 9 1\ne 0 1\ne 0 3\nf 0 1 2\n";
     let raw = folder.file("raw.ma", raw);
     let out = folder.0.join("out.ma");
@@ -198,7 +198,7 @@ fn clean_keeps_the_shape() {
 }
 
 #[test]
-fn errors_are_one_line_and_a_code() {
+fn errors_are_one_line_with_an_exit_code() {
     let folder = Folder::new("errors");
     let bad_mesh = folder.file("bad.obj", "v 0 0 0\nf 1 2 3\n");
     let bad_axis = folder.file("bad.ma", "1 0 0\nv 0 0 0 -1\n");
@@ -215,11 +215,11 @@ fn errors_are_one_line_and_a_code() {
         (&["measure", &bear, &bear], "the extension is not .obj"),
         (&["clean", &bear, "-o", "/no such folder/out.ma"], "/no such folder: there is no such folder"),
         (&["build", &bad_mesh, "-o", "out.ma"], "bad.obj: line 2"),
-        (&["build", &good_mesh, "-o", "out.medial"], "out.medial: it is the finest level that is written there"),
+        (&["build", &good_mesh, "-o", "out.medial"], "out.medial: the output is the finest level, as text"),
         (&["build", &good_mesh, "-o", &good_mesh], "good.obj: that is the name of a triangle mesh; name it "),
         (&["build", &good_mesh, "-o", MODELS], "it is a folder; name a file in it"),
         (&["build", &good_mesh, "-o", &new_folder], "it is a folder; name a file in it"),
-        (&["clean", &bear, "-o", "out.medial"], "out.medial: it is the finest level that is written there"),
+        (&["clean", &bear, "-o", "out.medial"], "out.medial: the output is the finest level, as text"),
         (&["clean", "bear.medial", "-o", "out.ma"], "bear.medial: levels of detail are clean already"),
         (&["build", &good_mesh, "-o", "/no such folder/out.ma"], "/no such folder: there is no such folder"),
     ];
@@ -228,7 +228,7 @@ fn errors_are_one_line_and_a_code() {
         assert!(errors.contains(expected) && errors.lines().count() == 1, "{args:?}: {errors}");
     }
     assert_eq!(fs::read(&good_mesh).unwrap(), itself);
-    // What is wrong with the mesh is told first: it may be the reason.
+    // Flaws of the mesh are printed first because they may be the reason for the failure.
     let output = medial(&["build", &good_mesh, "-o", folder.0.join("out.ma").to_str().unwrap()]);
     let errors = String::from_utf8(output.stderr).unwrap();
     assert!(!output.status.success() && errors.starts_with("warning: "), "{errors}");

@@ -1,4 +1,4 @@
-//! Culling by bounding volume hierarchies alone, as the paper compares with (its figures 8 and 10): baselines, no part of the library.
+//! Culling by bounding volume hierarchies alone, as in the comparisons of the paper (its figures 8 and 10). These baselines are not part of the library.
 //!
 //! Each body has a tree with as many leaves as its medial mesh has primitives. In each step
 //!
@@ -13,13 +13,13 @@
 //! | kind | fitted once, to the shape | in each step | two nodes meet if |
 //! |---|---|---|---|
 //! | [`Aabb`](aabb) | nothing | world box around the primitive's start and end; parents hold their children | boxes overlap |
-//! | [`Sphere`](sphere) | least sphere | centre at the start and the end | spheres touch at one instant |
+//! | [`Sphere`](sphere) | smallest sphere | centre at the start and the end | spheres touch at one instant |
 //! | [`Obb`](obb) | a small oriented box | pose in the middle of the step, motion of the centre | boxes that move touch at one instant, by 15 separating axes |
 //!
-//! All bounds are safe, for any rotation, so results are those of the library to the bit. Statics that are boxes are never split: they are
-//! met as the boxes that they are. Sleeping bodies are neither refitted nor tested among each other.
+//! All bounds are safe, for any rotation, so results have the same bits as those of the library. Statics that are boxes have no tree, because a
+//! volume is tested against the box itself. Sleeping bodies are neither refitted nor tested among each other.
 //!
-//! Not covered, and an error: bodies that are neither medial nor boxes, and moving ones that nothing stops, such as kinematic ones.
+//! Not supported, and reported as errors: bodies that are neither medial nor boxes, and moving bodies that do not stop, such as kinematic ones.
 
 pub mod aabb;
 pub mod obb;
@@ -61,10 +61,10 @@ impl Kind {
 
 /// A baseline with the trees that it keeps from step to step.
 pub trait Baseline {
-    /// Runs a step. The time of the broad phase is that of updating trees as well. Trees are made outside of all times, where bodies are new.
+    /// Runs a step. The time of the broad phase includes the update of the trees. The construction of trees of new bodies is not timed.
     ///
     /// # Errors
-    /// If there is a body that the baselines do not cover.
+    /// If there is a body that the baselines do not support.
     fn step(&mut self, input: &StepInput, statics: &Statics, pool: &TaskPool) -> Result<StepOutput, String>;
 }
 
@@ -101,7 +101,7 @@ enum TargetKind<V: Volume> {
     Box(Obb, V::Fixed),
 }
 
-/// Fewest bodies and pairs that are worth a task of their own.
+/// Min number of bodies or pairs of a task.
 const LEAST_PER_TASK: usize = 8;
 
 impl<V: Volume> Baseline for Trees<V> {
@@ -217,7 +217,7 @@ impl<V: Volume> Trees<V> {
     }
 }
 
-/// How near each other primitives come that matter to the narrow phase, in metres.
+/// Max distance of primitives that matter to the narrow phase, in metres.
 fn reach(solids: [&Solid; 2], length_unit: f32) -> f32 {
     let [radius1, radius2] = solids.map(|solid| solid.bounding_sphere().radius);
     let size = radius1.min(radius2);
@@ -234,7 +234,7 @@ impl<V: Volume> Target<V> {
         Ok(Self { pose: body.pose, kind })
     }
 
-    /// True if it was made for that body as it is.
+    /// True if the target was made for this body, with its present pose and shape.
     fn is(&self, body: &StaticBody) -> bool {
         self.pose == body.pose
             && match (&self.kind, body.solid.medial()) {
@@ -245,7 +245,7 @@ impl<V: Volume> Target<V> {
     }
 }
 
-/// True if two shapes are one.
+/// True if two shapes share their spheres and have the same scale.
 fn same(shape1: &Shape, shape2: &Shape) -> bool {
     ptr::eq(shape1.axis.spheres(), shape2.axis.spheres()) && shape1.scale == shape2.scale
 }

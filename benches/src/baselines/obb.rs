@@ -8,7 +8,7 @@ use glam::{Mat3, Quat, Vec3};
 
 use super::tree::{Motion, Volume, spheres};
 
-/// A box that moves on a line and keeps its orientation: large enough for the rotation of its content.
+/// A box that moves on a line and keeps its orientation. It is large enough for the rotation of its content.
 #[derive(Clone, Copy)]
 pub struct MovingObb {
     /// Middle at the start.
@@ -39,7 +39,7 @@ impl Volume for MovingObb {
     fn refit(local: &Obb, motion: &Motion, _: Option<[&Self; 2]>) -> Self {
         let center = local.pose.translation;
         let [start, end] = motion.ends(center);
-        // In the frame of its middle a corner turns by half of the angle either way.
+        // Relative to the orientation in the middle of the step, a corner turns by half of the angle in each direction.
         let turned = (0.5 * motion.angle).min(2.0) * local.half_extents.length();
         Self {
             start,
@@ -64,13 +64,13 @@ impl Volume for MovingObb {
         self.half.length_squared()
     }
 
-    /// Separating axes: the boxes are apart at an instant if they are so along one of 15 directions, and apart throughout if there is no instant
-    /// at which none of these parts them.
+    /// Separating axes: two boxes are separated at an instant if their projections on one of 15 directions are. They meet if there is an instant at
+    /// which no direction separates them.
     fn meets(&self, other: &Self, margin: f32) -> bool {
         let to_own = self.axes.transpose();
         let offset = to_own * (other.start - self.start);
         let motion = to_own * (other.motion - self.motion);
-        // The other's axes; a little is added where they are parallel to the own and their cross products say nothing.
+        // The axes of the other box. A small value is added, because cross products of parallel axes vanish.
         let turn = to_own * other.axes;
         let spread = Mat3::from_cols(turn.x_axis.abs(), turn.y_axis.abs(), turn.z_axis.abs());
         let spread = spread + Mat3::from_cols_array(&[1e-6; 9]);
@@ -126,14 +126,14 @@ impl Volume for MovingObb {
     }
 }
 
-/// The least box of an orientation around spheres.
+/// The smallest box of an orientation around spheres.
 fn oriented_box(spheres: &[Sphere], rotation: Quat) -> Obb {
     let back = rotation.inverse();
     let aabb = Aabb::from_spheres(spheres.iter().map(|s| Sphere::new(back * s.center, s.radius)));
     Obb { pose: Pose3::from_parts(rotation * aabb.center(), rotation), half_extents: aabb.half_extents() }
 }
 
-/// Orientations to start from: the frame's own, and one with an axis along the spheres that are farthest apart.
+/// Initial orientations: that of the frame, and one with an axis along spheres that are far apart.
 fn starts(spheres: &[Sphere]) -> [Quat; 2] {
     let farthest = |from: Vec3| {
         let centers = spheres.iter().map(|sphere| sphere.center);
@@ -144,7 +144,7 @@ fn starts(spheres: &[Sphere]) -> [Quat; 2] {
     [Quat::IDENTITY, Quat::from_rotation_arc(Vec3::X, along)]
 }
 
-/// The box of least surface that turning to and fro about its own axes leads to, in ever smaller steps.
+/// Searches for the box of smallest surface: rotates it about its own axes in both directions, by smaller and smaller angles.
 fn descend(spheres: &[Sphere], start: Quat) -> Obb {
     let mut best = oriented_box(spheres, start);
     for angle in [0.6, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01] {

@@ -68,7 +68,7 @@ impl Volume for MovingSphere {
     }
 }
 
-/// The smallest sphere around others, within a hundredth: its centre moves towards the sphere that sticks out most, in ever shorter steps.
+/// The smallest sphere around others, to 1 %. Its centre moves towards the sphere that protrudes most, in shorter and shorter steps.
 fn least_sphere(spheres: &[Sphere]) -> Sphere {
     let mut center = Aabb::from_spheres(spheres.iter().copied()).center();
     let mut best = Sphere::new(center, f32::INFINITY);

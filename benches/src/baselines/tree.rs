@@ -10,31 +10,31 @@ use glam::{Affine3A, Quat, Vec3};
 pub trait Volume: Copy + Send + Sync + 'static {
     /// The part of the volume in the body's frame.
     type Local: Copy + Send + Sync;
-    /// A box that never moves, as it is met.
+    /// A fixed box, in the form in which it is tested.
     type Fixed: Send + Sync;
 
     /// Bounds some primitives in the body's frame.
     fn fit(hulls: &[Hull]) -> Self::Local;
 
-    /// Bounds them over the step. An inner node has the volumes of its children.
+    /// Bounds the primitives over the step. An inner node gets the volumes of its children.
     fn refit(local: &Self::Local, motion: &Motion, children: Option<[&Self; 2]>) -> Self;
 
-    /// A box that never moves.
+    /// Converts a fixed box.
     fn fixed(obb: &Obb) -> Self::Fixed;
 
-    /// The box around it over the step.
+    /// The world box around the volume over the step.
     fn aabb(&self) -> Aabb;
 
-    /// Some measure of its size, to split the larger of two first.
+    /// A measure of the size. The larger of two nodes is split first.
     fn size(&self) -> f32;
 
-    /// True if both come within `margin` of each other at one instant.
+    /// True if the two volumes come within `margin` of each other at one instant.
     fn meets(&self, other: &Self, margin: f32) -> bool;
 
-    /// True if they come within `margin`, each at an instant of its own: one may stop, and the other run into it.
+    /// True if the two volumes come within `margin` of each other at any two instants. One body may stop, and the other may hit it later.
     fn meets_whenever(&self, other: &Self, margin: f32) -> bool;
 
-    /// True if it comes within `margin` of a box that never moves.
+    /// True if the volume comes within `margin` of a fixed box.
     fn meets_fixed(&self, fixed: &Self::Fixed, margin: f32) -> bool;
 }
 
@@ -46,13 +46,13 @@ pub struct Motion {
     pub middle: Quat,
     /// Angle of the rotation in radians.
     pub angle: f32,
-    /// How far a point strays from its chord, for each metre from the centre of mass.
+    /// Max distance of a point from the chord of its path, per metre of distance from the centre of mass.
     sagitta: f32,
     local_center: Vec3,
 }
 
 impl Motion {
-    /// Of a sweep.
+    /// The motion of a sweep.
     pub fn new(sweep: &Sweep) -> Self {
         let affine = |pose: Pose3| Affine3A::from_rotation_translation(pose.rotation, pose.translation);
         Self {
@@ -65,18 +65,18 @@ impl Motion {
         }
     }
 
-    /// Where a point of the body is at the start and at the end.
+    /// World positions of a point of the body at the start and at the end.
     pub fn ends(&self, point: Vec3) -> [Vec3; 2] {
         [self.start.transform_point3(point), self.end.transform_point3(point)]
     }
 
-    /// How far a point of the body strays from the chord between these.
+    /// Max distance of a point of the body from the chord between these positions.
     pub fn sagitta(&self, point: Vec3) -> f32 {
         self.sagitta * point.distance(self.local_center)
     }
 }
 
-/// A tree with one primitive a leaf. Nodes lie in depth-first order, the left child after its parent.
+/// A tree with one primitive per leaf. Nodes are in depth-first order: the left child follows its parent.
 pub struct Tree<V: Volume> {
     nodes: Vec<Node<V::Local>>,
     /// The volumes of the nodes over the step.
@@ -105,7 +105,7 @@ impl<V: Volume> Tree<V> {
         tree
     }
 
-    /// Splits at the median along the axis in which the middles spread most.
+    /// Splits at the median, along the axis with the largest spread of middles.
     fn build(&mut self, hulls: &[Hull], items: &mut [u32]) {
         let of_node: Vec<Hull> = items.iter().map(|&item| hulls[item as usize]).collect();
         let local = V::fit(&of_node);
@@ -129,7 +129,7 @@ impl<V: Volume> Tree<V> {
     /// Bounds every node over the step, children first.
     pub fn refit(&mut self, motion: &Motion) {
         let Self { nodes, volumes } = self;
-        // Children follow their parents: filled from the end, the volumes of children are there.
+        // Children follow their parents, so volumes are filled from the end.
         let count = nodes.len();
         volumes.clear();
         for (index, node) in nodes.iter().enumerate().rev() {
@@ -144,12 +144,12 @@ impl<V: Volume> Tree<V> {
         volumes.reverse();
     }
 
-    /// The volume around all.
+    /// The volume around all primitives.
     pub fn root(&self) -> &V {
         &self.volumes[0]
     }
 
-    /// Primitives whose leaves, and all above them, come within `margin` of a box that never moves; of it, which is one part, 0.
+    /// Primitives whose leaves, and all nodes above them, come within `margin` of a fixed box. The second index is 0, because the box is a single part.
     pub fn against_fixed(&self, fixed: &V::Fixed, margin: f32) -> Vec<[u32; 2]> {
         let mut found = Vec::new();
         let mut stack = vec![0];
@@ -165,7 +165,7 @@ impl<V: Volume> Tree<V> {
         found
     }
 
-    /// Pairs of primitives whose leaves, and all above them, come within `margin` of each other.
+    /// Pairs of primitives whose leaves, and all nodes above them, come within `margin` of each other.
     pub fn against(&self, other: &Self, margin: f32) -> Vec<[u32; 2]> {
         let mut found = Vec::new();
         let mut stack = vec![(0, 0)];

@@ -1,6 +1,6 @@
-//! The published alternating time of impact in place of this crate's own: bodies stop where it says, all else is the same.
+//! The published alternating time of impact in place of this crate's own. Bodies stop at its times, and everything else is the same.
 //!
-//! Each sphere of a primitive moves on one line over the step, as the published test has it; boxes are the slabs that they are as medial meshes.
+//! As in the publication, each sphere of a primitive moves on a line over the step. Boxes are tested as medial meshes, which consist of slabs.
 
 use std::collections::{HashMap, hash_map::Entry};
 
@@ -19,7 +19,7 @@ use bevy_rapier3d::{
 
 use crate::pairs::Primitive;
 
-/// Stops bodies after the crate's own pass, in which `stop_at_impact` is to be off.
+/// Adds a system that stops bodies after this crate's detection, whose setting `stop_at_impact` must be off.
 pub fn add(app: &mut App) {
     app.add_systems(PostUpdate, stop.after(MedialSystems::Detect).before(PhysicsSet::Writeback));
 }
@@ -54,7 +54,7 @@ fn bound<const N: usize>(moving: &Moving<N>) -> Sphere {
     Sphere::new(middle, ends().map(|end| end.distance(middle)).fold(0.0, f32::max) + thickest)
 }
 
-/// The time that it finds for two primitives, if that is a hit.
+/// The time of impact of two primitives, if they hit each other.
 fn first_touch(first: &Primitive, second: &Primitive) -> Option<f32> {
     use Primitive::{Cone, Slab};
     let found = match (first, second) {
@@ -84,7 +84,7 @@ struct Way {
 }
 
 impl Way {
-    /// None for triangles: of them there is only what the contacts tell.
+    /// `None` for triangles, which only have contacts and no stops.
     fn new(step: &MedialStep, side: Side, origin: Vec3, boxes: &mut Boxes) -> Option<Self> {
         let (shape, sweep) = match side {
             Side::Body(body) => {
@@ -108,7 +108,7 @@ impl Way {
         Some(Self { side, hulls, bound: Sphere::new(middle, radius) })
     }
 
-    /// The fraction of the step at which it is said to touch another; 1 if it does not.
+    /// The fraction of the step at which the scheme reports a touch with another side. 1 without a touch.
     fn first_touch(&self, other: &Self) -> f32 {
         let mut first = 1.0f32;
         for (hull1, bound1) in self.hulls.iter().filter(|(_, bound)| meet(bound, &other.bound)) {
@@ -137,7 +137,7 @@ fn stop(
 ) {
     let bodies = (0..step.input.bodies.len() as u32).map(Side::Body);
     let statics = (0..step.statics.bodies().len() as u32).map(Side::Static);
-    // Coordinates relative to the first body.
+    // Coordinates are relative to the first body.
     let origin = step.input.bodies.first().map_or(Vec3::ZERO, |body| body.sweep.start.translation);
     let sides: Vec<Way> = bodies.chain(statics).filter_map(|side| Way::new(&step, side, origin, &mut boxes)).collect();
     let mut stops = vec![1.0f32; step.input.bodies.len()];

@@ -1,4 +1,4 @@
-//! Avian, in an app of its own, with its default settings and `SweptCcd` for bodies that are `fast`.
+//! Avian, in a separate app, with its default settings and `SweptCcd` for bodies that are `fast`.
 //!
 //! An update of the app is one step. The time of a step is that of the physics schedule. The time of collision is the sum that avian's diagnostics report for
 //! the collider tree, broad phase and narrow phase.
@@ -43,7 +43,7 @@ impl Avian {
         set_dt(&mut app, setup.dt);
         app.finish();
         app.cleanup();
-        // The first update of an app has no time.
+        // The time step of the first update of an app is zero.
         app.update();
         Self { app, entities: Vec::new() }
     }
@@ -51,9 +51,9 @@ impl Avian {
 
 fn set_dt(app: &mut App, dt: f32) {
     let dt = Duration::from_secs_f32(dt);
-    // A new clock drops the rest of a step of another length.
+    // A new clock discards the remainder of a step of another length.
     app.insert_resource(Time::<Fixed>::from_duration(dt)).insert_resource(TimeUpdateStrategy::ManualDuration(dt));
-    // Longer ones would be cut.
+    // Steps above the max delta would be cut.
     app.world_mut().resource_mut::<Time<Virtual>>().set_max_delta(dt.max(Duration::from_millis(250)));
 }
 

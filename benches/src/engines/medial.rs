@@ -35,7 +35,7 @@ pub enum Variant {
     Alternating,
 }
 
-/// The plugin in an app of its own.
+/// The plugin in a separate app.
 pub struct Medial {
     app: App,
     entities: Vec<Entity>,
@@ -68,7 +68,7 @@ impl Medial {
         if variant == Variant::Alternating {
             alternating::add(&mut app);
         }
-        // Brings the world of rapier.
+        // The first update creates the context of rapier.
         app.update();
         let world = app.world_mut();
         let mut contexts = world.query::<(&mut RapierContextSimulation, &mut RapierConfiguration)>();
@@ -79,13 +79,13 @@ impl Medial {
         Self { app, entities: Vec::new(), dt: setup.dt, budget: MedialBudget::default() }
     }
 
-    /// The same, with bodies of that error budget.
+    /// The same, with this error budget for bodies.
     pub fn with_budget(self, budget: MedialBudget) -> Self {
         Self { budget, ..self }
     }
 }
 
-/// Rapier's gyroscopic term is explicit in time: it makes energy out of a fast spin in free flight.
+/// Switches rapier's gyroscopic term off for bullets. It is explicit in time, and adds energy to a fast spin in free flight.
 fn calm_bullets(
     bullets: Query<&RapierRigidBodyHandle, (With<Bullet>, Added<RapierRigidBodyHandle>)>,
     mut set: Single<&mut RapierRigidBodySet>,
@@ -172,7 +172,7 @@ impl Engine for Medial {
         match handle.and_then(|handle| set?.bodies.get(handle.0)) {
             Some(rigid) => State { pose: *rigid.position(), linear: rigid.linvel(), angular: rigid.angvel() },
             None => {
-                // It comes with the next step.
+                // The next step creates the rigid body.
                 let transform = world.get::<Transform>(entity).copied().unwrap_or_default();
                 let velocity = world.get::<Velocity>(entity).copied().unwrap_or_default();
                 State {

@@ -1,4 +1,4 @@
-//! The engines, all driven the same way.
+//! The engines, behind a common interface.
 
 mod alternating;
 #[cfg(feature = "peers")]
@@ -32,7 +32,7 @@ pub struct StepTimes {
     pub contact_pairs: usize,
 }
 
-/// A world of some engine.
+/// A world of an engine.
 pub trait Engine {
     /// Adds a body. Bodies are numbered from 0 in the order in which they are added.
     ///
@@ -84,7 +84,7 @@ impl Clock {
     }
 }
 
-/// The mass properties of a body, as parry has them.
+/// The mass properties of a body, in the type of parry.
 pub fn mass(body: &Body) -> MassProperties {
     let mass = body.mass();
     let inertia = Matrix::from_cols_array(&mass.inertia.to_cols_array());

@@ -1,7 +1,7 @@
-//! Rapier alone, in a world of its own.
+//! Rapier alone, in a separate world.
 //!
-//! The world has the parameters that `bevy_rapier3d` gives it, except for bodies that are `fast`: their limits of speed are lifted. Components are left
-//! out: they cost the same for medial meshes. Collision is broad and narrow phase, and the search for times of impact.
+//! The world has the parameters that `bevy_rapier3d` gives it, except that the limits of speed of bodies that are `fast` are lifted. There are no
+//! components, whose cost is the same for medial meshes. Collision is broad and narrow phase, and the search for times of impact.
 
 use std::time::Instant;
 
@@ -19,9 +19,9 @@ pub enum Ccd {
     Default,
     /// `ccd_enabled` for bullets: they are swept against all bodies. Two bodies with this flag are not swept against each other.
     Bullets,
-    /// A `soft_ccd_prediction` for bullets: contacts as far ahead as a step goes.
+    /// A `soft_ccd_prediction` for bullets: contacts are predicted over the displacement in a step and the size of the body.
     Soft,
-    /// None at all.
+    /// No continuous collision detection.
     Off,
 }
 
@@ -29,7 +29,7 @@ pub enum Ccd {
 pub struct Rapier {
     physics: PhysicsWorld,
     ccd: Ccd,
-    /// Dynamic bodies are hollow triangle meshes.
+    /// True if dynamic bodies are hollow triangle meshes.
     hollow: bool,
     handles: Vec<(RigidBodyHandle, ColliderHandle)>,
 }

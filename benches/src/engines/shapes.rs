@@ -1,6 +1,6 @@
 //! Shapes of bodies in engines without medial meshes: the stand-in of a body, or the same set of points in shapes of the engine.
 //!
-//! Balls and capsules exist in every engine. A slab of one radius is a rounded triangle. Other cones and slabs are convex hulls of points all over their
+//! Balls and capsules exist in every engine. A slab of one radius is a rounded triangle. Other cones and slabs are convex hulls of points on their
 //! spheres. Several primitives form a compound.
 
 #[cfg(feature = "peers")]

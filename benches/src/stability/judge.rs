@@ -1,7 +1,7 @@
 //! A world and its measurements, the same for every method.
 //!
-//! Overlaps are those of the exact shapes, by this crate's closed forms for distance, which tests hold against a search in f64; everything else follows from
-//! positions and velocities alone.
+//! Overlaps are those of the exact shapes, by this crate's closed forms for distance, which tests compare with a search in f64. Everything else follows
+//! from positions and velocities alone.
 
 use bevy_medial::{
     geometry::Pose3,
@@ -19,7 +19,7 @@ use crate::{
 /// The overlap that an engine may leave: 5 mm by the settings of rapier and of avian, per unit of length, and a margin for rounding.
 const ALLOWED_OVERLAP: f32 = 6e-3;
 
-/// Overlap beyond that, in sizes of the smaller body: bodies that hit each other may overlap by so much for a moment.
+/// Additional overlap, in sizes of the smaller body, because bodies that hit each other may overlap by this much for a moment.
 const OVERLAP: f32 = 0.02;
 
 /// The max drift of a body at rest, in its sizes.
@@ -59,7 +59,7 @@ impl World {
         Ok(Self { engine: (method.make)(setup)?, setup, bodies: Vec::new(), time: 0.0 })
     }
 
-    /// Puts a body into it and gives its number.
+    /// Adds a body, and returns its number.
     ///
     /// # Errors
     /// If the engine cannot make its shape.
@@ -79,7 +79,7 @@ impl World {
     /// Runs a step of another length.
     ///
     /// # Errors
-    /// If a body is nowhere afterwards.
+    /// If the pose or the velocity of a body is not finite afterwards.
     pub fn step_of(&mut self, dt: f32) -> Result<(), String> {
         self.engine.step(dt);
         self.time += dt;
@@ -96,15 +96,15 @@ impl World {
     /// Runs steps.
     ///
     /// # Errors
-    /// If a body is nowhere afterwards.
+    /// If the pose or the velocity of a body is not finite afterwards.
     pub fn step(&mut self, steps: u32) -> Result<(), String> {
         (0..steps).try_for_each(|_| self.step_of(self.setup.dt))
     }
 
-    /// Runs for some time.
+    /// Runs steps for a time.
     ///
     /// # Errors
-    /// If a body is nowhere afterwards.
+    /// If the pose or the velocity of a body is not finite afterwards.
     pub fn run(&mut self, seconds: f32) -> Result<(), String> {
         self.step((seconds / self.setup.dt).round() as u32)
     }
@@ -144,7 +144,7 @@ impl World {
         Ok(())
     }
 
-    /// The bodies that move as they are pushed.
+    /// The dynamic bodies.
     pub fn dynamic(&self) -> Vec<usize> {
         let is_dynamic = |i: &usize| self.bodies[*i].body.kind == Kind::Dynamic && !self.bodies[*i].gone;
         (0..self.bodies.len()).filter(is_dynamic).collect()
@@ -155,7 +155,7 @@ impl World {
         self.state(body).pose.transform_point(self.bodies[body].mass.center_of_mass)
     }
 
-    /// The centres of the spheres that a body's shape is made of, in the world.
+    /// The centres of the spheres of a body's shape, in the world.
     pub fn sphere_centers(&self, body: usize) -> Vec<Vec3> {
         let pose = self.state(body).pose;
         let Some(Shape { axis, scale }) = &self.bodies[body].shape else { return Vec::new() };
@@ -189,15 +189,15 @@ impl World {
         self.dynamic().into_iter().map(energy).sum()
     }
 
-    /// By which part of the energy at first that of all motions of the centres of mass is more than it; negative if it is not. Energy of rotation is left
-    /// out: without gyroscopic forces it changes as a body turns.
+    /// Gain of energy relative to `at_first`, the energy at the start; negative for a loss. The present energy is that of the centres of mass. Energy of
+    /// rotation is left out, because without gyroscopic forces it changes as a body turns.
     pub fn energy_gain(&self, at_first: f32) -> f32 {
         let energy =
             |i| self.mass(i) * (0.5 * self.state(i).linear.length_squared() + self.setup.gravity * self.center(i).y);
         self.dynamic().into_iter().map(energy).sum::<f32>() / at_first - 1.0
     }
 
-    /// How deep two bodies overlap, in metres; 0 if they do not.
+    /// Depth of the overlap of two bodies, in metres; 0 without an overlap.
     pub fn depth(&self, one: usize, other: usize) -> f32 {
         let (first, second) = if self.bodies[one].shape.is_some() { (one, other) } else { (other, one) };
         let Some(shape1) = &self.bodies[first].shape else { return 0.0 };
@@ -215,15 +215,15 @@ impl World {
         contacts.iter().map(|contact| -contact.distance).fold(0.0, f32::max)
     }
 
-    /// Overlap that is no fault between two bodies, in metres.
+    /// Allowed overlap of two bodies, in metres.
     pub fn allowed(&self, one: usize, other: usize) -> f32 {
         ALLOWED_OVERLAP * self.setup.unit + OVERLAP * self.size(one).min(self.size(other))
     }
 
-    /// Whether no two bodies overlap by more than `times` what is allowed.
+    /// Checks that no two bodies overlap by more than `times` the allowed depth.
     ///
     /// # Errors
-    /// Tells of the worst.
+    /// If two bodies do. The message describes the worst overlap.
     pub fn check_overlaps(&self, times: f32) -> Result<(), String> {
         let dynamic = self.dynamic();
         let mut worst = (0.0, 0.0);
@@ -239,10 +239,10 @@ impl World {
         if worst.0 > times { Err(format!("overlap: {:.1} % of a body at {:.2} s", worst.1, self.time)) } else { Ok(()) }
     }
 
-    /// Whether all dynamic bodies stay where they are for some time: drift, speed and overlap.
+    /// Checks that all dynamic bodies rest for a time: drift, speed and overlap.
     ///
     /// # Errors
-    /// Tells which of these is too much.
+    /// If one of these is too large. The message names it.
     pub fn check_rest(&mut self, seconds: f32) -> Result<(), String> {
         let bodies = self.dynamic();
         let start: Vec<State> = bodies.iter().map(|&i| self.state(i)).collect();
@@ -268,7 +268,8 @@ impl World {
     }
 }
 
-/// The first touch of two bodies in free flight: when, where, and the unit normal from the first to the second. None within `end` seconds.
+/// The first touch of two bodies in free flight: its time, its point, and the unit normal from the first to the second body. `None` without a touch
+/// within `end` seconds.
 pub fn first_touch(first: &Body, second: &Body, end: f32) -> Option<(f32, Vec3, Vec3)> {
     let (Some(axis1), Some(axis2)) = (first.form.axis(), second.form.axis()) else { return None };
     let [shape1, shape2] = [(axis1, first.scale), (axis2, second.scale)].map(|(axis, scale)| Shape { axis, scale });
@@ -298,7 +299,7 @@ pub fn first_touch(first: &Body, second: &Body, end: f32) -> Option<(f32, Vec3, 
     None
 }
 
-/// The impulse along the normal that separates two free bodies without friction and restitution, after Newton: the min transfer of a hit.
+/// The impulse along the normal that separates two free bodies without friction and restitution (Newton's law of impact). It is the min transfer of a hit.
 pub fn impulse(first: &Body, second: &Body, (time, point, normal): (f32, Vec3, Vec3)) -> f32 {
     let mut inverse_mass = 0.0;
     for body in [first, second] {

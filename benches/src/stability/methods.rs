@@ -5,7 +5,7 @@ use crate::{
     engines::{Ccd, Engine, Medial, Rapier, Variant},
 };
 
-/// A way to find collisions, in an engine.
+/// A collision method of an engine.
 #[derive(Clone, Copy)]
 pub struct Method {
     pub name: &'static str,
@@ -15,11 +15,11 @@ pub struct Method {
     pub make: fn(Setup) -> Result<Box<dyn Engine>, String>,
     /// True if the method needs a graphics adapter.
     pub needs_adapter: bool,
-    /// True for this crate as it is.
+    /// True for this crate without changes.
     pub is_ours: bool,
 }
 
-/// All of them.
+/// All methods.
 pub const METHODS: &[Method] = &[
     Method {
         name: "medial, CPU",
@@ -37,21 +37,21 @@ pub const METHODS: &[Method] = &[
     },
     Method {
         name: "medial, GPU ahead",
-        about: "this crate, the GPU looks ahead and nobody waits for it (`MedialSettings::pipelined`)",
+        about: "this crate, the GPU culls for later steps and no step waits for it (`MedialSettings::pipelined`)",
         make: |setup| Ok(Box::new(Medial::new(setup, Variant::GpuAhead))),
         needs_adapter: true,
         is_ours: true,
     },
     Method {
         name: "alternating",
-        about: "this crate, but bodies stop where the published alternating time of impact says",
+        about: "this crate, except that bodies stop at the times of the published alternating time of impact",
         make: |setup| Ok(Box::new(Medial::new(setup, Variant::Alternating))),
         needs_adapter: false,
         is_ours: false,
     },
     Method {
         name: "rapier",
-        about: "rapier 0.35 as it is: sweeps fast bodies against fixed ones",
+        about: "rapier 0.35 with its default settings: fast bodies are swept against fixed ones",
         make: |setup| Ok(Box::new(Rapier::new(setup, Ccd::Default))),
         needs_adapter: false,
         is_ours: false,
@@ -65,7 +65,7 @@ pub const METHODS: &[Method] = &[
     },
     Method {
         name: "rapier, soft CCD",
-        about: "rapier with a `soft_ccd_prediction` for bullets: their displacement in a step",
+        about: "rapier with a `soft_ccd_prediction` for bullets: their displacement in a step and their size",
         make: |setup| Ok(Box::new(Rapier::new(setup, Ccd::Soft))),
         needs_adapter: false,
         is_ours: false,

@@ -1,4 +1,4 @@
-//! Hazards: situations in which collision methods fail. Each has a physical criterion, the same for all methods.
+//! Hazards: situations in which collision methods fail. Each hazard has a physical criterion, the same for all methods.
 
 pub mod hazards;
 pub mod judge;

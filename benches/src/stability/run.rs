@@ -16,7 +16,7 @@ use super::{hazards::Hazard, methods::Method};
 pub struct Cell {
     pub hazard: usize,
     pub method: usize,
-    /// In the order of the seeds, from 0 on: what went wrong, if anything did.
+    /// In the order of the seeds, from 0 on. An error describes a fault.
     pub results: Vec<Result<(), String>>,
 }
 
@@ -27,8 +27,8 @@ impl Cell {
     }
 }
 
-/// Runs all, on all cores. Methods that ask for an adapter share the main thread: their renderers are made for that. They have one seed each, as
-/// their results are those of the CPU to the bit.
+/// Runs all hazards with all methods, on all cores. Methods that need an adapter share the main thread, which their renderers expect. They run one
+/// seed, because their results have the same bits as on the CPU.
 pub fn all(hazards: &[Hazard], methods: &[Method], quick: bool) -> Vec<Cell> {
     let cells = (0..hazards.len()).flat_map(|hazard| (0..methods.len()).map(move |method| [hazard, method]));
     let (mut graphic, plain): (Vec<_>, Vec<_>) = cells.partition(|[_, method]| methods[*method].needs_adapter);
@@ -82,5 +82,5 @@ pub fn run_one(hazard: &Hazard, method: &Method, seed: u64) -> Result<(), String
 
 fn message(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<String>().map(String::as_str);
-    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a word")
+    text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("without a message")
 }

@@ -15,16 +15,17 @@ pub struct Args {
     /// Where to write the medial mesh.
     #[arg(short, long, value_name = "OUT.ma")]
     output: PathBuf,
-    /// Most spheres of the finest level.
+    /// Largest number of spheres of the finest level.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     spheres: Option<u32>,
-    /// Greatest error of the finest level, either way, in percent of the mesh's diagonal.
+    /// Largest error of the finest level, in either direction, in percent of the mesh's diagonal.
     #[arg(long, value_name = "PERCENT", value_parser = percent)]
     max_error: Option<f32>,
-    /// Also write all levels of detail with their errors, beside the finest one: OUT.medial.
+    /// Also write all levels of detail with their errors beside the finest level: OUT.medial.
     #[arg(long)]
     levels: bool,
-    /// How often each level is sought, of which the best is taken: the more, the better and the longer. Default: the finest once or twice (in a shorter search where there are fewer than 100 triangles for each sphere), those of few spheres up to four times.
+    /// Number of searches for each level; the best result is used. More searches give a better result and take longer. Default: one or two for the
+    /// finest level (shorter ones with fewer than 100 triangles per sphere), up to four for levels of few spheres.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     searches: Option<u32>,
     /// The same seed gives the same result.
@@ -37,12 +38,12 @@ fn percent(text: &str) -> Result<f32, String> {
     value.ok_or_else(|| "not a positive number".into())
 }
 
-/// What would be in vain, or lose a mesh, is told before the work.
+/// Checks the output path before the work, which would fail or overwrite a triangle mesh.
 pub fn check_output(output: &Path) -> Result<(), String> {
     if info::has_levels(output) {
         let text = output.with_extension("ma");
         return Err(format!(
-            "{}: it is the finest level that is written there, as text: name it {}; with --levels the .medial file comes beside it",
+            "{}: the output is the finest level, as text: name it {}; --levels writes the .medial file beside it",
             output.display(),
             text.display()
         ));
@@ -62,12 +63,12 @@ pub fn check_output(output: &Path) -> Result<(), String> {
     }
 }
 
-/// Where all levels go.
+/// Returns the path of the file with all levels.
 fn beside(output: &Path) -> PathBuf {
     if output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ma")) {
         output.with_extension("medial")
     } else {
-        // What looks like an extension is a part of the name.
+        // Another extension is a part of the name.
         let mut name = output.as_os_str().to_owned();
         name.push(".medial");
         name.into()
@@ -77,7 +78,7 @@ fn beside(output: &Path) -> PathBuf {
 pub fn run(args: &Args) -> Outcome {
     let mesh = load_mesh(&args.mesh)?;
     check_output(&args.output)?;
-    // At once, as they may tell why there is nothing to build.
+    // Printed first, because a flaw may explain why the build fails.
     for flaw in MeshReport::new(&mesh).flaws() {
         eprintln!("warning: {}: {flaw}", args.mesh.display());
     }

@@ -17,7 +17,7 @@ pub fn of(path: &Path) -> Outcome {
     }
 }
 
-/// True if the name is that of a file of levels.
+/// Returns true if the name is that of a file of levels.
 pub fn has_levels(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("medial"))
 }
@@ -60,7 +60,7 @@ fn medial(path: &Path) -> Outcome {
     Ok(text)
 }
 
-/// Numbers of sphere, cone and slab primitives.
+/// Returns the numbers of sphere, cone and slab primitives.
 pub fn kinds(primitives: &[Primitive]) -> [usize; 3] {
     primitives.iter().fold([0; 3], |mut counts, primitive| {
         counts[primitive.indices().len() - 1] += 1;

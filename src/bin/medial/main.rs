@@ -1,4 +1,4 @@
-//! Makes, measures and mends medial meshes: `medial --help`.
+//! Builds, measures and cleans medial meshes: `medial --help`.
 
 mod build;
 mod info;
@@ -18,7 +18,7 @@ use bevy_medial::{
 use clap::{Parser, Subcommand};
 
 #[derive(Parser)]
-#[command(version, about = "Makes, measures and mends medial meshes")]
+#[command(version, about = "Builds, measures and cleans medial meshes")]
 struct Args {
     #[command(subcommand)]
     command: Command,
@@ -26,7 +26,7 @@ struct Args {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Makes a medial mesh from a triangle mesh (.obj, .gltf, .glb, .stl, .ply).
+    /// Builds a medial mesh from a triangle mesh (.obj, .gltf, .glb, .stl, .ply).
     Build(build::Args),
     /// Prints the two-sided error of medial meshes in percent of the triangle mesh's diagonal.
     Measure {
@@ -35,7 +35,7 @@ enum Command {
         /// The medial meshes (.ma, or .medial with a row for each level).
         #[arg(required = true)]
         medial: Vec<PathBuf>,
-        /// Measure to the triangle mesh with flat caps over its holes, as `build` does.
+        /// Measure against the triangle mesh with flat caps over its holes, as `build` does.
         #[arg(long)]
         close_holes: bool,
     },
@@ -44,11 +44,11 @@ enum Command {
         /// The file.
         file: PathBuf,
     },
-    /// Writes a medial mesh without degenerate, duplicate and covered parts; it fills the same volume.
+    /// Writes a medial mesh without degenerate, duplicate and covered parts, which fills the same volume.
     Clean {
         /// The medial mesh (.ma).
         medial: PathBuf,
-        /// Where to write the clean one.
+        /// Where to write the clean medial mesh.
         #[arg(short, long, value_name = "OUT.ma")]
         output: PathBuf,
     },
@@ -63,7 +63,7 @@ fn main() -> ExitCode {
     };
     match result {
         Ok(text) => {
-            // Whoever listens may have heard enough.
+            // The reader may have closed the pipe before the end.
             let _ = std::io::stdout().write_all(text.as_bytes());
             ExitCode::SUCCESS
         }
@@ -74,7 +74,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// What to print, or why there is nothing.
+/// The text to print, or an error message.
 type Outcome = Result<String, String>;
 
 fn measured(mesh: &Path, medial: &[PathBuf], close_holes: bool) -> Outcome {
@@ -103,14 +103,14 @@ fn measured(mesh: &Path, medial: &[PathBuf], close_holes: bool) -> Outcome {
 fn cleaned(medial: &Path, output: &Path) -> Outcome {
     build::check_output(output)?;
     if info::has_levels(medial) {
-        return Err(at(medial, "levels of detail are clean already; it is .ma files that are cleaned"));
+        return Err(at(medial, "levels of detail are clean already; only .ma files can be cleaned"));
     }
     let (axis, report) = read_file(medial)?.into_medial_axis().map_err(|error| at(medial, error))?;
     write_axis(output, &axis)?;
     Ok(format!("{}: {report}\n", output.display()))
 }
 
-/// The medial meshes of a file with their names: one, or one for each level.
+/// Returns the medial meshes of a file with their names: one, or one for each level.
 fn read_axes(path: &Path) -> Result<Vec<(String, MedialAxis)>, String> {
     let name = path.display().to_string();
     if !info::has_levels(path) {

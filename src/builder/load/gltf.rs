@@ -18,30 +18,30 @@ use crate::builder::{
     mesh::{list, strip},
 };
 
-/// Bytes of the head of a GLB file, which its own length includes.
+/// Size of the header of a GLB file in bytes. The file's stated length includes it.
 const GLB_HEADER: u32 = 12;
 
-/// Extensions with names that begin so are of no matter to the shape.
+/// Prefixes of extensions that do not affect the shape.
 const COLOURS: [&str; 5] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"];
 
-/// Reads all meshes of the default scene, or of the first one if there is no default, placed by their nodes.
+/// Reads all meshes of the default scene, or of the first one if there is no default, transformed by their nodes.
 pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatError> {
     let length = bytes.get(8..12).and_then(|length| length.try_into().ok()).map(u32::from_le_bytes);
     if bytes.starts_with(b"glTF") && length.is_none_or(|length| length < GLB_HEADER) {
-        return Err(FormatError::damaged("the GLB header", "it is cut, or states an impossible length"));
+        return Err(FormatError::damaged("the GLB header", "it is truncated, or states an impossible length"));
     }
     let damaged = |error: gltf::Error| FormatError::damaged("the glTF document", error.to_string());
     let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(damaged)?;
     let mut json = document.into_json();
-    // What colours a surface does not change it.
+    // Extensions for colours and lights do not change the surface.
     json.extensions_required.retain(|name| !COLOURS.iter().any(|prefix| name.starts_with(prefix)));
-    // Exporters do not always say that it is required.
+    // Exporters do not always list this extension as required.
     let places = json.extensions_used.iter().find(|name| *name == "EXT_mesh_gpu_instancing");
     if let Some(name) = json.extensions_required.first().or(places) {
         let remedy = "export it without quantization, compression and other extensions";
         return Err(FormatError::new("the glTF document", format!("it needs the extension {name}"), remedy));
     }
-    // The validation looks these up unchecked.
+    // The validation of the crate uses these indices without a check.
     let mut attributes = json.meshes.iter().flat_map(|mesh| &mesh.primitives).flat_map(|p| p.attributes.values());
     if let Some(accessor) = attributes.find(|accessor| accessor.value() >= json.accessors.len()) {
         let problem = format!("a mesh refers to accessor {accessor}, which does not exist");
@@ -60,18 +60,18 @@ pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatE
     while let Some((node, parent)) = open.pop() {
         if std::mem::replace(&mut seen[node.index()], true) {
             let place = format!("node {}", node.index());
-            return Err(FormatError::damaged(place, "the scene reaches it twice, so its nodes are no tree"));
+            return Err(FormatError::damaged(place, "the scene reaches it twice, so its nodes are not a tree"));
         }
         let pose = parent * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
         if let Some(skin) = node.skin() {
-            let problem = format!("it is bent by skin {}, and its own place does not count", skin.index());
+            let problem = format!("it is deformed by skin {}, and its own transform does not count", skin.index());
             let remedy = "apply the armature's pose and all transforms, and export it without";
             return Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
         }
         if let Some(mesh) = node.mesh() {
             let mut weights = node.weights().or(mesh.weights()).into_iter().flatten();
             if weights.any(|&weight| weight != 0.0) && mesh.primitives().any(|p| p.morph_targets().len() > 0) {
-                let problem = format!("mesh {} is bent by its morph targets", mesh.index());
+                let problem = format!("mesh {} is deformed by its morph targets", mesh.index());
                 let remedy = "apply its shape keys and export it without, or set their weights to 0";
                 return Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
             }
@@ -94,7 +94,7 @@ fn buffers(document: &Document, mut blob: Option<Vec<u8>>, folder: &Path) -> Res
             FormatError::new(place.clone(), problem, "export it as one .glb file, or put the .bin file beside it")
         })?;
         if bytes.len() < buffer.length() {
-            let problem = format!("it promises {} bytes and has {}", buffer.length(), bytes.len());
+            let problem = format!("it declares {} bytes and has {}", buffer.length(), bytes.len());
             return Err(FormatError::damaged(place, problem));
         }
         Ok(bytes)
@@ -102,28 +102,28 @@ fn buffers(document: &Document, mut blob: Option<Vec<u8>>, folder: &Path) -> Res
     document.buffers().map(read).collect()
 }
 
-/// So many bytes of what a URI names, or fewer if it has no more.
+/// The content of a URI. Of a file, at most the first `length` bytes are read.
 fn read_uri(uri: &str, folder: &Path, length: usize) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         let (_, text) = data.split_once(";base64,").ok_or("its data URI is not in base64")?;
         return data_encoding::BASE64.decode(text.as_bytes()).map_err(|error| format!("its data URI: {error}"));
     }
     let name = percent_decoded(uri).filter(|name| !name.contains(':') && !Path::new(name).has_root());
-    let name = name.ok_or_else(|| format!("its URI is no relative path: `{uri}`"))?;
+    let name = name.ok_or_else(|| format!("its URI is not a relative path: `{uri}`"))?;
     read_start(&folder.join(&name), length).map_err(|error| format!("it cannot be read: {error}: `{name}`"))
 }
 
-/// The first bytes of a file. Of a device or a pipe there may be no end.
+/// The first bytes of a file. Devices and pipes are refused, because they may have no end.
 fn read_start(path: &Path, length: usize) -> io::Result<Vec<u8>> {
     if !fs::metadata(path)?.is_file() {
-        return Err(io::Error::other("it is no file"));
+        return Err(io::Error::other("it is not a file"));
     }
     let mut bytes = Vec::new();
     fs::File::open(path)?.take(length as u64).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// A relative URI as a file name: `%20` is a space. None if that is no UTF-8 text.
+/// A relative URI as a file name: `%20` is a space. `None` if the result is not UTF-8 text.
 fn percent_decoded(uri: &str) -> Option<String> {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
@@ -167,7 +167,7 @@ impl File {
                 let problem = format!("there is no vertex {index} among {}", local.len());
                 return Err(FormatError::damaged(place, problem));
             }
-            // Instances multiply, so the file's size is no bound.
+            // Several nodes may use one mesh, so the size of the file does not bound the total.
             for (what, count) in
                 [("vertices", positions.len() + local.len()), ("triangles", triangles.len() + corners.len())]
             {
@@ -177,7 +177,7 @@ impl File {
             }
             let first = positions.len() as u32;
             positions.extend(local.iter().map(|&p| pose.transform_point3(Vec3::from(p).as_dvec3()).as_vec3()));
-            // A mirror turns triangles inside out.
+            // A mirroring transform turns triangles inside out.
             let mirrored = pose.determinant() < 0.0;
             triangles.extend(corners.iter().map(|&[a, b, c]| {
                 let triangle = if mirrored { [a, c, b] } else { [a, b, c] };
@@ -187,7 +187,7 @@ impl File {
         Ok(())
     }
 
-    /// The triangles of a primitive, by index of its own vertices.
+    /// The triangles of a primitive, as indices of its own vertices.
     fn triangles(&self, primitive: &Primitive, place: &str) -> Result<Vec<[u32; 3]>, FormatError> {
         let indices: Vec<u32> = match primitive.indices() {
             None => {

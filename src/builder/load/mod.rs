@@ -1,10 +1,10 @@
-//! Triangle meshes from files: OBJ, glTF and GLB, STL, PLY.
+//! Reads triangle meshes from files: OBJ, glTF and GLB, STL, PLY.
 //!
-//! Only the surface is read: positions and faces, as one mesh in the units of the file, which count as metres. Polygons are cut into
-//! triangles, vertices at equal places become one. What a file asks for that this cannot give is an error, never a partial mesh.
+//! Only the surface is read: positions and faces, as one mesh in the units of the file, which count as metres. Polygons are split into
+//! triangles, and vertices at equal positions are merged. Unsupported content is an error, never a partial mesh.
 //!
-//! OBJ and STL have readers of their own: of the crates for them, `tobj` names no lines in its errors, and `stl_io` takes binary files that
-//! start with `solid`, which are common, for text.
+//! OBJ and STL have their own parsers. Errors of the crate `tobj` contain no line numbers, and the crate `stl_io` parses binary files that
+//! start with `solid` as text, although such files are common.
 
 mod gltf;
 mod obj;
@@ -32,7 +32,7 @@ pub enum MeshFormat {
     Ply,
 }
 
-/// Why a file gives no mesh.
+/// Reasons why a file contains no usable mesh.
 #[derive(Debug, Error)]
 pub enum LoadError {
     /// The file could not be read.
@@ -40,45 +40,45 @@ pub enum LoadError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the file system.
         source: std::io::Error,
     },
-    /// The name's extension is none of those known.
+    /// The extension of the file name is not a known one.
     #[error("{}: the extension is not .obj, .gltf, .glb, .stl or .ply; convert the mesh to one of these", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
     },
-    /// The content is not in the format, or not usable.
+    /// The content is not in the format, or is not usable.
     #[error("{}: {source}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
-        /// Where and why.
+        /// The place in the file and the reason.
         source: FormatError,
     },
 }
 
-/// What is wrong with the content of a file, and where.
+/// An error in the content of a file, and its place.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{place}: {problem}; {remedy}")]
 pub struct FormatError {
     /// Line, element or byte.
     pub place: String,
-    /// What is wrong there.
+    /// Description of the error.
     pub problem: String,
-    /// What to do about it.
+    /// Advice for the user.
     pub remedy: &'static str,
 }
 
-/// Most characters of a problem's text.
+/// Maximum number of characters of a problem's text.
 const LONGEST_PROBLEM: usize = 240;
 
-/// The remedy for content that some program has written wrongly, or that was cut or altered on its way.
+/// Advice for content that a program has written incorrectly, or that was truncated or altered later.
 const EXPORT_AGAIN: &str = "export it again";
 
 impl FormatError {
-    /// The problem may quote the file: it is cut, and made one line.
+    /// The problem may quote the file, so it is truncated and control characters are replaced.
     fn new(place: impl Into<String>, problem: impl Into<String>, remedy: &'static str) -> Self {
         let printable = |c: char| if c.is_control() { ' ' } else { c };
         let problem = problem.into().chars().map(printable).take(LONGEST_PROBLEM).collect();
@@ -104,7 +104,7 @@ impl From<MeshError> for FormatError {
 }
 
 impl MeshFormat {
-    /// The format that the extension of a file name stands for.
+    /// The format for the extension of a file name.
     pub fn of(path: &Path) -> Option<Self> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "obj" => Some(Self::Obj),
@@ -115,10 +115,10 @@ impl MeshFormat {
         }
     }
 
-    /// Reads the bytes of a file. A glTF file may name others, which lie relative to `folder`.
+    /// Parses the bytes of a file. A glTF file may refer to other files by paths relative to `folder`.
     ///
     /// # Errors
-    /// The first thing that is wrong. Memory and time are bounded by the size of the files, whatever they promise.
+    /// The first error. Memory and time are bounded by the size of the files, whatever sizes they declare.
     pub fn parse(self, bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatError> {
         let mesh = match self {
             Self::Obj => obj::parse(bytes),
@@ -130,10 +130,10 @@ impl MeshFormat {
     }
 }
 
-/// Reads a mesh file by the extension of its name.
+/// Reads a mesh file. The extension of its name determines the format.
 ///
 /// # Errors
-/// Names the file, the place in it and the remedy.
+/// The path of the file, the place in it, the reason and advice.
 pub fn load(path: &Path) -> Result<TriangleMesh, LoadError> {
     let format = MeshFormat::of(path).ok_or_else(|| LoadError::UnknownFormat { path: path.into() })?;
     let bytes = std::fs::read(path).map_err(|source| LoadError::Io { path: path.into(), source })?;
@@ -141,13 +141,13 @@ pub fn load(path: &Path) -> Result<TriangleMesh, LoadError> {
     format.parse(&bytes, folder).map_err(|source| LoadError::Format { path: path.into(), source })
 }
 
-/// Three coordinates, or what is wrong with them.
+/// Three coordinates, or a description of the error.
 fn position<'a>(fields: &mut impl Iterator<Item = &'a str>) -> Result<Vec3, String> {
     let mut position = Vec3::ZERO;
     for axis in 0..3 {
         let field = fields.next().ok_or("a vertex has fewer than 3 coordinates")?;
         let value = field.parse().ok().filter(|value: &f32| value.is_finite());
-        position[axis] = value.ok_or_else(|| format!("`{field}` is no finite number"))?;
+        position[axis] = value.ok_or_else(|| format!("`{field}` is not a finite number"))?;
     }
     Ok(position)
 }

@@ -3,15 +3,15 @@ use glam::Vec3;
 use super::{FormatError, polygon::triangulate, position};
 use crate::{builder::TriangleMesh, medial_axis::ma::without_mark};
 
-/// Reads `v` and `f` records. Indices count from 1, or from the latest vertex backwards if negative.
+/// Parses `v` and `f` records. Indices count from 1, or backwards from the latest vertex if negative.
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let mut positions: Vec<Vec3> = Vec::new();
-    // The corners of all faces one after the other, and for each face its line and the end of its corners.
+    // The corners of all faces in one list, and for each face its line and the end of its corners.
     let (mut corners, mut faces) = (Vec::new(), Vec::new());
     let mut joined = String::new();
     let mut lines = (1..).zip(without_mark(bytes).split(|&byte| byte == b'\n')).peekable();
     while let Some((line, content)) = lines.next() {
-        // Names may be in any encoding; what is read is ASCII.
+        // Names may be in any encoding. The parsed records are ASCII.
         joined.push_str(String::from_utf8_lossy(content).trim_end());
         if joined.ends_with('\\') && !joined.trim_start().starts_with('#') {
             joined.pop();
@@ -31,7 +31,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
                 for field in fields {
                     let number = field.split('/').next().unwrap_or_default();
                     let index = index(number, positions.len());
-                    corners.push(index.ok_or_else(|| damaged(format!("`{field}` names no vertex")))?);
+                    corners.push(index.ok_or_else(|| damaged(format!("`{field}` is not the index of a vertex")))?);
                 }
                 if corners.len() - before < 3 {
                     return Err(damaged("a face has fewer than 3 corners".into()));
@@ -46,7 +46,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let mut start = 0;
     for (line, end) in faces {
         let face = &corners[start..end];
-        // A face may stand before its vertices.
+        // A face may precede its vertices.
         if let Some(index) = face.iter().find(|&&index| index as usize >= positions.len()) {
             let problem = format!("there is no vertex {}: the file has {}", u64::from(*index) + 1, positions.len());
             return Err(FormatError::damaged(format!("line {line}"), problem));
@@ -57,7 +57,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     Ok(TriangleMesh::new(positions, triangles)?)
 }
 
-/// The index, from 0, that a face's number means when there are `count` vertices so far.
+/// The zero-based index for a face's number, if there are `count` vertices so far.
 fn index(number: &str, count: usize) -> Option<u32> {
     let number: i64 = number.parse().ok()?;
     let index = if number > 0 { number - 1 } else { i64::try_from(count).ok()?.checked_add(number)? };

@@ -7,7 +7,7 @@ use ply_rs_bw::{
 use super::{FormatError, polygon::triangulate};
 use crate::builder::{TriangleMesh, mesh::strip};
 
-/// Any element: what a vertex and what a face has.
+/// An element of any kind, with the properties of vertices and of faces.
 struct Element {
     position: [Option<f64>; 3],
     corners: Vec<i64>,
@@ -66,11 +66,11 @@ fn indices(property: Property) -> Option<Vec<i64>> {
     }
 }
 
-/// Reads the elements `vertex` (x, y, z), `face` and `tristrips` (`vertex_indices` or `vertex_index`) of all three encodings.
+/// Parses the elements `vertex` (x, y, z), `face` and `tristrips` (`vertex_indices` or `vertex_index`) in all three encodings.
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let parser = Parser::<Element>::new();
     let (head, body) = bytes.split_at(end_of_header(bytes));
-    // Comments may be in any encoding; what is read is ASCII.
+    // Comments may be in any encoding. The parsed properties are ASCII.
     let head = String::from_utf8_lossy(head);
     let header = parser.read_header(&mut Reader::new(head.as_bytes())).map_err(damaged)?;
     let mut reader = Reader::new(body);
@@ -78,7 +78,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let (mut positions, mut faces, mut strips) = (Vec::new(), Vec::new(), Vec::new());
     for (name, definition) in &header.elements {
         let count = definition.count;
-        // Without a property they would take time and memory, but no byte.
+        // Elements without a property would take time and memory, but no bytes of the file.
         if definition.properties.is_empty() && count > 0 {
             return Err(FormatError::damaged(format!("element `{name}`"), "it has no property"));
         }
@@ -132,7 +132,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     Ok(TriangleMesh::new(positions, triangles)?)
 }
 
-/// Where the line ends that ends the header; all of the bytes, if none does.
+/// End of the last line of the header, or the number of bytes if there is none.
 fn end_of_header(bytes: &[u8]) -> usize {
     const LAST: &[u8] = b"\nend_header";
     let last = bytes.windows(LAST.len()).position(|bytes| bytes == LAST).map(|start| start + LAST.len());
@@ -140,7 +140,7 @@ fn end_of_header(bytes: &[u8]) -> usize {
     end.unwrap_or(bytes.len())
 }
 
-/// The elements of a text file, one to a line. Of properties that nobody asks for anything may be written, which the crate would refuse: no numbers, and
+/// The elements of a text file, one per line. Unused properties are not parsed, because the crate would refuse values that occur there: words, and
 /// numbers such as `.5`.
 fn rows<'b>(
     name: &str,
@@ -166,25 +166,25 @@ fn row(definition: &ElementDef, content: &str) -> Result<Element, String> {
             PropertyType::Scalar(_) => {
                 let field = field()?;
                 if let Some(axis) = ["x", "y", "z"].iter().position(|axis| axis == name) {
-                    let value = field.parse().map_err(|_| format!("`{field}` is no number"))?;
+                    let value = field.parse().map_err(|_| format!("`{field}` is not a number"))?;
                     element.position[axis] = Some(value);
                 }
                 continue;
             }
             PropertyType::List(..) => field()?,
         };
-        let count: usize = count.parse().map_err(|_| format!("`{count}` is no number of items"))?;
+        let count: usize = count.parse().map_err(|_| format!("`{count}` is not a number of items"))?;
         for _ in 0..count {
             let field = field()?;
             if is_corners(name) {
-                element.corners.push(field.parse().map_err(|_| format!("`{field}` is no number of a vertex"))?);
+                element.corners.push(field.parse().map_err(|_| format!("`{field}` is not the index of a vertex"))?);
             }
         }
     }
     Ok(element)
 }
 
-/// The crate's message, which quotes lines of the file, without its line breaks.
+/// The message of the crate, which quotes lines of the file, without its line breaks.
 fn damaged(error: ParseError) -> FormatError {
     let place = error.line().map_or("the header".into(), |line| format!("line {line}"));
     let message = error.to_string();

@@ -1,16 +1,16 @@
 use glam::{DVec3, Vec3};
 
-/// A triangle faces the other way if it does by more than this, per area of the polygon: corners that are in no plane and on no line are rounded.
+/// Relative to the polygon's area, an inverted area up to this counts as rounding error. Corners are rounded, so they are rarely exactly planar or collinear.
 const ROUNDING: f64 = 1e-6;
 
-/// Corners that are tried as the one from which a polygon is fanned.
+/// Number of corners that are tried as the apex of a fan.
 const TRIED: usize = 16;
 
-/// Most corners of a polygon from which ears are clipped, as that takes time with their square.
+/// Largest number of corners of a polygon for ear clipping, which takes quadratic time.
 const CLIPPED: usize = 4096;
 
-/// Cuts a polygon into triangles: into the fan from one of its first corners whose triangles face its way best, or, where each fan has one that faces the
-/// other way, ear by ear. Indices must be in range; fewer than three corners are no triangle.
+/// Splits a polygon into triangles: into the fan from one of its first corners whose triangles face the polygon's normal best. If every such fan has an
+/// inverted triangle, ears are clipped instead. Indices must be in range; fewer than three corners give no triangle.
 pub(super) fn triangulate(corners: &[u32], positions: &[Vec3], triangles: &mut Vec<[u32; 3]>) {
     let count = corners.len();
     let fan = |apex: usize| {
@@ -30,7 +30,7 @@ pub(super) fn triangulate(corners: &[u32], positions: &[Vec3], triangles: &mut V
     let facing = |triangle: [u32; 3]| area(triangle).dot(normal);
     let worst = |apex: usize| fan(apex).map(facing).fold(f64::INFINITY, f64::min);
     let apexes = (0..count.min(TRIED)).map(|apex| (apex, worst(apex)));
-    // The first of equals.
+    // The first of equal candidates.
     let (best, worst) = apexes.reduce(|best, next| if next.1 > best.1 { next } else { best }).unwrap_or_default();
     if worst < -ROUNDING * whole.length() && count <= CLIPPED {
         clip_ears(corners, facing, triangles);
@@ -39,7 +39,7 @@ pub(super) fn triangulate(corners: &[u32], positions: &[Vec3], triangles: &mut V
     }
 }
 
-/// Cuts corners off that no other corner is in, one after the other, as long as there are any; what is left is fanned.
+/// Cuts off corners whose triangle contains no other corner, one by one, as long as there are any. The rest is split into a fan.
 fn clip_ears(corners: &[u32], facing: impl Fn([u32; 3]) -> f64, triangles: &mut Vec<[u32; 3]>) {
     let mut left = corners.to_vec();
     let mut at = 0;
@@ -54,7 +54,7 @@ fn clip_ears(corners: &[u32], facing: impl Fn([u32; 3]) -> f64, triangles: &mut 
             triangles.push(ear);
             left.remove((at + 1) % count);
             tried = 0;
-            // The corner before may have become one.
+            // The corner before may have become an ear.
             at = (at.min(left.len() - 1) + left.len() - 1) % left.len();
         } else {
             tried += 1;
@@ -68,7 +68,7 @@ fn clip_ears(corners: &[u32], facing: impl Fn([u32; 3]) -> f64, triangles: &mut 
 mod tests {
     use super::*;
 
-    /// Those of triangles that are seen from above, negative where they wind clockwise.
+    /// Areas of triangles seen from above, negative for clockwise winding.
     fn areas(triangles: &[[u32; 3]], positions: &[Vec3]) -> impl Iterator<Item = f32> {
         triangles.iter().map(|t| {
             let [a, b, c] = t.map(|i| positions[i as usize]);
@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn a_polygon_that_cannot_be_fanned_is_cut_within() {
-        // A letter U, of which no corner sees all, and a comb with as many corners as are never fanned from.
+        // A letter U, in which no corner sees all others, and a comb with more corners than are tried as apex.
         let u = [[0, 0], [3, 0], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]];
         let teeth = (0..20).flat_map(|i| [[40 - 2 * i, 5], [39 - 2 * i, 1]]);
         let comb: Vec<[i32; 2]> = [[0, 0], [40, 0]].into_iter().chain(teeth).chain([[0, 5]]).collect();
@@ -90,7 +90,7 @@ mod tests {
                 let mut triangles = Vec::new();
                 triangulate(&corners, &positions, &mut triangles);
                 let areas = areas(&triangles, &positions);
-                // Those that faced the other way would be taken off, and what they cover counted twice.
+                // Inverted triangles count negative, and doubly covered areas balance them: the sum alone does not detect them.
                 let (sum, least) = areas.fold((0.0, f32::INFINITY), |(sum, least), a| (sum + a, least.min(a)));
                 assert_eq!((triangles.len(), sum), (outline.len() - 2, expected), "from corner {turn}: {triangles:?}");
                 assert!(least >= 0.0, "from corner {turn}: {triangles:?}");
@@ -130,7 +130,7 @@ mod tests {
             let mut triangles = Vec::new();
             triangulate(&corners, &positions, &mut triangles);
             let areas = areas(&triangles, &positions);
-            // Facing the other way, this arrow head winds clockwise.
+            // This arrow head winds clockwise.
             let (sum, least) = areas.fold((0.0, f32::INFINITY), |(sum, least), a| (sum + a, least.min(a.abs())));
             assert!((sum.abs() - 0.5).abs() < 1e-6 && (least - 0.25).abs() < 1e-6, "{triangles:?}");
         }

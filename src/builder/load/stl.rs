@@ -3,12 +3,12 @@ use glam::Vec3;
 use super::{FormatError, position};
 use crate::builder::TriangleMesh;
 
-/// Bytes before the triangles of a binary file: a free text, and the number of triangles.
+/// Size of the header of a binary file in bytes: free text, and the number of triangles.
 const HEADER: usize = 84;
-/// Bytes of a triangle: a normal, three corners, and two bytes for anything.
+/// Size of a triangle in bytes: a normal, three corners, and two unused bytes.
 const TRIANGLE: usize = 50;
 
-/// Reads either form. Many binary files start with `solid`, as text does, so the size decides first.
+/// Parses both forms. Many binary files start with `solid` like text files, so the size is checked first.
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     let count = bytes.get(80..HEADER).and_then(|count| count.try_into().ok()).map(u32::from_le_bytes);
     let promised = count.map(|count| HEADER as u64 + TRIANGLE as u64 * u64::from(count));
@@ -21,16 +21,16 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
 
 fn binary(bytes: &[u8], promised: Option<u64>) -> Result<Vec<Vec3>, FormatError> {
     let cut = |problem: String| FormatError::damaged("the end of the file", problem);
-    let end = promised.ok_or_else(|| cut(format!("{} bytes are no STL header of {HEADER}", bytes.len())))?;
+    let end = promised.ok_or_else(|| cut(format!("{} bytes are less than an STL header of {HEADER}", bytes.len())))?;
     let body = usize::try_from(end).ok().and_then(|end| bytes.get(HEADER..end));
-    let body = body.ok_or_else(|| cut(format!("the header promises {end} bytes, there are {}", bytes.len())))?;
+    let body = body.ok_or_else(|| cut(format!("the header declares {end} bytes, there are {}", bytes.len())))?;
     let corners = body.as_chunks::<TRIANGLE>().0.iter().flat_map(|triangle| triangle[12..48].as_chunks::<12>().0);
     Ok(corners
         .map(|corner| bytemuck::pod_read_unaligned::<[[u8; 4]; 3]>(corner).map(f32::from_le_bytes).into())
         .collect())
 }
 
-/// Reads the `vertex` lines between `outer loop` and `endloop`, in letters of either case. An `endsolid` comes after all.
+/// Parses the `vertex` lines between `outer loop` and `endloop`, in upper or lower case. An `endsolid` must follow the last loop.
 fn text(bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
     let mut positions = Vec::new();
     let mut open = None;
@@ -51,7 +51,7 @@ fn text(bytes: &[u8]) -> Result<Vec<Vec3>, FormatError> {
             (Some("endsolid"), None) => ended = true,
             (None | Some("solid" | "facet" | "endfacet"), None) => {}
             (None, Some(_)) => {}
-            (Some(word), _) => return Err(damaged(format!("`{word}` stands where it cannot"))),
+            (Some(word), _) => return Err(damaged(format!("unexpected `{word}`"))),
         }
     }
     if !ended {

@@ -8,7 +8,7 @@ use crate::{
     random::Random,
 };
 
-/// A closed ring of 4 by 6 quads, cut in triangles.
+/// A closed ring of 4 by 6 quads, split into triangles.
 fn ring() -> TriangleMesh {
     let at = |i: u32, j: u32| (i % 6) * 4 + j % 4;
     let positions = (0..24).map(|k| {
@@ -43,7 +43,7 @@ fn stl_text(mesh: &TriangleMesh) -> Vec<u8> {
     (text + "endsolid ring\n").into_bytes()
 }
 
-/// With a header that starts as text does.
+/// A binary file with a header that starts like a text file.
 fn stl_binary(mesh: &TriangleMesh) -> Vec<u8> {
     let mut bytes = vec![b' '; 80];
     bytes[..10].copy_from_slice(b"solid ring");
@@ -81,7 +81,7 @@ fn ply(mesh: &TriangleMesh, encoding: &str) -> Vec<u8> {
     bytes
 }
 
-/// A glTF document of one node and one mesh; its buffer holds positions, then u16 indices. With a URI for the buffer, or as in GLB.
+/// A glTF document of one node and one mesh. Its buffer contains positions, then u16 indices. The buffer has a URI, or none as in GLB.
 fn gltf_document(mesh: &TriangleMesh, uri: Option<&str>) -> (String, Vec<u8>) {
     let mut buffer: Vec<u8> = mesh.positions.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect();
     let split = buffer.len();
@@ -199,7 +199,7 @@ fn damaged_files_are_meshes_or_clear_errors() {
                     }
                     3 => bytes.iter_mut().skip(from).take(1).for_each(|byte| *byte ^= 1 << random.below(8)),
                     4 => bytes.iter_mut().skip(from).take(4).for_each(|byte| *byte = random.bits() as u8),
-                    // A word becomes another.
+                    // A word is replaced by another token.
                     _ => {
                         let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || b".-+".contains(byte);
                         let start = from + bytes[from..].iter().position(is_word).unwrap_or(0);
@@ -239,7 +239,7 @@ fn promises_cost_nothing() {
     let mut stl = stl_binary(&tetrahedron());
     stl[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
     stl[..5].copy_from_slice(b"other");
-    let promised = "the end of the file: the header promises 214748364834 bytes, there are 284; export it again";
+    let promised = "the end of the file: the header declares 214748364834 bytes, there are 284; export it again";
     assert_eq!(parse(MeshFormat::Stl, &stl).unwrap_err().to_string(), promised);
     let text = String::from_utf8(ply(&tetrahedron(), "ascii")).unwrap();
     for (from, to) in [("vertex 4\n", "vertex 4000000000\n"), ("face 4\n", "face 18446744073709551615\n")] {
@@ -268,18 +268,18 @@ fn obj_records_and_errors() {
     assert_eq!(triangles("f -4/1 -3/2/3 -2//1\r\n"), [[0, 1, 2]]);
     assert_eq!(triangles("f 1 2 \\\n 3\nl 1 2\n# \u{e9}"), [[0, 1, 2]]);
     assert_eq!(triangles("f 1 2 3 # 4"), [[0, 1, 2]]);
-    assert_eq!(triangles("f 1 2 3 \\"), [[0, 1, 2]], "a last line that promises another");
-    assert_eq!(triangles("f 1 2\\\n3 4"), [[0, 1, 2], [0, 2, 3]], "numbers of two lines are not one");
+    assert_eq!(triangles("f 1 2 3 \\"), [[0, 1, 2]], "the last line ends with a continuation mark");
+    assert_eq!(triangles("f 1 2\\\n3 4"), [[0, 1, 2], [0, 2, 3]], "numbers on two lines are separate");
     assert_eq!(triangles("# c:\\\nf 1 2 3"), [[0, 1, 2]], "a comment ends with its line");
     assert_eq!(parse(MeshFormat::Obj, format!("\u{feff}{head}f 1 2 3").as_bytes()).unwrap().positions.len(), 3);
     assert_eq!(parse(MeshFormat::Obj, format!("f 1 2 3\n{head}").as_bytes()).unwrap().triangles, [[0, 1, 2]]);
     for (faces, expected) in [
         ("f 1 2", "line 5: a face has fewer than 3 corners; export it again"),
-        ("\nf 1 2 0", "line 6: `0` names no vertex; export it again"),
-        ("f 1 2 -5", "line 5: `-5` names no vertex; export it again"),
-        ("f 1 2 x/1", "line 5: `x/1` names no vertex; export it again"),
+        ("\nf 1 2 0", "line 6: `0` is not the index of a vertex; export it again"),
+        ("f 1 2 -5", "line 5: `-5` is not the index of a vertex; export it again"),
+        ("f 1 2 x/1", "line 5: `x/1` is not the index of a vertex; export it again"),
         ("f 1 2 9", "line 5: there is no vertex 9: the file has 4; export it again"),
-        ("v 0 nan 0", "line 5: `nan` is no finite number; export it again"),
+        ("v 0 nan 0", "line 5: `nan` is not a finite number; export it again"),
         ("v 0 0", "line 5: a vertex has fewer than 3 coordinates; export it again"),
         ("", "the mesh: the mesh has no triangles; repair it in a modelling program and export it again"),
     ] {
@@ -292,16 +292,16 @@ fn stl_errors_name_the_line() {
     let good = String::from_utf8(stl_text(&tetrahedron())).unwrap();
     for (from, to, expected) in [
         ("endloop", "vertex 1 2 3\n endloop", "line 8: a facet has 4 corners, not 3; export it again"),
-        ("vertex 0.0", "vertex zero", "line 4: `zero` is no finite number; export it again"),
+        ("vertex 0.0", "vertex zero", "line 4: `zero` is not a finite number; export it again"),
         ("endsolid ring", "", "the end of the file: `endsolid` is missing; export it again"),
-        ("outer", "inner", "line 3: `inner` stands where it cannot; export it again"),
+        ("outer", "inner", "line 3: unexpected `inner`; export it again"),
     ] {
         assert_eq!(error(MeshFormat::Stl, &good.replacen(from, to, 1)), expected);
     }
     let read = |text: &str| parse(MeshFormat::Stl, text.as_bytes());
     let whole = read(&good).unwrap();
     assert_eq!(read(&good.to_ascii_uppercase()).unwrap(), whole);
-    // A second solid, whole and cut within a loop and between facets.
+    // A second solid: complete, truncated within a loop, and truncated between facets.
     assert_eq!(read(&(good.clone() + &good)).unwrap().triangles.len(), 2 * whole.triangles.len());
     for last in ["vertex", "endfacet"] {
         let cut = &good[..good.find(last).unwrap() + last.len()];
@@ -322,15 +322,15 @@ fn ply_polygons_are_cut_and_errors_name_line_and_element() {
         ("0 1\n3 0 1 2\n", "line 13: "),
         ("0 1 0\n", "the end of the file: face 0 is missing"),
         ("0 1 0\n4 0 1 2\n", "line 14: it ends before `vertex_index` does"),
-        ("0 1 zero\n3 0 1 2\n", "line 13: `zero` is no number"),
-        ("0 1 0\n3 0 1 one\n", "line 14: `one` is no number of a vertex"),
+        ("0 1 zero\n3 0 1 2\n", "line 13: `zero` is not a number"),
+        ("0 1 0\n3 0 1 one\n", "line 14: `one` is not the index of a vertex"),
     ] {
         let error = error(MeshFormat::Ply, &format!("{head}{rest}"));
         assert!(error.starts_with(expected) && error.ends_with("; export it again"), "{error}");
     }
 }
 
-/// Of what is not read anything may stand in a text file, and in comments.
+/// Unused properties of a text file, and comments, may contain any bytes.
 #[test]
 fn ply_numbers_and_comments_may_be_any() {
     let header = |encoding: &str| {
@@ -356,7 +356,11 @@ fn ply_strips_turn_to_and_fro_and_start_anew_at_negative_indices() {
                 0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 0 1\n";
     let read = |strip: &str| parse(MeshFormat::Ply, format!("{head}{strip}\n").as_bytes());
     assert_eq!(read("9 0 1 2 3 -1 0 2 1 4").unwrap().triangles, [[0, 1, 2], [2, 1, 3], [0, 2, 1], [1, 2, 4]]);
-    assert_eq!(read("6 0 1 2 2 3 4").unwrap().triangles, [[0, 1, 2], [3, 2, 4]], "a vertex that comes twice leads on");
+    assert_eq!(
+        read("6 0 1 2 2 3 4").unwrap().triangles,
+        [[0, 1, 2], [3, 2, 4]],
+        "a repeated vertex continues the strip"
+    );
     assert_eq!(read("3 0 1 5").unwrap_err().to_string(), "strip 0: there is no vertex 5 among 5; export it again");
     assert!(read("5 0 1 -1 2 3").unwrap_err().to_string().contains("the mesh has no triangles"));
 }
@@ -375,13 +379,13 @@ fn gltf_nodes_place_their_meshes() {
         (8, 2, true),
         "the fourth node is in no scene"
     );
-    assert!((report.volume - 9.0 / 6.0).abs() < 1e-6, "the mirrored one is inside out: {report}");
+    assert!((report.volume - 9.0 / 6.0).abs() < 1e-6, "the mirrored mesh is inside out: {report}");
     assert_eq!((mesh.aabb().min, mesh.aabb().max), (Vec3::new(9.0, 0.0, 0.0), Vec3::new(12.0, 6.0, 2.0)));
 
     let skinned = with_nodes(r#"{ "mesh": 0, "skin": 0, "scale": [0.01, 0.01, 0.01] }"#);
     let skinned = skinned.replacen('{', r#"{ "skins": [{ "joints": [0] }],"#, 1);
     assert!(
-        error(MeshFormat::Gltf, &skinned).starts_with("node 0: it is bent by skin 0"),
+        error(MeshFormat::Gltf, &skinned).starts_with("node 0: it is deformed by skin 0"),
         "{}",
         error(MeshFormat::Gltf, &skinned)
     );
@@ -392,17 +396,17 @@ fn gltf_nodes_place_their_meshes() {
     };
     assert!(parse(MeshFormat::Gltf, bent("0").as_bytes()).is_ok());
     let told = error(MeshFormat::Gltf, &bent("0.5"));
-    assert!(told.starts_with("node 0: mesh 0 is bent by its morph targets; apply its shape keys"), "{told}");
+    assert!(told.starts_with("node 0: mesh 0 is deformed by its morph targets; apply its shape keys"), "{told}");
 
     let cycle = error(MeshFormat::Gltf, &with_nodes(r#"{ "children": [1] }, { "children": [0], "mesh": 0 }"#));
-    assert_eq!(cycle, "node 0: the scene reaches it twice, so its nodes are no tree; export it again");
+    assert_eq!(cycle, "node 0: the scene reaches it twice, so its nodes are not a tree; export it again");
 }
 
 #[test]
 fn gltf_modes_and_errors() {
     let json = gltf_json(&tetrahedron());
     let with_mode = |mode: u32| json.replace(r#""indices": 1 }"#, &format!(r#""indices": 1, "mode": {mode} }}"#));
-    // Of the strip, three triangles would have a corner twice.
+    // In the strip, three triangles would repeat a corner.
     for (mode, count) in [(4, 4), (5, 7), (6, 10)] {
         assert_eq!(parse(MeshFormat::Gltf, with_mode(mode).as_bytes()).unwrap().triangles.len(), count);
     }
@@ -432,11 +436,11 @@ fn gltf_modes_and_errors() {
     std::fs::write(folder.join("model.GLTF"), gltf_document(&tetrahedron(), Some(".")).0).unwrap();
     let no_file = load(&folder.join("model.GLTF")).unwrap_err().to_string();
     std::fs::remove_dir_all(&folder).unwrap();
-    assert!(no_file.contains("buffer 0: it cannot be read: it is no file"), "{no_file}");
-    assert!(short.ends_with("model.GLTF: buffer 0: it promises 72 bytes and has 71; export it again"), "{short}");
+    assert!(no_file.contains("buffer 0: it cannot be read: it is not a file"), "{no_file}");
+    assert!(short.ends_with("model.GLTF: buffer 0: it declares 72 bytes and has 71; export it again"), "{short}");
 
     let device = gltf_document(&tetrahedron(), Some("/dev/zero")).0;
-    assert!(error(MeshFormat::Gltf, &device).contains("its URI is no relative path: `/dev/zero`"));
+    assert!(error(MeshFormat::Gltf, &device).contains("its URI is not a relative path: `/dev/zero`"));
     let needing = |name: &str| json.replacen('{', &format!("{{ \"extensionsRequired\": [\"{name}\"],"), 1);
     assert!(parse(MeshFormat::Gltf, needing("KHR_materials_unlit").as_bytes()).is_ok());
     let webp = needing("EXT_texture_webp").replacen(
@@ -451,7 +455,7 @@ fn gltf_modes_and_errors() {
     assert!(needed.contains("KHR_draco_mesh_compression; export it without quantization, compression"), "{needed}");
 
     let remote = gltf_document(&tetrahedron(), Some("https://example.org/a.bin")).0;
-    assert!(error(MeshFormat::Gltf, &remote).contains("its URI is no relative path: `https://"));
+    assert!(error(MeshFormat::Gltf, &remote).contains("its URI is not a relative path: `https://"));
     assert!(load(Path::new("model.fbx")).unwrap_err().to_string().contains("the extension is not .obj"));
     assert!(load(Path::new("no such.obj")).unwrap_err().to_string().starts_with("no such.obj: cannot be read"));
 }

@@ -10,7 +10,7 @@ use crate::{
     random::Random,
 };
 
-/// The surface that a closed or open profile (distance from the z axis, height) sweeps about the z axis.
+/// The surface of revolution of a closed or open profile (distance from the z axis, height) about the z axis.
 fn lathe(profile: &[[f32; 2]], closed: bool, segments: u32) -> TriangleMesh {
     let rows = profile.len() as u32;
     let positions = profile.iter().flat_map(|&[radius, height]| {
@@ -28,7 +28,7 @@ fn lathe(profile: &[[f32; 2]], closed: bool, segments: u32) -> TriangleMesh {
     TriangleMesh::new(positions.collect(), triangles.collect()).unwrap()
 }
 
-/// A half circle from pole to pole, its halves `length` apart.
+/// A sphere with its halves `length` apart along the z axis.
 fn capsule(radius: f32, length: f32, segments: u32) -> TriangleMesh {
     let profile: Vec<_> = (0..=segments)
         .map(|i| {
@@ -59,14 +59,14 @@ fn torus(major: f32, minor: f32) -> TriangleMesh {
     mesh
 }
 
-/// The project's own model and a triangulation of it, patches inside included.
+/// A model of the project, and a triangulation of it that includes hidden patches.
 fn model(name: &str, segments: u32) -> (TriangleMesh, MedialAxis) {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/models/");
     let (axis, _) = ma::parse(&std::fs::read(format!("{path}{name}.ma")).unwrap()).unwrap().into_medial_axis().unwrap();
     (triangulated(&axis, segments), axis)
 }
 
-/// Distance to the nearest triangle, each looked at in f64.
+/// Distance to the nearest triangle, by brute force in f64.
 fn to_mesh(mesh: &TriangleMesh, point: DVec3) -> f64 {
     let to_segment = |a: DVec3, b: DVec3| {
         let t = (point - a).dot(b - a) / (b - a).length_squared();
@@ -82,7 +82,7 @@ fn to_mesh(mesh: &TriangleMesh, point: DVec3) -> f64 {
     mesh.triangles.iter().map(to_triangle).fold(f64::INFINITY, f64::min)
 }
 
-/// Slow answers in f64, built on nothing of the code they test. Random points of the mesh by area; of the envelope, all crossings with
+/// Slow reference results in f64, independent of the tested code. Points on the mesh are random by area. Points on the envelope are all crossings with
 /// random lines, which are spread evenly over the area as well. Returns max and mean in each direction, in percent.
 fn brute_force(mesh: &TriangleMesh, axis: &MedialAxis, random: &mut Random, count: usize) -> [[f64; 2]; 2] {
     let envelope = Oracle::new(axis.spheres(), axis.primitives());
@@ -142,7 +142,7 @@ fn assert_like_brute_force(name: &str, mesh: &TriangleMesh, axis: &MedialAxis, c
     println!("{name}: {found}; {count} random points: {slow:.4?}");
     for (found, [max, mean]) in [found.mesh_to_envelope, found.envelope_to_mesh].iter().zip(slow) {
         let [found_max, found_mean] = [f64::from(found.max), f64::from(found.mean)];
-        // A thousand random points come near the farthest place, the tip of a limb perhaps; ours come nearer.
+        // A thousand random points come near the farthest place, for example the tip of a limb. The points of `measure` come nearer.
         let slack = 2e-3 + 0.02 * found_max;
         assert!(max < found_max + slack && max > 0.7 * found_max - slack, "{name}: max {max} {found:?}");
         assert!((mean - found_mean).abs() < 2e-3 + 0.08 * found_mean, "{name}: mean {mean} {found:?}");
@@ -162,7 +162,7 @@ fn known_errors_are_measured() {
         near(deviation.max, 0.1);
         near(deviation.mean, 0.1);
     }
-    // A ball in a box: the corners are far from the ball, and the ball is far from the faces towards the corners.
+    // A ball in a box: the box's corners are far from the ball, and the ball is far from the faces in the direction of the corners.
     let boxed = measure(&cube, &MedialAxis::sphere(1.0).unwrap());
     near(boxed.mesh_to_envelope.max, 3f32.sqrt() - 1.0);
     near(boxed.envelope_to_mesh.max, 1.0 - 1.0 / 3f32.sqrt());

@@ -1,4 +1,4 @@
-//! Where bodies go from the impacts that they have had.
+//! Motions of bodies after their impacts within the step.
 
 use glam::Vec3;
 
@@ -10,28 +10,28 @@ use crate::{
 /// The state of a body within the step. A body only ever changes to a later state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::pipeline) enum State {
-    /// It follows its own path.
+    /// The body follows its own path.
     Free,
-    /// It rests where an impact has stopped it.
+    /// The body rests where an impact has stopped it.
     Stopped,
-    /// A kinematic body pushes it, directly or through others.
+    /// A kinematic body pushes the body, directly or through others.
     Pushed,
-    /// It was pushed against an obstacle and rests there.
+    /// The body was pushed against an obstacle and rests there.
     Wedged,
 }
 
-/// The motion of a body from an impact on.
+/// The motion of a body after an impact.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Course {
-    /// When it begins, as a fraction of the step.
+    /// Time of the impact, as a fraction of the step.
     pub from: f32,
-    /// The motion over the rest of the step.
+    /// Motion over the rest of the step.
     pub rest: Sweep,
-    /// The state of the body from then on.
+    /// State of the body after the impact.
     pub state: State,
-    /// How far the body has been pushed in the step, in metres.
+    /// Total length of the pushes of the body in the step, in metres.
     pub pushed: f32,
-    /// How far it may be pushed, in metres: as far as the pusher's own points go.
+    /// Upper limit of that length, in metres: the pusher's own points move no farther.
     pub push_reach: f32,
 }
 
@@ -39,14 +39,14 @@ pub(super) struct Course {
 #[derive(Debug, Default)]
 pub(in crate::pipeline) struct Courses {
     courses: Vec<Course>,
-    /// The number of each body's course, or [`NONE`].
+    /// Index of each body's course, or [`NONE`].
     of: Vec<u32>,
 }
 
 const NONE: u32 = u32::MAX;
 
 impl Courses {
-    /// Puts so many bodies on their own paths.
+    /// Puts all bodies on their own paths. `bodies`: the number of bodies.
     pub(super) fn reset(&mut self, bodies: usize) {
         self.courses.clear();
         self.of.clear();
@@ -73,44 +73,44 @@ impl Courses {
         self.get(body).map_or(State::Free, |course| course.state)
     }
 
-    /// How far a body has been pushed in the step, in metres.
+    /// Returns the total length of the pushes of a body in the step, in metres.
     pub(super) fn pushed(&self, body: u32) -> f32 {
         self.get(body).map_or(0.0, |course| course.pushed)
     }
 
-    /// How far a pusher, kinematic or pushed itself, moves what it meets, in metres.
+    /// Returns how far a pusher can move other bodies, in metres. A pusher is a kinematic body or a pushed body.
     pub(super) fn push_reach(&self, input: &StepInput, body: u32) -> f32 {
         self.get(body).map_or_else(|| input.bodies[body as usize].push_reach(), |course| course.push_reach)
     }
 
-    /// The pose of a body at the end of the step.
+    /// Returns the pose of a body at the end of the step.
     pub fn final_pose(&self, input: &StepInput, body: u32) -> Pose3 {
         self.get(body).map_or(input.bodies[body as usize].sweep.end, |course| course.rest.end)
     }
 
-    /// The fraction of the step for which a body has moved: less than 1 for a body that rests since an impact.
+    /// Returns the fraction of the step for which a body has moved: less than 1 for a body that an impact has stopped.
     pub fn moved_until(&self, body: u32) -> f32 {
         self.get(body).filter(|course| course.state != State::Pushed).map_or(1.0, |course| course.from)
     }
 
-    /// True if a body leaves its own path.
+    /// Returns true if a body leaves its own path.
     pub fn leaves_path(&self, body: u32) -> bool {
         self.get(body).is_some()
     }
 
-    /// The bodies that leave their own paths, in ascending order.
+    /// Returns the bodies that leave their own paths, in ascending order.
     pub fn bodies(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.of.len() as u32).filter(|&body| self.leaves_path(body))
     }
 
-    /// The fraction of the step from which a pair has to be searched again: one of its bodies has left its path before `impact`, a fraction as well.
+    /// Returns the fraction of the step from which a pair has to be searched again, because one of its bodies has left its path before the fraction `impact`.
     pub(super) fn searched_from(&self, pair: &BodyPair, impact: f32) -> Option<f32> {
         let from = pair.bodies().filter_map(|body| self.get(body)).map(|course| course.from);
         let [first, last] = from.fold([f32::INFINITY, 0.0], |[first, last], from| [from.min(first), from.max(last)]);
         (first < impact && first <= last).then_some(last)
     }
 
-    /// The times of its own path between which a body is from a fraction on. None for a pushed body, which is elsewhere.
+    /// Returns the fractions of its own path between which a body moves from `fraction` on. `None` for a pushed or wedged body, because it is off its path.
     pub(super) fn times(&self, side: Side, fraction: f32) -> Option<[f32; 2]> {
         match side.body().and_then(|body| self.get(body)) {
             None => Some([fraction, 1.0]),
@@ -119,7 +119,7 @@ impl Courses {
         }
     }
 
-    /// The motion of a body from a fraction on.
+    /// Returns the motion of a body from a fraction of the step on.
     pub(super) fn sweep_from(&self, input: &StepInput, body: u32, fraction: f32) -> Sweep {
         match self.get(body) {
             Some(course) if fraction > course.from => {
@@ -131,12 +131,12 @@ impl Courses {
     }
 }
 
-/// The displacement of a point that moves with a body, in metres.
+/// Returns the displacement of a point that moves with a body, in metres.
 pub(super) fn displacement_at(sweep: &Sweep, point: Vec3) -> Vec3 {
     sweep.end.transform_point(sweep.start.inverse_transform_point(point)) - point
 }
 
-/// The same motion, with so much more displacement at its end.
+/// Returns the motion with an additional displacement at its end, in metres.
 pub(super) fn displaced(sweep: &Sweep, more: Vec3) -> Sweep {
     let end = Pose3::from_parts(sweep.end.translation + more, sweep.end.rotation);
     Sweep { end, translation: sweep.translation + more, ..*sweep }

@@ -5,29 +5,29 @@ use super::course::State;
 /// The effect of an impact on a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Decision {
-    /// It goes on as before.
+    /// The body continues its motion.
     GoOn,
-    /// It stops where it is.
+    /// The body stops at the impact.
     Stop,
-    /// The other body pushes it along the contact normal.
+    /// The other body pushes the body along the contact normal.
     Push,
-    /// It stops between a pusher and an obstacle.
+    /// The body stops between a pusher and an obstacle.
     Wedge,
 }
 
 /// The other side of an impact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Obstacle {
-    /// A body that no impact moves: a static, or one that is at rest for the rest of the step.
+    /// A static body.
     Fixed,
-    /// A body that impacts stop, in this state.
+    /// A body that stops at impacts, in this state.
     Stopping(State),
-    /// A body that pushes: `approach` is how far both approach each other along the normal in the rest of the step, in metres; `gives_way` is true for a
-    /// body that is pushed itself; `exhausted` is true if it has pushed as far as it can.
+    /// A body that pushes. `approach`: relative displacement of both bodies towards each other along the normal in the rest of the step, in metres.
+    /// `gives_way`: true for a pusher that is pushed itself. `exhausted`: true if the body has been pushed as far as the pusher can push it.
     Pusher { approach: f32, gives_way: bool, exhausted: bool },
 }
 
-/// Decides what an impact makes of a body that impacts stop.
+/// Decides the effect of an impact on a body that stops at impacts.
 pub(super) fn decide(state: State, obstacle: Obstacle) -> Decision {
     match (state, obstacle) {
         (State::Wedged, _) => Decision::GoOn,
@@ -36,11 +36,11 @@ pub(super) fn decide(state: State, obstacle: Obstacle) -> Decision {
         (State::Stopped, _) => Decision::GoOn,
         (State::Pushed, Obstacle::Pusher { approach, gives_way, exhausted }) => match (approach >= 0.0, gives_way) {
             (true, _) if !exhausted => Decision::Push,
-            // It is the other that is pushed back.
+            // Two pushed bodies separate in the rest of the step, so neither blocks the other.
             (false, true) => Decision::GoOn,
             _ => Decision::Wedge,
         },
-        // The other is pushed in turn.
+        // This body pushes the other one.
         (State::Pushed, Obstacle::Stopping(other)) if other < State::Pushed => Decision::GoOn,
         (State::Pushed, _) => Decision::Wedge,
     }

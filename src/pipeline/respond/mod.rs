@@ -1,10 +1,10 @@
-//! Which bodies leave their paths within the step: impacts in the order of time.
+//! Response: handles impacts in the order of time and decides which bodies leave their paths within the step.
 //!
 //! At an impact both bodies stop, unless one of them is a pusher: a kinematic body, or a body that one pushes. A pusher moves the other body along the
 //! contact normal, and no farther than it moves itself, until it meets an obstacle that cannot be pushed.
 //!
-//! A body that has left its path is no longer where others were swept against it, so their impacts with it are searched again from that instant on. A body
-//! goes through a few states and a limited number of pushes, so the loop ends.
+//! A body that has left its path invalidates the impacts of its pairs, which assume that path. They are searched again from that time on. A body goes
+//! through a few states and a limited number of pushes, so the loop ends.
 
 mod course;
 mod decision;
@@ -28,7 +28,7 @@ pub(super) use course::Courses;
 use course::{Course, State, displaced, displacement_at};
 use decision::{Decision, Obstacle, decide};
 
-/// A pair's impact in the queue. It is outdated if the pair's next impact is at another time by now.
+/// An impact of a pair in the queue. It is outdated if the time of the pair's next impact differs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Event {
     impact: Impact,
@@ -36,7 +36,7 @@ struct Event {
 }
 
 impl Event {
-    /// When the bodies leave their paths, before the end of the step.
+    /// Returns the time at which the bodies leave their paths, as a fraction less than 1.
     fn fraction(&self) -> f32 {
         self.impact.fraction.min(1.0f32.next_down())
     }
@@ -51,7 +51,7 @@ impl PartialOrd for Event {
 }
 
 impl Ord for Event {
-    /// The earliest comes first in a heap, and among those at the same time the first pair.
+    /// The earliest event is the greatest, so a heap returns it first. Of events at the same time, the pair with the lowest index comes first.
     fn cmp(&self, other: &Self) -> Ordering {
         other.impact.fraction.total_cmp(&self.impact.fraction).then(other.pair.cmp(&self.pair))
     }
@@ -64,7 +64,7 @@ pub(super) struct Buffers {
     pairs_of: PairsOf,
     assemblies: Assemblies,
     queue: BinaryHeap<Event>,
-    /// The fraction of the step at which the next impact of each pair is; infinite without one.
+    /// Per pair, time of the next impact as a fraction of the step; infinite without an impact.
     next: Vec<f32>,
     happened: Vec<bool>,
     outcomes: Vec<(u32, Course)>,
@@ -72,7 +72,7 @@ pub(super) struct Buffers {
     found: Vec<Option<Impact>>,
 }
 
-/// Lets impacts happen one after the other. `results` then holds those that have happened.
+/// Handles impacts one after the other. Afterwards `results` holds the first impact of each pair that did happen.
 pub(super) fn run<'b>(
     input: &StepInput,
     statics: &Statics,
@@ -112,7 +112,7 @@ pub(super) fn run<'b>(
         outcomes.clear();
         respond(input, courses, assemblies, &pairs[event.pair], &event, outcomes);
         outcomes.iter().for_each(|&(body, course)| courses.set(body, course));
-        // A pusher that turns meets what it pushes again.
+        // A pusher that turns may hit the pushed body again.
         let pushes = outcomes.iter().any(|(_, course)| course.state == State::Pushed);
         let is_searched = |&pair: &usize| (pair != event.pair || pushes) && pairs[pair].stops;
         let affected = outcomes.iter().flat_map(|(body, _)| pairs_of.of(*body)).filter(is_searched);
@@ -143,7 +143,7 @@ pub(super) fn run<'b>(
     courses
 }
 
-/// Adds the courses on which an impact sends the bodies of a pair, and those that are joined with them.
+/// Adds the new courses of the bodies of a pair after an impact, and of the bodies that are joined with them.
 fn respond(
     input: &StepInput,
     courses: &Courses,
@@ -174,7 +174,7 @@ fn respond(
             push.reach = courses.push_reach(input, other);
             let length = approach.clamp(0.0, (push.reach - push.pushed).max(0.0));
             push.displacement = away * length;
-            // A push that moves nothing counts as well, so that there are not many.
+            // A push counts at least this much, even without a displacement. This limits the number of pushes to MAX_PUSHES.
             push.pushed += length.max(push.reach / MAX_PUSHES as f32);
         }
         outcomes.extend(assemblies.of(input, body).filter_map(|body| {
@@ -184,16 +184,17 @@ fn respond(
     }
 }
 
-/// The displacement of a body by a pusher.
+/// The push of a body by a pusher.
 struct Push {
-    /// More displacement until the end of the step, in metres.
+    /// Additional displacement until the end of the step, in metres.
     displacement: Vec3,
-    /// How far the body is pushed in the step by then, and how far it may be, in metres.
+    /// Total length of the pushes of the body in the step, including this one, in metres.
     pushed: f32,
+    /// Upper limit of that length, in metres.
     reach: f32,
 }
 
-/// The course of a body after a decision; none if it goes on. `now`: its motion from the fraction on.
+/// Returns the course of a body after a decision; `None` if the body continues its motion. `now`: motion of the body from the fraction on.
 fn course(body: &Body, from: f32, now: &Sweep, decision: Decision, push: &Push) -> Option<Course> {
     let (state, rest) = match decision {
         Decision::GoOn => return None,
@@ -204,12 +205,12 @@ fn course(body: &Body, from: f32, now: &Sweep, decision: Decision, push: &Push) 
     Some(Course { from, rest, state, pushed: push.pushed, push_reach: push.reach })
 }
 
-/// The fraction of the step at which an impact is; infinite without one.
+/// Returns the time of an impact as a fraction of the step; infinite without an impact.
 fn fraction_of(impact: Option<Impact>) -> f32 {
     impact.map_or(f32::INFINITY, |impact| impact.fraction)
 }
 
-/// The first impact of a pair from a fraction on. `before`: the result for the whole step, had no body left its path.
+/// Finds the first impact of a pair from a fraction of the step on. `before`: the last result of the pair, whose normal is a hint for the search.
 fn impact_from(
     input: &StepInput,
     statics: &Statics,
@@ -222,7 +223,7 @@ fn impact_from(
     let motions = PairMotion::all(input, statics, pair, |body| courses.sweep_from(input, body, fraction));
     let times = [pair.first, pair.second].map(|side| courses.times(side, fraction));
     let question = Question { input, statics, pair, known: None, times, normal: before.normal };
-    // The time of searches from impacts on is not split among stages.
+    // The time of searches after impacts is not split between stages.
     let found = first_impact(&question, motions, scratch, || Duration::ZERO).impact?;
     Some(Impact { fraction: fraction + (1.0 - fraction) * found.fraction, ..found })
 }

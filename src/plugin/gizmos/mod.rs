@@ -1,7 +1,7 @@
-//! What the plugin sees, drawn as lines.
+//! Debug view: shapes, and input and output of the last step, as lines.
 //!
-//! The shapes are many lines that do not change: they are drawn once for each shape and level of detail, and retained beside each body, and where
-//! bodies stop. All else is drawn anew in every frame, from [`MedialStep`].
+//! The lines of shapes are many and do not change. They are made once for each shape and level of detail, and are retained beside each body and at
+//! each stop. All other lines are drawn again in every frame, from [`MedialStep`].
 
 mod outlines;
 mod step;
@@ -12,8 +12,8 @@ use bevy::prelude::*;
 
 use super::{MedialStep, MedialSystems};
 
-/// Gizmos of medial bodies. All are off until the group is enabled in the `GizmoConfigStore`; each layer has a switch and a colour of its own.
-/// [`MedialGizmo`] says otherwise for single entities.
+/// Gizmos of medial bodies. All are off until the group is enabled in the `GizmoConfigStore`; each layer has its own switch and colour.
+/// [`MedialGizmo`] overrides them for single entities.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -28,28 +28,27 @@ use super::{MedialStep, MedialSystems};
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Default, Clone, PartialEq)]
 pub struct MedialGizmos {
-    /// The spheres of each shape, at the level of detail by which it collides. Default: on.
+    /// The spheres of each shape, at the level of detail with which it collides. Default: on.
     pub spheres: MedialGizmoLayer,
     /// Lines along the cones of each shape. Default: on.
     pub cones: MedialGizmoLayer,
     /// The faces of the slabs of each shape. Default: on.
     pub slabs: MedialGizmoLayer,
-    /// Shapes are drawn in the colour of their level of detail: the finest blue, coarser ones green and yellow, the coarsest red. Default: false.
+    /// Draws shapes in the colour of their level of detail: the finest blue, coarser ones green and yellow, the coarsest red. Default: false.
     pub color_by_level: bool,
     /// The oriented boxes of statics. Default: on.
     pub boxes: MedialGizmoLayer,
-    /// The boxes of the hierarchy over those. Default: off.
+    /// The boxes of the hierarchy over the statics. Default: off.
     pub hierarchy: MedialGizmoLayer,
-    /// The cones that the spheres around moving bodies sweep in the step: bodies whose cones are apart are not looked at. Default: off.
+    /// The cones that the bounding spheres of moving bodies sweep in the step. Bodies with separate cones are not tested. Default: off.
     pub swept_cones: MedialGizmoLayer,
-    /// Lines between the primitives that culling has left. Default: off.
+    /// Lines between the primitives of pairs that culling has left. Default: off.
     pub candidates: MedialGizmoLayer,
     /// Contacts, drawn as their normals. Default: on.
     pub contacts: MedialGizmoLayer,
     /// Length of a normal, in metres. Default: 0.2.
     pub normal_length: f32,
-    /// Bodies that have stopped at an impact within the step: their shapes there, boxes of those that are not medial, and where they hit.
-    /// Default: on.
+    /// Bodies that stopped at an impact within the step: their shapes at the stop, boxes for bodies that are not medial, and the points of impact. Default: on.
     pub stops: MedialGizmoLayer,
 }
 
@@ -58,9 +57,9 @@ pub struct MedialGizmos {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Clone, PartialEq)]
 pub struct MedialGizmoLayer {
-    /// Whether it is drawn.
+    /// Whether the layer is drawn.
     pub enabled: bool,
-    /// In which colour.
+    /// Colour of its lines.
     pub color: Color,
 }
 
@@ -93,7 +92,7 @@ impl Default for MedialGizmos {
 }
 
 impl MedialGizmos {
-    /// All layers with their names.
+    /// Returns all layers with their names.
     pub fn layers_mut(&mut self) -> [(&'static str, &mut MedialGizmoLayer); 9] {
         [
             ("spheres", &mut self.spheres),
@@ -109,7 +108,7 @@ impl MedialGizmos {
     }
 }
 
-/// What is drawn of an entity, whatever [`MedialGizmos`] says.
+/// Overrides [`MedialGizmos`] for one entity.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -123,10 +122,9 @@ impl MedialGizmos {
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct MedialGizmo {
-    /// True: its shape is drawn even where the layers of shapes or all gizmos are off. False: nothing of it is drawn, nor of its pairs.
-    /// Default: true.
+    /// True: its shape is drawn even if the layers of shapes or all gizmos are off. False: neither the entity nor its pairs are drawn. Default: true.
     pub enabled: bool,
-    /// The colour of its lines, in place of those of the layers. Default: none.
+    /// Colour of its lines, in place of the layers' colours. Default: none.
     pub color: Option<Color>,
 }
 
@@ -136,8 +134,8 @@ impl Default for MedialGizmo {
     }
 }
 
-/// Draws the shapes of medial meshes, and what the last step did if there is one. [`MedialPhysicsPlugin`](super::MedialPhysicsPlugin) adds it; an
-/// app without physics may add it by itself.
+/// Draws the shapes of medial meshes, and the last step if there is one. [`MedialPhysicsPlugin`](super::MedialPhysicsPlugin) adds it; an app without
+/// physics may add it by itself.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MedialGizmosPlugin;
 

@@ -1,4 +1,4 @@
-//! Lines of shapes: one asset for each shape, level of detail and set of colours, one child of each body that shows it.
+//! Lines of shapes: one asset for each shape, level of detail and set of colours, and one child of each body that shows it.
 
 use std::{
     collections::HashMap,
@@ -13,7 +13,7 @@ use crate::{
     plugin::{Changes, MedialLevel, MedialMesh},
 };
 
-/// What is drawn of a shape.
+/// Key of the lines of a shape.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Drawing {
     asset: AssetId<MedialAxis>,
@@ -28,12 +28,12 @@ impl Drawing {
     }
 }
 
-/// The lines that are shown somewhere.
+/// The lines that are in use.
 #[derive(Resource, Default)]
 pub(super) struct Lines(HashMap<Drawing, Weak<StrongHandle>>);
 
 impl Lines {
-    /// Those of a drawing, made if nobody shows them yet.
+    /// Returns the lines of a drawing, and makes them if they do not exist.
     pub fn get(
         &mut self,
         drawing: Drawing,
@@ -50,7 +50,7 @@ impl Lines {
     }
 }
 
-/// What is drawn of an entity, and by which of its children. A clone of the entity gets its own.
+/// The lines of an entity, and the child that shows them. A clone of the entity gets its own child.
 #[derive(Component, Clone, Copy)]
 #[component(clone_behavior = Ignore)]
 pub(super) struct Outlined {
@@ -62,7 +62,7 @@ pub(super) struct Outlined {
 #[derive(Component)]
 pub(super) struct Outline;
 
-/// Gives each entity whose shape is to be drawn a child that does, and takes it away when that ends.
+/// Adds a child with lines to each entity whose shape is to be drawn, and removes children that are not needed.
 pub(super) fn outline(
     mut commands: Commands,
     store: Res<GizmoConfigStore>,
@@ -98,7 +98,7 @@ pub(super) fn outline(
         let lines = shared.get(drawing, &mut gizmos, || wireframe(axis.level(level), colors));
         let gizmo = Gizmo { handle: lines, line_config: group.line.clone(), depth_bias: group.depth_bias };
         let layers = group.render_layers.clone();
-        // One that has gone in the meantime leaves no lines behind.
+        // An entity that has been despawned in the meantime gets no child.
         commands.entity(entity).queue_silenced(move |mut body: EntityWorldMut| {
             let child = (Outline, gizmo, layers, ChildOf(body.id()));
             let outline = body.world_scope(|world| world.spawn(child).id());
@@ -112,7 +112,7 @@ fn remove(commands: &mut Commands, entity: Entity, outlined: &Outlined) {
     commands.entity(entity).try_remove::<Outlined>();
 }
 
-/// The colours of an entity's spheres, cones and slabs. `coarseness` of its level of detail: from 0 for the finest to 1 for the coarsest.
+/// Returns the colours of an entity's spheres, cones and slabs. `coarseness` of its level of detail: from 0 for the finest to 1 for the coarsest.
 fn colors(enabled: bool, layers: &MedialGizmos, coarseness: f32, gizmo: Option<&MedialGizmo>) -> [Option<Color>; 3] {
     [layers.spheres, layers.cones, layers.slabs].map(|layer| {
         let is_drawn = gizmo.map_or(enabled && layer.enabled, |gizmo| gizmo.enabled);
@@ -121,7 +121,7 @@ fn colors(enabled: bool, layers: &MedialGizmos, coarseness: f32, gizmo: Option<&
     })
 }
 
-/// From blue for the finest by green and yellow to red for the coarsest.
+/// Blue for the finest level, then green and yellow, red for the coarsest.
 fn color_of_level(coarseness: f32) -> Color {
     Color::hsl(220.0 * (1.0 - coarseness).max(0.0), 0.85, 0.55)
 }
@@ -130,7 +130,7 @@ fn bits(color: Color) -> [u32; 4] {
     color.to_linear().to_f32_array().map(f32::to_bits)
 }
 
-/// Passes changes of line width and the like on.
+/// Applies changes of line width, depth bias and render layers to existing lines.
 pub(super) fn follow_config(
     store: Res<GizmoConfigStore>,
     mut outlines: Query<(&mut Gizmo, &mut RenderLayers), Or<(With<Outline>, With<StopOutline>)>>,

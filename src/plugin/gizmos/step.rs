@@ -1,4 +1,4 @@
-//! Lines of what the last step has done, anew in every frame.
+//! Lines of the last step, drawn again in every frame.
 
 use bevy::prelude::*;
 
@@ -12,7 +12,7 @@ use crate::{
 /// Sides of a circle.
 const SIDES: u32 = 16;
 
-/// Lets the next step keep its candidates if they are to be drawn.
+/// Makes the next step report its candidates if they are to be drawn.
 pub(super) fn ask_for_candidates(mut step: ResMut<MedialStep>, store: Res<GizmoConfigStore>) {
     let (group, layers) = store.config::<MedialGizmos>();
     let wanted = group.enabled && layers.candidates.enabled;
@@ -38,7 +38,7 @@ pub(super) fn draw(
     draw.stops(&layers.stops, layers.normal_length);
 }
 
-/// The colour of a layer for an entity; none if it is not to be drawn.
+/// Returns the colour of a layer for an entity; none if it is not to be drawn.
 pub(super) fn color(layer: &MedialGizmoLayer, gizmo: Option<&MedialGizmo>) -> Option<Color> {
     match gizmo {
         Some(gizmo) => (layer.enabled && gizmo.enabled).then(|| gizmo.color.unwrap_or(layer.color)),
@@ -57,7 +57,7 @@ impl Draw<'_, '_, '_> {
         color(layer, self.overrides.get(entity).ok())
     }
 
-    /// The same for a pair, by its first side if that has a colour of its own.
+    /// The same for a pair. It is the colour of the first side if that has its own, or else that of the second.
     fn color_of_pair(&self, layer: &MedialGizmoLayer, sides: [Side; 2]) -> Option<Color> {
         let [first, second] = sides.map(|side| self.color(layer, self.step.info(side).entity));
         first.zip(second).map(|(first, second)| if first == layer.color { second } else { first })
@@ -138,7 +138,7 @@ impl Draw<'_, '_, '_> {
             let side = Side::Body(stop.body);
             let Some(color) = self.color(layer, self.step.info(side).entity) else { continue };
             let solid = self.step.solid(side);
-            // Medial shapes have lines that are retained.
+            // Medial shapes have retained lines.
             if solid.medial().is_none() {
                 self.add_box(stop.pose, solid.aabb(), color);
             }
@@ -157,7 +157,7 @@ impl Draw<'_, '_, '_> {
     }
 }
 
-/// The middle of a primitive's spheres, in the frame of the body.
+/// The mean of a primitive's sphere centres, in the frame of the body.
 fn middle(shape: &Shape, primitive: u32) -> Vec3 {
     let primitive: &Primitive = &shape.axis.primitives()[primitive as usize];
     let centers = primitive.indices().iter().map(|&i| shape.axis.spheres()[i as usize].center);

@@ -1,4 +1,4 @@
-//! Shapes of bodies where they have stopped: lines that are retained as those beside bodies, at the pose of the stop.
+//! Shapes of bodies at their stops. Their lines are retained, like those beside bodies.
 
 use bevy::prelude::*;
 
@@ -13,11 +13,11 @@ use crate::{
     plugin::{MedialLevel, MedialMesh, MedialStep},
 };
 
-/// Shows the shape of a body that has stopped. As many as there are such bodies, each for another one in each step.
+/// Shows the shape of a body that has stopped. Each step uses these entities again, for other bodies.
 #[derive(Component)]
 pub(super) struct StopOutline;
 
-/// Puts an outline at each stop of the last step.
+/// Places an outline at each stop of the last step.
 pub(super) fn outline(
     mut commands: Commands,
     step: Res<MedialStep>,

@@ -10,10 +10,10 @@ const SPHERE_SIDES: u32 = 16;
 /// Lines along a cone.
 const CONE_LINES: u32 = 4;
 
-/// Lines of a shape, in its own frame, in colours for its spheres, cones and slabs. What has none is left out.
+/// Lines of a shape in its own frame. Spheres, cones and slabs without a colour are left out.
 pub(super) fn wireframe(axis: &MedialAxis, [spheres, cones, slabs]: [Option<Color>; 3]) -> GizmoAsset {
     let mut lines = GizmoAsset::new();
-    // Where a plane of that normal touches a sphere.
+    // The point at which a plane with this normal touches a sphere.
     let touched = |corner: u32, normal: Vec3| {
         let sphere = &axis.spheres()[corner as usize];
         sphere.center + normal * sphere.radius

@@ -1,4 +1,4 @@
-//! What happens where the GPU looks ahead and nobody waits for it.
+//! The GPU looks ahead: it culls future steps, and no step waits for it.
 
 use bevy::{
     diagnostic::{DiagnosticPath, DiagnosticsStore},
@@ -20,7 +20,8 @@ use crate::{
     log,
 };
 
-/// Bodies that fly on without touching each other, spin, and do not turn about their origin; every other one is a ball of rapier's.
+/// Spinning bodies in free flight that never touch each other. They alternate between medial cones, whose centre of mass is off their origin, and
+/// balls of rapier.
 fn spawn_flight(app: &mut App) -> Vec<Entity> {
     let head = |x: f32, radius: f32| bevy_medial::geometry::Sphere::new(Vec3::X * x, radius);
     let mesh = mesh(app, MedialAxis::cone(head(0.1, 0.2), head(0.7, 0.1)).unwrap());
@@ -40,7 +41,7 @@ fn spawn_flight(app: &mut App) -> Vec<Entity> {
 }
 
 #[test]
-fn bodies_that_keep_to_their_way_are_not_culled_again() {
+fn bodies_on_their_predicted_path_are_not_culled_again() {
     if device().is_none() {
         return;
     }
@@ -58,7 +59,7 @@ fn bodies_that_keep_to_their_way_are_not_culled_again() {
     }
     assert!(answered > 30, "{answered}");
 
-    // Two are struck, and leave it.
+    // Two bodies get another velocity and leave their predicted path.
     for &body in &bodies[2..4] {
         app.world_mut().get_mut::<Velocity>(body).unwrap().linear = Vec3::Y * -30.0;
     }
@@ -69,13 +70,13 @@ fn bodies_that_keep_to_their_way_are_not_culled_again() {
 }
 
 #[test]
-fn a_stack_stands_the_same_way() {
+fn a_stack_is_identical_on_cpu_and_gpu() {
     check_stack(200);
 }
 
 #[test]
 #[ignore = "exhaustive"]
-fn exhaustive_a_stack_stands_the_same_way() {
+fn exhaustive_a_stack_is_identical_on_cpu_and_gpu() {
     check_stack(400);
 }
 
@@ -107,11 +108,11 @@ fn check_stack(steps: usize) {
         touching += usize::from(step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count() >= 10);
         departed += step.gpu_departed;
     }
-    println!("{latencies:?}, {touching} steps with all in touch, {departed} bodies off their way");
+    println!("{latencies:?}, {touching} steps with all bodies in contact, {departed} bodies off their predicted path");
     assert!(latencies.answered() * 8 > steps * 7 && touching * 4 > steps * 3 && departed < steps);
 }
 
-/// What is saved with a world can be loaded, whatever there is in it by then.
+/// Asserts that the serialised text of a value can be deserialised, because worlds are saved as text.
 fn assert_comes_back_from_text(value: &impl Reflect, world: &World) {
     let registry = world.resource::<AppTypeRegistry>().read();
     let registration = registry.get(value.type_id()).unwrap();
@@ -121,7 +122,7 @@ fn assert_comes_back_from_text(value: &impl Reflect, world: &World) {
 }
 
 #[test]
-fn diagnostics_tell_times_and_latency() {
+fn diagnostics_report_gpu_times_and_latency() {
     if device().is_none() {
         return;
     }
@@ -148,7 +149,7 @@ fn diagnostics_tell_times_and_latency() {
         }
         assert_comes_back_from_text(app.world().resource::<MedialStep>(), app.world());
 
-        // Nothing is told of steps that the CPU culls.
+        // Steps culled on the CPU add no values to the diagnostics of the GPU.
         let told = |app: &App| {
             let of_steps = [diagnostic_paths::GPU_LATENCY, diagnostic_paths::GPU_DEPARTED];
             diagnostic_paths::GPU.into_iter().chain(of_steps).map(|path| diagnostic(app, &path)).collect::<Vec<_>>()
@@ -162,7 +163,7 @@ fn diagnostics_tell_times_and_latency() {
 }
 
 #[test]
-fn buffers_grow_meanwhile() {
+fn buffers_grow_while_the_gpu_looks_ahead() {
     if device().is_none() {
         return;
     }
@@ -170,7 +171,7 @@ fn buffers_grow_meanwhile() {
     ahead.insert_resource(GpuCapacity { pairs: 1, chords: 1, candidates: 1, survivors: 1 });
     let mut latencies = Latencies::default();
     let mut steps = 0;
-    // How soon answers come is a matter of the machine.
+    // The number of steps until the answers arrive depends on the machine.
     while latencies.answered() < 20 {
         assert!(steps < 600, "{latencies:?}");
         cpu.update();
@@ -179,20 +180,20 @@ fn buffers_grow_meanwhile() {
         latencies.note(&ahead);
         steps += 1;
     }
-    // The answers before there was room are lost, and the CPU takes over.
+    // Answers are lost until the buffers are large enough. The CPU culls these steps.
     assert!(steps > 20 + 2, "{latencies:?}");
 }
 
-/// What `MedialBackend::Auto` does, and that the log says why.
+/// `MedialBackend::Auto` chooses a back end, and the log contains the reason.
 #[test]
-fn automatic_choice_is_told() {
+fn the_automatic_choice_is_logged() {
     let Some(gpu) = device() else { return };
     let mut app = app_ahead("dinosaur", MedialBackend::Auto);
     (0..40).for_each(|_| app.update());
     let lines = log::lines("medial meshes are culled on the ");
     println!("{lines:?}");
     if gpu.is_software() {
-        let why = format!("culled on the CPU: `{}`, which renders, is a program on it", gpu.name());
+        let why = format!("culled on the CPU: `{}` is a software renderer", gpu.name());
         assert!(lines.iter().any(|line| line.contains(&why)), "{lines:?}");
         assert!(!culled_on_gpu(&app));
     } else {

@@ -1,4 +1,4 @@
-//! Fast impacts and near misses where the GPU culls: none is lost, none leaves a trace.
+//! Fast impacts and near misses with culling on the GPU: no impact is lost, and near misses change no motion.
 
 use std::{ops::Range, sync::Mutex};
 
@@ -9,16 +9,16 @@ use bevy_medial_compare::renderer::rendering_app;
 use super::device;
 use crate::flights;
 
-/// What the apps have seen in which the GPU looks ahead.
+/// Counts over all apps in which the GPU looks ahead.
 static AHEAD: Mutex<Seen> = Mutex::new(Seen { steps: 0, answered: 0, impacts: 0 });
 
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     /// Steps with impacts.
     steps: usize,
-    /// Those of them that went by an answer of the GPU.
+    /// Steps with impacts that used an answer of the GPU.
     answered: usize,
-    /// The impacts in those of them in which no body had left its way: the CPU has culled nothing.
+    /// Impacts in the answered steps in which no body had left its predicted path, so the CPU culled nothing.
     impacts: usize,
 }
 
@@ -53,7 +53,7 @@ fn check(app: fn(f32) -> App, cells: Range<usize>) {
 }
 
 #[test]
-fn bullets_hit_where_the_gpu_is_waited_for() {
+fn bullets_hit_when_steps_wait_for_the_gpu() {
     if device().is_some() {
         check(waiting, 0..4);
     }
@@ -61,14 +61,14 @@ fn bullets_hit_where_the_gpu_is_waited_for() {
 
 #[test]
 #[ignore = "exhaustive"]
-fn exhaustive_bullets_hit_where_the_gpu_is_waited_for() {
+fn exhaustive_bullets_hit_when_steps_wait_for_the_gpu() {
     if device().is_some() {
         check(waiting, 0..12);
     }
 }
 
 #[test]
-fn bullets_hit_where_the_gpu_looks_ahead() {
+fn bullets_hit_when_the_gpu_looks_ahead() {
     if device().is_some() {
         check_ahead(8..12, 20);
     }
@@ -76,13 +76,13 @@ fn bullets_hit_where_the_gpu_looks_ahead() {
 
 #[test]
 #[ignore = "exhaustive"]
-fn exhaustive_bullets_hit_where_the_gpu_looks_ahead() {
+fn exhaustive_bullets_hit_when_the_gpu_looks_ahead() {
     if device().is_some() {
         check_ahead(0..12, 60);
     }
 }
 
-/// The GPU must have answered for nine in ten steps with impacts, and for more than `impacts` impacts in all.
+/// The GPU must have answered for more than four in five steps with impacts, and for more than `impacts` impacts in total.
 fn check_ahead(cells: Range<usize>, impacts: usize) {
     check(ahead, cells);
     let seen = *AHEAD.lock().unwrap();

@@ -1,4 +1,4 @@
-//! Steps that the GPU has culled end as those that the CPU has culled, to the bit.
+//! Steps culled on the GPU have results with the same bits as steps culled on the CPU.
 
 use bevy::tasks::{ComputeTaskPool, TaskPool};
 use bevy_medial::{
@@ -23,7 +23,7 @@ pub fn run_on_gpu(culling: &mut GpuCulling, input: &StepInput, statics: &Statics
     step_from_candidates(input, statics, candidates, |_, _| Meeting::Stopping, pool())
 }
 
-/// Compares both on random steps, and the GPU with itself; impacts, contacts, stops and pairs that were reached.
+/// Compares the GPU with the CPU and with itself on random steps. Returns the numbers of impacts, contacts, stops and pairs.
 pub fn compare(
     culling: &mut GpuCulling,
     steps: usize,
@@ -34,7 +34,7 @@ pub fn compare(
         let (input, statics) = random_step();
         let cpu = step(&input, &statics, pool());
         let candidates = culling.cull(&input, &statics).unwrap();
-        assert_eq!(candidates, culling.cull(&input, &statics).unwrap(), "step {number}, once more");
+        assert_eq!(candidates, culling.cull(&input, &statics).unwrap(), "step {number}, culled twice");
         let gpu = step_from_candidates(&input, &statics, candidates, |_, _| Meeting::Stopping, pool());
         assert_eq!(cpu.pairs, gpu.pairs, "step {number}");
         assert_eq!(cpu.manifolds, gpu.manifolds, "step {number}");
@@ -46,13 +46,13 @@ pub fn compare(
 }
 
 #[test]
-fn nothing_is_lost() {
+fn random_steps_equal_those_of_the_cpu() {
     check_random_steps(30);
 }
 
 #[test]
 #[ignore = "exhaustive"]
-fn exhaustive_nothing_is_lost() {
+fn exhaustive_random_steps_equal_those_of_the_cpu() {
     check_random_steps(300);
 }
 
@@ -67,7 +67,7 @@ fn check_random_steps(steps: usize) {
     let mut random = Random(3);
     let many = compare(&mut culling, 5, || {
         let (mut input, statics) = random_step(&mut random, 1100, 20, 12.0, Vec3::splat(1024.0));
-        // Otherwise they carry each other all over the room.
+        // Otherwise bodies push each other through the whole room.
         input.bodies.iter_mut().for_each(|body| body.stops = body.active);
         (input, statics)
     });
@@ -81,7 +81,7 @@ fn shapes_are_uploaded_once() {
     let Some(gpu) = device() else { return };
     let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
     let (mut input, statics) = random_step(&mut Random(2), 40, 10, 2.0, Vec3::ZERO);
-    // Otherwise they carry each other along, and a step is culled more than once.
+    // Otherwise bodies push each other along, and a step is culled more than once.
     input.bodies.iter_mut().for_each(|body| body.stops = body.active);
     let mut uploaded = |input: &StepInput| {
         let before = culling.uploaded();
@@ -96,8 +96,8 @@ fn shapes_are_uploaded_once() {
         assert_eq!(uploaded(&input), poses);
     }
 
-    // Of new ones the first makes the table grow, and the second goes up alone: a sphere and its bound, both as primitives, a node, and where
-    // these are.
+    // The first new shape makes the table grow. The second one uploads only itself: a sphere and its bound, both as primitives, a node, and their
+    // positions in the table.
     let mut with_ball = |radius: f32| {
         input.bodies[0].solid = Solid::Medial(Shape::new(MedialAxis::sphere(radius).unwrap()));
         uploaded(&input)

@@ -1,4 +1,4 @@
-//! What may go wrong on a GPU loses nothing.
+//! Faults of the GPU lose no contacts.
 
 use std::{
     process::Command,
@@ -37,7 +37,7 @@ use crate::{
 const TINY: GpuCapacity = GpuCapacity { pairs: 1, chords: 1, candidates: 1, survivors: 1 };
 
 #[test]
-fn buffers_that_are_too_small_grow() {
+fn too_small_buffers_grow() {
     let Some(gpu) = device() else { return };
     let mut culling = GpuCulling::new(gpu, TINY).unwrap();
     let mut random = Random(5);
@@ -48,7 +48,7 @@ fn buffers_that_are_too_small_grow() {
 }
 
 #[test]
-fn apps_set_the_first_size_of_buffers() {
+fn apps_set_the_initial_size_of_buffers() {
     if device().is_none() {
         return;
     }
@@ -65,7 +65,7 @@ fn apps_set_the_first_size_of_buffers() {
     assert_eq!(lines.len(), 1, "{lines:?}");
 }
 
-/// A device that takes `bytes` in a buffer.
+/// A device that allows `bytes` bytes in a buffer.
 fn small_device(bytes: u64) -> GpuDevice {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapter = block_on(instance.request_adapter(&Default::default())).unwrap();
@@ -76,17 +76,17 @@ fn small_device(bytes: u64) -> GpuDevice {
 }
 
 #[test]
-fn a_step_that_is_too_large_is_refused_alone() {
+fn an_oversized_step_does_not_affect_other_steps() {
     if device().is_none() {
         return;
     }
-    // No multiple of what sizes are multiples of.
+    // This limit is not a multiple of the granularity of buffer sizes.
     let mut culling = GpuCulling::new(&small_device(1_000_004), TINY).unwrap();
     let mut random = Random(8);
     let mut small = |culling: &mut GpuCulling| compare(culling, 5, || random_step(&mut random, 12, 5, 2.0, Vec3::ZERO));
     small(&mut culling);
 
-    // More than half of the limit in bodies, and more than the limit in chords.
+    // The bodies need more than half of the limit, and the chords more than the whole limit.
     let (input, statics) = random_step(&mut Random(9), 5000, 20, 20.0, Vec3::ZERO);
     for _ in 0..2 {
         let error = culling.cull(&input, &statics).unwrap_err();
@@ -94,7 +94,7 @@ fn a_step_that_is_too_large_is_refused_alone() {
     }
     small(&mut culling);
 
-    // More than the limit in a shape.
+    // A single shape needs more than the limit.
     let shape = Shape::new(MedialAxis::torus(0.5, 0.1, 100_000).unwrap());
     let bodies = [0.0, 0.7].map(|x| Body::new(shape.clone(), Sweep::at_rest(Pose3::from_translation(Vec3::X * x))));
     let input = StepInput { bodies: bodies.into(), prediction: 0.01, ..default() };
@@ -106,7 +106,7 @@ fn a_step_that_is_too_large_is_refused_alone() {
 }
 
 #[test]
-fn devices_that_cannot_do_it_are_told() {
+fn unsuitable_devices_are_errors() {
     let Some(gpu) = device() else { return };
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapter = block_on(instance.request_adapter(&Default::default())).unwrap();
@@ -118,7 +118,7 @@ fn devices_that_cannot_do_it_are_told() {
 }
 
 #[test]
-fn numbers_that_are_none_are_refused_and_named() {
+fn non_finite_numbers_are_errors_that_name_the_body() {
     let Some(gpu) = device() else { return };
     let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
     let mut random = Random(10);
@@ -145,7 +145,7 @@ fn numbers_that_are_none_are_refused_and_named() {
 }
 
 #[test]
-fn bodies_that_are_nowhere_are_named_and_the_rest_goes_on() {
+fn bodies_without_finite_position_are_logged_and_skipped() {
     if device().is_none() {
         return;
     }
@@ -158,7 +158,7 @@ fn bodies_that_are_nowhere_are_named_and_the_rest_goes_on() {
                 app.world_mut().spawn((Name::new("a body that is nowhere"), RigidBody::Dynamic, mesh, nowhere));
             }
             if number == 40 {
-                // One that was somewhere.
+                // A body that had a finite position.
                 let mut bodies = app.world_mut().query_filtered::<(&RigidBody, &mut Transform), With<MedialMesh>>();
                 let mut bodies = bodies.iter_mut(app.world_mut());
                 let is_somewhere = |(body, transform): &(&RigidBody, Mut<Transform>)| {
@@ -176,7 +176,7 @@ fn bodies_that_are_nowhere_are_named_and_the_rest_goes_on() {
 }
 
 #[test]
-fn few_bodies_are_no_special_case() {
+fn few_bodies_are_culled_correctly() {
     let Some(gpu) = device() else { return };
     let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
     let nothing = run_on_gpu(&mut culling, &StepInput::default(), &Statics::default());
@@ -193,7 +193,7 @@ fn few_bodies_are_no_special_case() {
 }
 
 #[test]
-fn bodies_in_one_place_meet_each_other() {
+fn bodies_at_one_position_all_meet() {
     let Some(gpu) = device() else { return };
     let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
     let mut random = Random(7);
@@ -227,18 +227,18 @@ fn a_lost_device_loses_no_contact() {
             cpu.update();
             gpu.update();
             assert_same(&cpu, &gpu, &format!("step {number}"));
-            // Some answers are on their way.
+            // Some earlier answers may still arrive.
             if number > 65 {
                 after.note(&gpu);
             }
         }
-        assert_eq!(after.waited() + after.answered(), 0, "it goes on on a device that is lost");
+        assert_eq!(after.waited() + after.answered(), 0, "the lost device is still used");
         assert_eq!(told(), way + 1);
     }
 }
 
 #[test]
-fn shapes_may_change_and_go_while_they_are_in_use() {
+fn shapes_may_change_or_disappear_while_in_use() {
     if device().is_none() {
         return;
     }
@@ -250,7 +250,7 @@ fn shapes_may_change_and_go_while_they_are_in_use() {
                 match number {
                     10 => load_smaller_tori(app),
                     20 => remove_shapes(app),
-                    // Others, which the GPU does not know yet.
+                    // New shapes that are not on the GPU yet.
                     40 => Scene::by_name("rods").unwrap().spawn(app.world_mut(), models(), 1),
                     _ => {}
                 }
@@ -282,22 +282,22 @@ fn remove_shapes(app: &mut App) {
 }
 
 #[test]
-fn full_memory_is_told_to_nobody_else() {
+fn out_of_memory_does_not_reach_the_error_handler() {
     if device().is_none() {
         return;
     }
     let child = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "gpu::faults::runs_where_memory_is_full", "--ignored", "--nocapture"])
+        .args(["--exact", "gpu::faults::child_process_with_full_memory", "--ignored", "--nocapture"])
         .output()
         .unwrap();
     let [out, err] = [child.stdout, child.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
     assert!(child.status.success() && out.contains("1 passed"), "{out}{err}");
 }
 
-/// Run by [`full_memory_is_told_to_nobody_else`], as the limit is that of a process.
+/// Run by [`out_of_memory_does_not_reach_the_error_handler`] because the limit applies to the whole process.
 #[test]
 #[ignore = "limits the memory of the process"]
-fn runs_where_memory_is_full() {
+fn child_process_with_full_memory() {
     let gpu = small_device(1 << 27);
     let told = Arc::new(AtomicBool::new(false));
     let whoever = told.clone();
@@ -310,13 +310,13 @@ fn runs_where_memory_is_full() {
     let many = GpuCapacity { candidates: 7_000_000, ..TINY };
     let mut large = GpuCulling::new(&gpu, many).unwrap();
     let (input, statics) = random_step(&mut Random(9), 12, 5, 2.0, Vec3::ZERO);
-    // In pages of 4 KiB, the first number.
+    // The first number is the size in pages of 4 KiB.
     let used: u64 = std::fs::read_to_string("/proc/self/statm").unwrap().split(' ').next().unwrap().parse().unwrap();
     let limit = |bytes: &str| {
         let args = ["--pid", &std::process::id().to_string(), &format!("--as={bytes}")];
         assert!(Command::new("prlimit").args(args).status().unwrap().success());
     };
-    // The hard limit stays, so that it can be taken back: without memory a test cannot even fail.
+    // Only the soft limit changes, so that it can be raised again: without memory a test cannot report its failure.
     limit(&format!("{}:unlimited", used * 4096 + (48 << 20)));
     let errors: Vec<GpuError> = (0..2).map(|_| large.cull(&input, &statics).unwrap_err()).collect();
     limit("unlimited:unlimited");
@@ -324,12 +324,12 @@ fn runs_where_memory_is_full() {
         assert!(error.is_of_one_step() && error.to_string().contains("has no memory left for"), "{error}");
     }
     small(&mut culling);
-    assert!(!told.load(Ordering::Relaxed), "whoever handles the errors of the device was told");
+    assert!(!told.load(Ordering::Relaxed), "the error handler of the device was called");
 }
 
-/// What the passes need more of is not gone around by another device.
+/// If the renderer's device lacks storage buffers, no other device replaces it.
 #[test]
-fn a_renderer_that_cannot_do_it_leaves_it_to_the_cpu() {
+fn the_cpu_culls_if_the_renderer_is_unsuitable() {
     let Some(gpu) = device() else { return };
     let told = || log::lines("allows 4 storage buffers in a pass, 8 are needed");
     for (way, pipelined) in [false, true].into_iter().enumerate() {
@@ -354,9 +354,9 @@ fn a_renderer_that_cannot_do_it_leaves_it_to_the_cpu() {
 }
 
 #[test]
-fn without_an_adapter_the_cpu_does_it() {
+fn the_cpu_culls_without_an_adapter() {
     let child = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "gpu::faults::runs_where_there_is_no_adapter", "--ignored", "--nocapture"])
+        .args(["--exact", "gpu::faults::child_process_without_an_adapter", "--ignored", "--nocapture"])
         .envs([("VK_DRIVER_FILES", "/nonexistent"), ("VK_ICD_FILENAMES", "/nonexistent"), ("WGPU_BACKEND", "vulkan")])
         .output()
         .unwrap();
@@ -364,10 +364,10 @@ fn without_an_adapter_the_cpu_does_it() {
     assert!(child.status.success() && text.contains("1 passed"), "{text}");
 }
 
-/// Run by [`without_an_adapter_the_cpu_does_it`].
+/// Run by [`the_cpu_culls_without_an_adapter`].
 #[test]
-#[ignore = "wants a machine without an adapter"]
-fn runs_where_there_is_no_adapter() {
+#[ignore = "needs a process without an adapter"]
+fn child_process_without_an_adapter() {
     assert!(matches!(bevy_medial::gpu::GpuDevice::request(), Err(GpuError::NoAdapter(_))));
     let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app("rods", backend));
     for step in 0..30 {

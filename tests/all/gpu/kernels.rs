@@ -1,4 +1,4 @@
-//! The time of impact of the shaders is that of the CPU, and as right.
+//! The shaders compute the same times of impact as the CPU, and as accurately.
 
 use std::sync::Mutex;
 
@@ -24,7 +24,7 @@ fn moving<const N: usize>(random: &mut Random, center: Vec3, motion: Vec3) -> Mo
     }
 }
 
-/// Pairs of a kind, and what the CPU finds for them.
+/// Adds pairs of a kind, each with the result of the CPU.
 fn add<const N: usize, B: MovingConvex>(
     random: &mut Random,
     pairs: &mut Vec<(MovingPair, TimeOfImpact)>,
@@ -40,7 +40,7 @@ fn add<const N: usize, B: MovingConvex>(
 }
 
 #[test]
-fn times_of_impact_agree() {
+fn times_of_impact_agree_with_the_cpu() {
     let Some(gpu) = device() else { return };
     let mut random = Random(3);
     let mut pairs = Vec::new();
@@ -64,7 +64,7 @@ fn times_of_impact_agree() {
     for ((number, (_, cpu)), gpu) in pairs.iter().enumerate().zip(&found) {
         counts[cpu.status as usize] += 1;
         if cpu.status != gpu.status {
-            // By a hair.
+            // Borderline pairs may differ.
             differ += 1;
             continue;
         }
@@ -86,12 +86,12 @@ fn times_of_impact_agree() {
 }
 
 #[test]
-fn no_pairs_have_no_times() {
+fn empty_input_gives_empty_output() {
     let Some(gpu) = device() else { return };
     assert!(GpuImpacts::new(gpu).unwrap().run(&[]).unwrap().is_empty());
 }
 
-/// Of every category and kind, by the reference that the CPU's kernels are judged by.
+/// Pairs of every category and kind, judged by the same reference as the CPU's kernels.
 #[test]
 fn times_of_impact_agree_with_reference() {
     let Some(gpu) = device() else { return };

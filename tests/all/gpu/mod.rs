@@ -1,4 +1,4 @@
-//! The GPU back end has the results of the CPU.
+//! The GPU back end has the same results as the CPU.
 //!
 //! Without an adapter the tests print that they are skipped, and pass. With `MEDIAL_REQUIRE_GPU=1` they fail.
 
@@ -15,7 +15,7 @@ use bevy_medial::gpu::GpuDevice;
 
 use crate::log;
 
-/// The device, if there is one; otherwise the test says that it is skipped. From the first call on what is logged is kept.
+/// The GPU device. Without one, prints that the test is skipped. The first call also starts to record the log.
 fn device() -> Option<&'static GpuDevice> {
     static DEVICE: OnceLock<Result<GpuDevice, String>> = OnceLock::new();
     let device = DEVICE.get_or_init(|| {
@@ -26,7 +26,7 @@ fn device() -> Option<&'static GpuDevice> {
         Ok(gpu) => Some(gpu),
         Err(error) if std::env::var_os("MEDIAL_REQUIRE_GPU").is_some() => panic!("{error}"),
         Err(error) => {
-            // What `eprintln` prints is shown of tests only that fail.
+            // The test harness hides the output of `eprintln` unless the test fails.
             let test = std::thread::current();
             let _ = writeln!(std::io::stderr(), "skipped: {}: {error}", test.name().unwrap_or_default());
             None

@@ -1,4 +1,4 @@
-//! Every scene goes the same way on all back ends, to the bit.
+//! Every scene has the same bits on all back ends.
 
 use bevy::prelude::*;
 use bevy_medial::{
@@ -14,26 +14,26 @@ use crate::common::{DT, models, position, spawn_flying};
 
 const STEPS: usize = 300;
 
-/// An app with a scene, without a renderer: the GPU is waited for.
+/// An app with a scene and without a renderer: each step waits for the GPU.
 pub fn app(scene: &str, backend: MedialBackend) -> App {
     with_scene(headless_app(DT), scene, backend)
 }
 
-/// An app with a scene in which the GPU looks ahead, if it is the back end.
+/// An app with a scene and a renderer. The GPU looks ahead if it is the back end.
 pub fn app_ahead(scene: &str, backend: MedialBackend) -> App {
     let mut app = with_scene(rendering_app(DT), scene, backend);
     app.world_mut().resource_mut::<MedialSettings>().pipelined = true;
     app
 }
 
-/// Spawns a scene, to be culled by a back end.
+/// Spawns a scene and selects the back end that culls it.
 pub fn with_scene(mut app: App, scene: &str, backend: MedialBackend) -> App {
     app.world_mut().resource_mut::<MedialSettings>().backend = backend;
     Scene::by_name(scene).unwrap().spawn(app.world_mut(), models(), 1);
     app
 }
 
-/// Asserts that two apps have had the same step, to the bit: pairs with their impacts and fractions, contacts, stops.
+/// Asserts that the last steps of two apps have the same bits: pairs with their impacts and fractions, contacts, stops.
 pub fn assert_same(cpu: &App, gpu: &App, what: &str) {
     let [cpu, gpu] = [cpu, gpu].map(|app| app.world().resource::<MedialStep>());
     assert_same_items(&cpu.output.pairs, &gpu.output.pairs, &format!("{what}: pair"));
@@ -41,7 +41,7 @@ pub fn assert_same(cpu: &App, gpu: &App, what: &str) {
     assert_same_items(&cpu.output.stops, &gpu.output.stops, &format!("{what}: stop"));
 }
 
-/// Asserts that two lists are the same, and tells the first item that is not.
+/// Asserts that two lists are equal, and names the first item that differs.
 fn assert_same_items<T: PartialEq + std::fmt::Debug>(cpu: &[T], gpu: &[T], what: &str) {
     for (index, (cpu, gpu)) in cpu.iter().zip(gpu).enumerate() {
         assert_eq!(cpu, gpu, "{what} {index}");
@@ -54,7 +54,7 @@ pub fn culled_on_gpu(app: &App) -> bool {
     app.world().resource::<MedialStep>().gpu_latency.is_some()
 }
 
-/// Steps culled on the CPU, and by answers that were none to four steps late.
+/// Number of steps culled on the CPU, and of steps culled by GPU answers that were 0 to 4 steps late.
 #[derive(Debug, Default)]
 pub struct Latencies {
     cpu: usize,
@@ -62,7 +62,7 @@ pub struct Latencies {
 }
 
 impl Latencies {
-    /// Takes note of the last step of an app.
+    /// Counts the last step of an app.
     pub fn note(&mut self, app: &App) {
         match app.world().resource::<MedialStep>().gpu_latency {
             Some(steps) => self.gpu[steps as usize] += 1,
@@ -70,20 +70,20 @@ impl Latencies {
         }
     }
 
-    /// Steps that the GPU was waited for.
+    /// Number of steps that waited for the GPU.
     pub fn waited(&self) -> usize {
         self.gpu[0]
     }
 
-    /// Steps that went by an answer from before.
+    /// Number of steps that used the answer of an earlier step.
     pub fn answered(&self) -> usize {
         self.gpu[1..].iter().sum()
     }
 }
 
-/// A plate in a compound, tilted so little that over all of it the difference is that of its thickness many times.
+/// A plate in a compound with a very small tilt. Over the length of the plate the tilt is still many times its thickness.
 #[test]
-fn a_plate_that_is_all_but_level_is_not_culled_as_if_it_were() {
+fn a_nearly_level_plate_is_culled_with_its_tilt() {
     if device().is_none() {
         return;
     }
@@ -103,19 +103,19 @@ fn a_plate_that_is_all_but_level_is_not_culled_as_if_it_were() {
         assert_eq!(culled_on_gpu(&app), backend == MedialBackend::Gpu);
         (position(&mut app, ball), stops)
     });
-    assert!(cpu.1 > 0, "it meets nothing");
+    assert!(cpu.1 > 0, "the ball hits nothing");
     assert_eq!(cpu, gpu);
 }
 
-/// Every scene except the largest on the CPU, with the GPU waited for, and with the GPU looking ahead.
+/// Every scene except the largest: on the CPU, on the GPU with each step waiting, and on the GPU looking ahead.
 #[test]
-fn scenes_go_the_same_way() {
+fn scenes_are_identical_on_all_back_ends() {
     check_scenes(SCENES.iter().filter(|scene| scene.name != "pile"), 80);
 }
 
 #[test]
 #[ignore = "exhaustive"]
-fn exhaustive_scenes_go_the_same_way() {
+fn exhaustive_scenes_are_identical_on_all_back_ends() {
     check_scenes(SCENES.iter(), STEPS);
 }
 
@@ -125,7 +125,7 @@ fn check_scenes(scenes: impl Iterator<Item = &'static Scene>, steps: usize) {
     }
     for scene in scenes {
         let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app(scene.name, backend));
-        // Set up alike, but for the back end.
+        // These two apps differ only in their back end.
         let [mut cpu_beside, mut ahead] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|b| app_ahead(scene.name, b));
         let [mut on_cpu, mut waited, mut looked_ahead] = [const { Latencies { cpu: 0, gpu: [0; 5] } }; 3];
         let (mut contacts, mut impacts, mut departed, mut bodies) = (0, 0, 0, 0);
@@ -149,7 +149,7 @@ fn check_scenes(scenes: impl Iterator<Item = &'static Scene>, steps: usize) {
         }
         println!(
             "{}: {steps} steps, {contacts} contacts, {impacts} impacts; waited for {waited:?}, ahead {looked_ahead:?}, {departed} of {bodies} \
-             bodies off their way",
+             bodies off their predicted path",
             scene.name
         );
         assert_eq!((on_cpu.cpu, waited.waited()), (steps, steps), "{}", scene.name);

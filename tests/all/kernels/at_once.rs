@@ -1,4 +1,4 @@
-//! Many pairs at once against the reference, against the same pairs one by one, and in other company.
+//! The batch kernel compared with the reference, with the kernel for single pairs, and with itself on other batches.
 
 use bevy_medial::{
     geometry::Sphere,
@@ -16,7 +16,7 @@ use crate::{
 /// Kinds without boxes come first.
 const HULLS: usize = 5;
 
-/// Something to do with pairs in the form that the kernel takes.
+/// A computation on pairs in the form that the kernel takes.
 trait Task {
     type Output;
 
@@ -53,7 +53,7 @@ fn typed<T: Task>(kind: usize, pairs: &[Pair], task: T) -> T::Output {
     }
 }
 
-/// Until a fraction of the step.
+/// Runs the batch kernel until a fraction of the step.
 struct AtOnce(f32);
 
 impl Task for AtOnce {
@@ -86,9 +86,9 @@ fn check_times_of_impact(pairs: u64) {
     assert_all_good(&scores, pairs, HULLS);
 }
 
-/// All but few answers are the same within the tolerance of a late one. The others, of grazes, are both good.
+/// Nearly all answers agree within the tolerance for late answers. The other pairs graze, and both answers are good.
 #[test]
-fn times_of_impact_agree_with_single_ones() {
+fn batches_agree_with_single_pairs() {
     let pairs = setting("KERNEL_PAIRS", 2_000);
     let differing = for_each_case(5, |category, kind, mut random| {
         if kind >= HULLS {
@@ -110,13 +110,13 @@ fn times_of_impact_agree_with_single_ones() {
         differing
     });
     let (differing, all) = (differing.iter().sum::<usize>(), pairs as usize * CATEGORIES.len() * HULLS);
-    println!("{differing} of {all} are not as one by one");
+    println!("{differing} of {all} differ from the kernel for single pairs");
     assert!(differing * 200 < all, "{differing} of {all}");
 }
 
-/// What may not look past an earlier end finds the touches before it, and no others. But few answers differ, of grazes and of touches at that end.
+/// A search with an earlier end finds the touches before that end and no others. Few answers differ: those of grazes and of touches at the end.
 #[test]
-fn what_comes_before_an_earlier_end_is_found() {
+fn touches_before_an_earlier_end_are_found() {
     let pairs = setting("KERNEL_PAIRS", 2_000) as usize;
     let (mut hit, mut apart, mut differing) = (0, 0, 0);
     for (kind, spheres) in KINDS.into_iter().enumerate().take(HULLS) {
@@ -146,11 +146,11 @@ fn what_comes_before_an_earlier_end_is_found() {
             }
         }
     }
-    println!("{hit} hit, {apart} do not, {differing} are not as in the whole step");
+    println!("{hit} hit, {apart} do not, {differing} differ from the search over the whole step");
     assert!(hit > 1000 && apart > 1000 && differing * 200 < hit + apart, "{hit}, {apart}, {differing}");
 }
 
-/// Runs pairs in several orders and companies.
+/// Runs pairs in several orders and batch sizes.
 struct Regrouped(Random);
 
 impl Task for Regrouped {
@@ -177,7 +177,7 @@ impl Task for Regrouped {
 }
 
 #[test]
-fn company_does_not_matter() {
+fn batch_size_and_order_do_not_change_answers() {
     let pairs = setting("KERNEL_PAIRS", 2_000) as usize;
     for (kind, spheres) in KINDS.into_iter().enumerate().take(HULLS) {
         let mut random = Random(kind as u64);
@@ -191,7 +191,7 @@ fn sphere(x: f32, radius: f32, motion: f32) -> Moving<1> {
 }
 
 #[test]
-fn spheres_meet_when_they_must() {
+fn spheres_touch_at_the_exact_time() {
     assert_eq!(times_of_impact::<1, 1>(&[], 1.0), []);
     let pairs: Vec<_> = (0..100).map(|i| (sphere(0.0, 0.5, 1.0), sphere(1.0 + 0.05 * i as f32, 0.25, -1.0))).collect();
     for (i, touch) in times_of_impact(&pairs, 1.0).iter().enumerate() {
@@ -207,9 +207,9 @@ fn spheres_meet_when_they_must() {
     }
 }
 
-/// What is no number spoils nobody else's answer.
+/// Pairs with invalid numbers do not change the answers of other pairs.
 #[test]
-fn broken_pairs_stay_alone() {
+fn invalid_pairs_do_not_change_other_answers() {
     let good = (sphere(0.0, 0.5, 1.0), sphere(1.5, 0.5, -1.0));
     let broken =
         [f32::NAN, f32::INFINITY, -f32::INFINITY, f32::MAX].map(|x| (sphere(0.0, 0.5, 1.0), sphere(x, 0.5, x)));
@@ -226,9 +226,9 @@ fn moving<const N: usize>(spheres: [[f32; 7]; N]) -> Moving<N> {
     }
 }
 
-/// A cone that grows on its way: what counts as rounding is that of its size at the start, wherever the search is taken up.
+/// The cone grows during its motion. The tolerance for rounding follows its size at the start, wherever the search continues.
 #[test]
-fn a_cone_that_grows_on_its_way_is_not_grazed_early() {
+fn a_growing_cone_is_not_hit_early() {
     let ball = moving([[-0.06986772, 0.055131763, -0.1585026, 0.07863786, 0.2006373, 0.017922811, 0.15733033]]);
     let cone = moving([
         [0.3831666, 0.09043917, 0.12956569, 0.05472606, -0.21996316, 0.44477, 0.10403721],

@@ -1,6 +1,6 @@
-//! The kernels against a reference in f64 of another make, on random pairs of every category and kind.
+//! The kernels compared with an independent reference in f64, on random pairs of every category and kind.
 //!
-//! `KERNEL_SEED` draws other pairs, `KERNEL_PAIRS` sets how many per category and kind.
+//! The variable `KERNEL_SEED` selects other pairs, and `KERNEL_PAIRS` sets their number per category and kind.
 
 mod at_once;
 mod swept_cones;
@@ -25,7 +25,7 @@ fn advancement(pair: &Pair) -> TimeOfImpact {
     for_kinds!(first, second, |a, b| hulls: time_of_impact(&a, &b, 1.0), cuboid: time_of_impact(&a, &b, 1.0))
 }
 
-/// A kernel that takes pairs one by one.
+/// Runs a kernel for single pairs on each of many pairs.
 fn one_by_one(kernel: impl Fn(&Pair) -> TimeOfImpact) -> impl Fn(&[Pair]) -> Vec<Touch> {
     move |pairs| {
         pairs.iter().map(&kernel).map(|found| Touch { status: found.status, fraction: found.fraction }).collect()
@@ -49,10 +49,10 @@ fn check_time_of_impact(pairs: u64) {
     assert_all_good(&scores, pairs, KINDS.len());
 }
 
-/// A judge that finds no fault with anything would pass any kernel. The published scheme misses hits, and sees some late or early;
-/// it never sees one that is not there, which a kernel that always does must be blamed for.
+/// Proves that the judge can fail a kernel. The published scheme misses hits and reports some late or early. It has no false alarms, so
+/// kernels that report every pair as a hit check the last two verdicts.
 #[test]
-fn judge_finds_the_faults_of_alternation() {
+fn judge_finds_faults_of_wrong_kernels() {
     let pairs = setting("KERNEL_PAIRS", 500);
     let kernel = |pair: &Pair| {
         let (first, second) = pair.relative();
@@ -76,7 +76,7 @@ fn judge_finds_the_faults_of_alternation() {
     assert!(alarmist(f32::NAN)[Verdict::Invalid as usize] > 0);
 }
 
-/// How pairs lay to each other, and what was wrong with the answers.
+/// Counts of pairs by their relative position, and faults of the answers.
 #[derive(Default)]
 struct Separations {
     apart: usize,
@@ -91,12 +91,12 @@ fn balls(spheres: &[Sphere]) -> Vec<Ball> {
 }
 
 impl Separations {
-    /// What holds, with `n` the normal and `d` the distance reported:
+    /// Checks an answer with the normal `n` and the distance `d`:
     ///
     /// * `n` is a unit vector and `d` is the gap along it: for an overlap, `-d n` is a translation of the second that ends it;
-    /// * unless the centres cross, `d` is the true distance, and the points lie on the surfaces. The pair of points is one of those within
-    ///   the kernel's rounding of nearest: along `n` they are `d` apart, sideways they may be off by the square root of that;
-    /// * where they do, no translation is shorter.
+    /// * the points are `d` apart along `n`. Their sideways offset is at most about the square root of the rounding error;
+    /// * unless the centres cross, `d` is the true distance, and the points lie on the surfaces;
+    /// * if the centres cross, no shorter translation ends the overlap.
     fn check<const N: usize, B: Convex + Debug>(
         &mut self,
         a: &[Sphere; N],
@@ -125,9 +125,9 @@ impl Separations {
         fault(error.is_nan() || error > tolerance, "not the gap along the normal", error);
         let apart = (got.point2 - got.point1).as_dvec3();
         let error = (apart.dot(n) - d).abs();
-        fault(error.is_nan() || error > 2.0 * tolerance, "points are not as far apart along the normal", error);
+        fault(error.is_nan() || error > 2.0 * tolerance, "points are not that far apart along the normal", error);
         let error = apart.reject_from(n).length();
-        fault(error > (2.0 * tolerance * (size + farthest)).sqrt(), "points are not across from each other", error);
+        fault(error > (2.0 * tolerance * (size + farthest)).sqrt(), "points are offset sideways", error);
 
         if truth.normal.length() > 0.999 {
             let error = (d - truth.lower).abs();
@@ -142,7 +142,7 @@ impl Separations {
             self.crossing += 1;
             if self.crossing % 16 == 1 {
                 let shorter = difference.depth(500) - d;
-                fault(shorter > tolerance, "there is a shorter way out", shorter);
+                fault(shorter > tolerance, "a shorter translation ends the overlap", shorter);
             }
         }
     }
@@ -164,7 +164,7 @@ fn check_separation(pairs: u64) {
         let mut result = Separations::default();
         for _ in 0..pairs {
             let pair = random_pair(&mut random, category, KINDS[kind]);
-            // Half of them as they touch, where they do.
+            // Half of the pairs that hit are tested at their impact.
             let impact = advancement(&pair);
             let touch = impact.status == TimeOfImpactStatus::Hit && random.chance(0.5);
             let fraction = if touch { impact.fraction } else { random.range(0.0, 1.0) as f32 };

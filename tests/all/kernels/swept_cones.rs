@@ -1,4 +1,4 @@
-//! The cones that bodies sweep (paper, section 4.1), against plain minimisation in f64.
+//! The cones that bodies sweep (paper, section 4.1), compared with plain minimisation in f64.
 
 use std::cell::Cell;
 
@@ -12,7 +12,7 @@ use proptest::{
     test_runner::{Config, RngAlgorithm, TestCaseResult, TestRng, TestRunner},
 };
 
-/// The least value of a convex function on [0, 1].
+/// The minimum of a convex function on [0, 1].
 fn least(f: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
@@ -27,8 +27,8 @@ fn lerp(a: &Sphere, b: &Sphere, t: f64) -> (DVec3, f64) {
     (a.center.as_dvec3().lerp(b.center.as_dvec3(), t), radius1 + (radius2 - radius1) * t)
 }
 
-/// Equation 3: least of `|v(t1, t2, t3) - c(t4)| - r(t4)` over the unit tesseract.
-/// The box's edges are orthogonal, so that for a given `t4` each of the other three has a minimum of its own.
+/// Equation 3: the minimum of `|v(t1, t2, t3) - c(t4)| - r(t4)` over the unit tesseract.
+/// The box's edges are orthogonal, so for a given `t4` each of the other three is minimised separately.
 fn cone_to_box([a, b]: &[Sphere; 2], half: Vec3) -> f64 {
     least(|t4| {
         let (center, radius) = lerp(a, b, t4);
@@ -64,8 +64,8 @@ fn cone() -> impl Strategy<Value = [Sphere; 2]> {
         .prop_map(|(start, way, r1, r2)| [Sphere::new(start, r1), Sphere::new(start + way, r2)])
 }
 
-/// Checks a separation against the least value, which is the distance unless the centres meet: then the overlap is at least that deep.
-/// They can only meet where that is `deepest`, the sum of each side's least radius, or deeper.
+/// Compares a separation with the minimum `wanted`. That is the distance unless the centres meet; then the overlap is at least that deep.
+/// Centres can meet only if the overlap is at least `deepest`, the sum of the smallest radius of each side.
 fn check(got: &Separation, wanted: f64, deepest: f32, counts: &[Cell<u32>; 3]) -> TestCaseResult {
     let tolerance = 2e-5;
     let distance = f64::from(got.distance);
@@ -80,7 +80,7 @@ fn check(got: &Separation, wanted: f64, deepest: f32, counts: &[Cell<u32>; 3]) -
     Ok(())
 }
 
-/// Runs a property on the same cases every time; the counts of pairs apart, overlapping, and possibly with centres meeting.
+/// Runs a property on reproducible cases. Asserts that enough pairs are apart, overlapping, and deep enough for centres to meet.
 fn run<S: Strategy>(strategy: S, property: impl Fn(S::Value, &[Cell<u32>; 3]) -> TestCaseResult) {
     let cases = if cfg!(debug_assertions) { 2_000 } else { 20_000 };
     let config = Config { cases, failure_persistence: None, ..Config::default() };
@@ -91,11 +91,11 @@ fn run<S: Strategy>(strategy: S, property: impl Fn(S::Value, &[Cell<u32>; 3]) ->
     if let Err(error) = result {
         panic!("{error}");
     }
-    assert!(counts.iter().all(|count| count.get() > cases / 50), "{counts:?} do not reach every case");
+    assert!(counts.iter().all(|count| count.get() > cases / 50), "too few pairs of some kind: {counts:?}");
 }
 
 #[test]
-fn cone_against_box_is_the_minimum_of_equation_3() {
+fn separation_of_cone_and_box_solves_equation_3() {
     run((cone(), vec3(0.01, 2.0)), |(cone, half), counts| {
         let got = separation(&cone, &Cuboid { half }, 0);
         check(&got, cone_to_box(&cone, half), cone[0].radius.min(cone[1].radius), counts)
@@ -103,7 +103,7 @@ fn cone_against_box_is_the_minimum_of_equation_3() {
 }
 
 #[test]
-fn cone_against_cone_is_the_minimum() {
+fn separation_of_two_cones_is_the_minimum() {
     run((cone(), cone()), |(cone1, cone2), counts| {
         let deepest = cone1[0].radius.min(cone1[1].radius) + cone2[0].radius.min(cone2[1].radius);
         check(&separation(&cone1, &cone2, 0), cone_to_cone(&cone1, &cone2), deepest, counts)

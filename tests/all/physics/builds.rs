@@ -1,4 +1,4 @@
-//! Medial meshes built of Bevy's meshes while the app runs.
+//! Medial meshes built from Bevy's meshes while the app runs.
 
 use std::{fs, path::PathBuf, time::Duration};
 
@@ -16,7 +16,7 @@ use bevy_rapier3d::prelude::{Collider, RigidBody};
 
 use crate::{common::*, log};
 
-/// An app that builds.
+/// An app that builds medial meshes.
 fn app(cache: Option<PathBuf>) -> App {
     app_with((MedialPhysicsPlugin::default(), MedialBuildPlugin { cache }), &assets())
 }
@@ -38,7 +38,7 @@ fn status(app: &App, entity: Entity) -> &MedialBuildStatus {
     app.world().get(entity).unwrap()
 }
 
-/// Updates until a build has come to its end, or to something else. Updates are counted, the clock is not looked at.
+/// Updates the app until the status of a build satisfies a condition. The limit is a number of updates, not a time.
 fn wait_for(app: &mut App, entity: Entity, done: impl Fn(&MedialBuildStatus) -> bool) -> MedialBuildStatus {
     for _ in 0..60_000 {
         app.update();
@@ -47,7 +47,7 @@ fn wait_for(app: &mut App, entity: Entity, done: impl Fn(&MedialBuildStatus) -> 
         }
         std::thread::sleep(Duration::from_millis(1));
     }
-    panic!("it is {:?} still", status(app, entity));
+    panic!("the build is still {:?}", status(app, entity));
 }
 
 fn is_over(status: &MedialBuildStatus) -> bool {
@@ -72,7 +72,7 @@ fn files(folder: &PathBuf) -> Vec<PathBuf> {
 }
 
 #[test]
-fn what_is_drawn_collides() {
+fn a_built_shape_collides_and_is_shared() {
     let mut app = app(None);
     let ground = spawn_ground(&mut app);
     let mesh = add(&mut app, ring());
@@ -88,7 +88,7 @@ fn what_is_drawn_collides() {
         assert_eq!(wait_for(&mut app, body, is_over), MedialBuildStatus::Built);
     }
     assert_eq!(wait_for(&mut app, leveled, is_over), MedialBuildStatus::Built);
-    // One asset for the two, and for one that comes later; another one for other options.
+    // Both bodies and a later one share an asset. Other options give another asset.
     let late = app.world_mut().spawn((RigidBody::Dynamic, mesh, few(), Transform::from_xyz(0.0, 0.3, -3.0))).id();
     app.update();
     assert_eq!(*status(&app, late), MedialBuildStatus::Built);
@@ -104,14 +104,14 @@ fn what_is_drawn_collides() {
         assert!((height - 0.1).abs() < 0.03, "{height}");
         assert_eq!(record.counts(body, ground)[1], 0);
     }
-    // What has been built stays, and the component may go.
+    // The built shape stays when the component is removed.
     app.world_mut().entity_mut(late).remove::<BuildMedialMesh>();
     app.update();
     assert!(app.world().get::<MedialBuildStatus>(late).is_none() && app.world().get::<Collider>(late).is_some());
 }
 
 #[test]
-fn a_mesh_that_comes_later_is_waited_for_and_one_that_changes_is_built_again() {
+fn late_meshes_are_built_and_changed_meshes_built_again() {
     let mut app = app(None);
     let handle = app.world().resource::<Assets<Mesh>>().reserve_handle();
     let body = app.world_mut().spawn((Mesh3d(handle.clone()), few())).id();
@@ -120,14 +120,14 @@ fn a_mesh_that_comes_later_is_waited_for_and_one_that_changes_is_built_again() {
     let set = |app: &mut App, mesh: Mesh| app.world_mut().resource_mut::<Assets<Mesh>>().insert(&handle, mesh).unwrap();
     set(&mut app, Cuboid::new(1.0, 1.0, 1.0).into());
     wait_for(&mut app, body, is_over);
-    // Eight spheres bulge.
+    // Eight spheres bulge out of the box.
     let is_wide = |app: &App, half: f32| (axis_of(app, body).aabb().half_extents().x / half - 1.0).abs() < 0.2;
     assert!(is_wide(&app, 0.5));
     set(&mut app, Cuboid::new(3.0, 1.0, 1.0).into());
     wait_for(&mut app, body, |status| *status != MedialBuildStatus::Built);
     wait_for(&mut app, body, is_over);
     assert!(is_wide(&app, 1.5));
-    // The same by another mesh asset.
+    // A different mesh asset is built as well.
     let small = add(&mut app, Cuboid::new(0.2, 0.2, 0.2));
     app.world_mut().entity_mut(body).insert(small);
     app.update();
@@ -136,7 +136,7 @@ fn a_mesh_that_comes_later_is_waited_for_and_one_that_changes_is_built_again() {
 }
 
 #[test]
-fn a_build_that_nobody_waits_for_is_broken_off() {
+fn a_build_without_entities_is_cancelled() {
     let cache = folder("physics-broken-off");
     let mut app = app(Some(cache.clone()));
     let long = BuildMedialMesh(FitOptions { spheres: Some(200), levels: true, ..default() });
@@ -145,13 +145,13 @@ fn a_build_that_nobody_waits_for_is_broken_off() {
     let is_within = |status: &MedialBuildStatus| matches!(status, MedialBuildStatus::Building(part) if *part > 0.0);
     wait_for(&mut app, bodies[0], is_within);
     app.world_mut().despawn(bodies[0]);
-    // The other one still waits.
-    let MedialBuildStatus::Building(part) = *status(&app, bodies[1]) else { panic!("it has ended") };
+    // The other body still waits for the build.
+    let MedialBuildStatus::Building(part) = *status(&app, bodies[1]) else { panic!("the build has ended") };
     wait_for(&mut app, bodies[1], |status| matches!(status, MedialBuildStatus::Building(more) if *more > part));
     app.world_mut().entity_mut(bodies[1]).remove::<BuildMedialMesh>();
     app.update();
     assert!(app.world().get::<MedialBuildStatus>(bodies[1]).is_none());
-    // Where builds wait for one another, the next has its turn when the first is over: it has left nothing.
+    // Builds may run one after the other, so the next one ends only after the first. The cancelled build has left no file.
     let mesh = add(&mut app, Cuboid::default());
     let next = app.world_mut().spawn((mesh, few())).id();
     assert_eq!(wait_for(&mut app, next, is_over), MedialBuildStatus::Built);
@@ -160,7 +160,7 @@ fn a_build_that_nobody_waits_for_is_broken_off() {
 }
 
 #[test]
-fn what_is_wanted_again_at_once_is_built_whoever_comes_first() {
+fn a_build_requested_again_at_once_is_done_in_any_order() {
     let again = |app: &mut App| {
         let want = |mut commands: Commands, bodies: Query<Entity, (With<Mesh3d>, Without<BuildMedialMesh>)>| {
             bodies.iter().for_each(|body| _ = commands.entity(body).insert(few()));
@@ -181,7 +181,7 @@ fn what_is_wanted_again_at_once_is_built_whoever_comes_first() {
 }
 
 #[test]
-fn what_has_been_built_is_not_built_again() {
+fn a_cached_build_is_not_repeated() {
     let cache = folder("physics-cache");
     let built = |mesh: Mesh, options: BuildMedialMesh| {
         let mut app = app(Some(cache.clone()));
@@ -195,7 +195,7 @@ fn what_has_been_built_is_not_built_again() {
     let file = files(&cache);
     assert_eq!(file.len(), 1, "{file:?}");
     let bytes = fs::read(&file[0]).unwrap();
-    assert_eq!(built(ring(), few()), fresh, "the cache gives something else");
+    assert_eq!(built(ring(), few()), fresh, "the cache contains another shape");
     // A file with another content shows that it is read.
     let axis = MedialAxis::sphere(0.123).unwrap();
     let doctored = MedialLevels { levels: vec![Level { axis, error: TwoSidedError::default() }] };
@@ -205,7 +205,7 @@ fn what_has_been_built_is_not_built_again() {
     assert_ne!(built(ring(), BuildMedialMesh(FitOptions { seed: 5, ..few().0 })).0.len(), 1);
     assert_ne!(built(Cuboid::default().into(), few()).0.len(), 1);
     assert_eq!(files(&cache).len(), 3);
-    // A damaged one is written anew.
+    // A damaged file is written again.
     log::keep();
     fs::write(&file[0], &bytes[..bytes.len() / 2]).unwrap();
     assert_eq!(built(ring(), few()), fresh);
@@ -214,7 +214,7 @@ fn what_has_been_built_is_not_built_again() {
 }
 
 #[test]
-fn a_cache_that_cannot_be_written_stops_nothing() {
+fn a_build_succeeds_without_a_writable_cache() {
     log::keep();
     let cache = folder("physics-no-cache");
     fs::write(&cache, "a file where the directory should be").unwrap();
@@ -228,7 +228,7 @@ fn a_cache_that_cannot_be_written_stops_nothing() {
 }
 
 #[test]
-fn a_mesh_that_cannot_be_built_is_told_once_with_the_remedy() {
+fn a_failed_build_is_logged_once_with_the_remedy() {
     log::keep();
     let mut app = app(None);
     let flat = add(&mut app, Plane3d::default());
@@ -248,7 +248,7 @@ fn a_mesh_that_cannot_be_built_is_told_once_with_the_remedy() {
         app.update();
         assert_eq!(wait_for(&mut app, bodies[0], is_over), MedialBuildStatus::Built);
     }
-    // Nor does one that does not load stay untold.
+    // A mesh that does not load is logged as well.
     let missing = Mesh3d(app.world().resource::<AssetServer>().load("no such.mesh"));
     let body = app.world_mut().spawn((missing, few(), Name::new("unloaded thing"))).id();
     assert!(matches!(wait_for(&mut app, body, is_over), MedialBuildStatus::Failed(_)));
@@ -257,7 +257,7 @@ fn a_mesh_that_cannot_be_built_is_told_once_with_the_remedy() {
 }
 
 #[test]
-fn plugins_may_come_in_either_order() {
+fn plugins_may_be_added_in_any_order() {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, bevy::asset::AssetPlugin::default(), MedialBuildPlugin::default()));
     app.add_plugins((TransformPlugin, bevy::diagnostic::DiagnosticsPlugin, MedialPhysicsPlugin::default()));

@@ -7,13 +7,13 @@ use bevy_medial::scenes::headless_app;
 use crate::flights::{Aim, Cell, SPEEDS, check, run_hits, run_misses, shapes};
 
 #[test]
-fn bullets_hit_as_in_fine_steps_and_miss_without_a_trace() {
+fn bullets_hit_as_in_fine_steps_and_near_misses_do_not_stop() {
     check_bullets(0..6);
 }
 
 #[test]
 #[ignore = "exhaustive"]
-fn exhaustive_bullets_hit_as_in_fine_steps_and_miss_without_a_trace() {
+fn exhaustive_bullets_hit_as_in_fine_steps_and_near_misses_do_not_stop() {
     check_bullets(0..12);
 }
 
@@ -22,9 +22,9 @@ fn check_bullets(cells: Range<usize>) {
     assert!(close * 10 >= compared * 9, "{close} of {compared}");
 }
 
-/// Rods that a hit has set spinning turn once a step and slide along each other.
+/// After the hit, the rods turn once per step and slide along each other.
 #[test]
-fn rods_that_turn_once_a_step_hit_as_in_fine_steps() {
+fn rods_that_turn_once_per_step_hit_as_in_fine_steps() {
     let (_, shape) = shapes().swap_remove(0);
     let hits = run_hits(&Cell { shape, aim: Aim::Resting, speed: 50.0, spin: 0.0, app: headless_app }, 1, 20, true);
     assert!(hits.lost == 0 && hits.gains == 0 && 5 * hits.within(0.25) >= 4 * hits.ratios.len(), "{hits:?}");
@@ -32,7 +32,7 @@ fn rods_that_turn_once_a_step_hit_as_in_fine_steps() {
 }
 
 #[test]
-fn bullets_that_do_not_stop_are_lost() {
+fn without_stops_all_bullets_are_lost() {
     let (_, shape) = shapes().swap_remove(0);
     let cell = Cell { shape, aim: Aim::HeadOn, speed: 300.0, spin: 0.0, app: headless_app };
     let hits = run_hits(&cell, 1, 20, false);
@@ -41,7 +41,7 @@ fn bullets_that_do_not_stop_are_lost() {
 
 /// Every cell, as a table: `cargo test --release --test all bullets_table -- --ignored --nocapture`.
 #[test]
-#[ignore = "a quarter of an hour"]
+#[ignore = "takes a quarter of an hour"]
 fn bullets_table() {
     println!(
         "                            hits                        transfer          momentum energy behind   misses"

@@ -1,4 +1,4 @@
-//! Shape casts with medial shapes, held against f64 times of impact.
+//! Shape casts with medial shapes, compared with f64 times of impact.
 
 use bevy_medial::{
     geometry::Pose3,
@@ -17,7 +17,7 @@ use crate::{
     reference::{Ball, Difference},
 };
 
-/// A collider, and the hulls of balls that it is the union of.
+/// A collider, and the hulls of balls whose union has the same shape.
 struct Target {
     name: &'static str,
     shape: Box<dyn ParryShape>,
@@ -77,7 +77,7 @@ fn targets(random: &mut Random) -> Vec<Target> {
     ]
 }
 
-/// When two unions of hulls come within a distance, the second moving from `pose` by `velocity` in the frame of the first.
+/// Time at which two unions of hulls come within a distance. The second one moves from `pose` with `velocity`, in the frame of the first.
 fn first_within(
     first: &[Vec<Ball>],
     second: &[Vec<Ball>],
@@ -100,7 +100,7 @@ fn first_within(
         .min_by(f64::total_cmp)
 }
 
-/// Deviation from the truth of a cast's time, in metres of the way, by dispatcher and what became of the case.
+/// Counts of cases by outcome, and the largest error of a cast for one dispatcher.
 #[derive(Default, Debug)]
 struct Score {
     hits: u32,
@@ -108,13 +108,13 @@ struct Score {
     overlaps: u32,
     lost: u32,
     phantoms: u32,
-    /// Witness points that are not where they should be.
+    /// Casts with a wrong status, or with witness points at a wrong distance.
     gaps: u32,
     worst: f64,
 }
 
 #[test]
-fn linear_casts_come_to_the_distance_asked_for() {
+fn linear_casts_stop_at_the_target_distance() {
     let mut random = Random(3);
     let ours = MedialDispatcher { table: ContactTable::default() };
     let shapes = random_steps::shapes();
@@ -163,7 +163,7 @@ fn linear_casts_come_to_the_distance_asked_for() {
                             );
                             first_within(&first, &target.hulls, &pose, Vec3::ZERO, 1.0, f64::from(level) + 1e-4 * size)
                         };
-                        // A graze is early in time by more than it is off in place.
+                        // At a graze the error in time is larger than the error in distance.
                         let time = f64::from(hit.time_of_impact);
                         let off = (time - truth).abs() * speed;
                         let near = time < truth && distance(time).is_some();
@@ -175,7 +175,7 @@ fn linear_casts_come_to_the_distance_asked_for() {
                             score.gaps += u32::from(hit.status != ShapeCastStatus::PenetratingOrWithinTargetDist);
                             continue;
                         }
-                        // Witnesses: the target distance apart along the normal.
+                        // The witness points are the target distance apart along the normal.
                         let witness2 = pose12.transform_point(hit.witness2) + velocity * hit.time_of_impact;
                         let gap = witness2 - hit.witness1 - hit.normal1 * level;
                         let accuracy = 2e-3 * size as f32 + 1e-6 * offset.length();
@@ -189,7 +189,7 @@ fn linear_casts_come_to_the_distance_asked_for() {
     println!("ours {:?}\nparry's {:?}", scores[0], scores[1]);
     let [ours, _] = &scores;
     assert!(ours.hits > 250 && ours.misses > 50 && ours.overlaps > 30, "{ours:?}");
-    // Parry's algorithms see every hit through the compound, if not as exactly.
+    // Parry's algorithms find every hit through the compound, but less exactly.
     assert!(scores[1].lost == 0 && scores[1].phantoms == 0, "{:?}", scores[1]);
     assert!(ours.lost == 0 && ours.phantoms == 0 && ours.gaps == 0 && ours.worst == 0.0, "{ours:?}");
 }

@@ -1,4 +1,4 @@
-//! Medial bodies against every standard collider of rapier: distance, time of impact, rest, speed, sensors.
+//! Medial bodies with every standard collider of rapier: distance, time of impact, rest, fast impacts, sensors.
 
 use bevy::{
     math::{DVec2, DVec3},
@@ -23,22 +23,22 @@ use std::{f32::consts::FRAC_PI_2, sync::Arc};
 
 use crate::common::*;
 
-/// A collider, and the pose that turns a side of it up and puts the top of that at height 0.
+/// A collider, and the pose that turns one of its sides up and puts the top of that side at height 0.
 #[derive(Clone)]
 struct Case {
     name: &'static str,
     collider: Collider,
     pose: Transform,
-    /// A body can lie on it; else it rolls off.
+    /// True if a body can lie on it. Otherwise bodies roll off.
     flat: bool,
-    /// It has an inside, and so mass.
+    /// True if it has an interior, and so mass.
     solid: bool,
-    /// Half of its thickness from top to bottom, if it has one.
+    /// Half of its thickness from top to bottom, in metres; 0 without thickness.
     half_height: f32,
 }
 
 impl Case {
-    /// How exact parry's iteration is, which is ours for curved shapes, in metres.
+    /// Accuracy of parry's iteration in metres. This crate uses it for curved shapes.
     fn tolerance(&self) -> f32 {
         if self.name.contains("cylinder") || self.name.contains("cone") { 5e-3 } else { 2e-3 }
     }
@@ -107,14 +107,14 @@ fn capsule() -> MedialAxis {
     MedialAxis::capsule(Vec3::X * -0.3, Vec3::X * 0.3, RADIUS).unwrap()
 }
 
-/// The same solid in a form whose distance parry can tell.
+/// The same solid in a form whose distance parry can compute.
 fn reference(shape: &SharedShape) -> SharedShape {
     match shape.as_typed_shape() {
         TypedShape::HeightField(field) => {
             let (vertices, triangles) = field.to_trimesh();
             SharedShape::trimesh(vertices, triangles).unwrap()
         }
-        // All of them together.
+        // The box that all voxels fill.
         TypedShape::Voxels(_) => {
             let block = SharedShape::cuboid(2.0, 0.25, 2.0);
             SharedShape::compound(vec![(Pose3::from_translation(Vec3::Y * 0.25), block)])
@@ -130,8 +130,8 @@ fn probes() -> [MedialAxis; 3] {
     [capsule(), slab.unwrap().0, MedialAxis::torus(0.3, RADIUS, 12).unwrap()]
 }
 
-/// Distance of a medial body whose spheres have one radius and a collider by parry's means: the least of those of its segments and triangles.
-/// None if one of these crosses it.
+/// Distance between a collider and a medial body whose spheres have one radius: the smallest distance of the body's segments and triangles.
+/// `None` if one of them crosses the collider.
 fn true_distance(axis: &MedialAxis, pose12: &Pose3, shape: &dyn ParryShape) -> Option<f32> {
     let corner = |&sphere: &u32| axis.spheres()[sphere as usize].center;
     let of_primitive = |primitive: &Primitive| match *primitive.indices().iter().map(corner).collect::<Vec<_>>() {
@@ -143,7 +143,7 @@ fn true_distance(axis: &MedialAxis, pose12: &Pose3, shape: &dyn ParryShape) -> O
     (distance > 0.0).then_some(distance - RADIUS)
 }
 
-/// Distance of a segment or a triangle and a collider: in closed form, or by those of parry's methods that are exact.
+/// Distance between a collider and a segment or a triangle: in closed form, or by an exact method of parry.
 fn core_distance(core: &dyn ParryShape, pose12: &Pose3, shape: &dyn ParryShape) -> f32 {
     let to = |shape: &dyn ParryShape| query::distance(&Pose3::IDENTITY, core, pose12, shape).unwrap();
     let to_segment = |segment: &Segment| {
@@ -172,13 +172,13 @@ fn core_distance(core: &dyn ParryShape, pose12: &Pose3, shape: &dyn ParryShape) 
     }
 }
 
-/// Distance from a cylinder to a point that is given by its distance from the axis and its height.
+/// Distance from a cylinder to a point. The point is given by its distance from the axis and its height.
 fn from_cylinder(cylinder: &Cylinder, point: DVec2) -> f64 {
     let corner = DVec2::new(cylinder.radius.into(), cylinder.half_height.into());
     (DVec2::new(point.x, point.y.abs()) - corner).max(DVec2::ZERO).length()
 }
 
-/// The same of a cone.
+/// Distance from a cone to a point in the same form.
 fn from_cone(cone: &Cone, point: DVec2) -> f64 {
     let (radius, half) = (f64::from(cone.radius), f64::from(cone.half_height));
     let [axis, rim, tip] = [DVec2::new(0.0, -half), DVec2::new(radius, -half), DVec2::new(0.0, half)];
@@ -192,7 +192,7 @@ fn from_cone(cone: &Cone, point: DVec2) -> f64 {
     from_edge(axis, rim).min(from_edge(rim, tip))
 }
 
-/// Least distance of a segment or a triangle from a convex solid around the y axis, which tells the distance of points.
+/// Smallest distance of a segment or a triangle from a convex solid of revolution about the y axis. `from_solid` returns the distance of a point.
 fn least_distance(core: &dyn ParryShape, pose: &Pose3, from_solid: &dyn Fn(DVec2) -> f64) -> f32 {
     let placed = |point: Vec3| pose.transform_point(point).as_dvec3();
     let at = |point: DVec3| from_solid(DVec2::new(point.x.hypot(point.z), point.y));
@@ -210,7 +210,7 @@ fn least_distance(core: &dyn ParryShape, pose: &Pose3, from_solid: &dyn Fn(DVec2
     least as f32
 }
 
-/// The least value from 0 to `end` of a convex function.
+/// The minimum of a convex function from 0 to `end`.
 fn least(end: f64, value: &dyn Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (0.0, end);
     for _ in 0..50 {
@@ -243,7 +243,7 @@ fn distances_are_exact() {
             ] {
                 off = off.max((found - truth.max(0.0)).abs());
             }
-            // With depth where they overlap.
+            // Contacts also report the depth of an overlap.
             for (pose12, found) in [
                 (pose12, dispatcher.contact(&pose12, &medial, other, 0.05).unwrap()),
                 (pose12.inverse(), dispatcher.contact(&pose12.inverse(), other, &medial, 0.05).unwrap()),
@@ -266,7 +266,7 @@ fn distances_are_exact() {
     }
 }
 
-/// First fraction at which they come within `close`, by steps that cannot pass it.
+/// First fraction at which both come within `close`. The steps of the search are so short that they cannot skip it.
 fn first_touch(axis: &MedialAxis, sweeps: [&Sweep; 2], shape: &dyn ParryShape, close: f32) -> Option<f32> {
     let speed = (sweeps[0].translation - sweeps[1].translation).length();
     let mut fraction = 0.0;
@@ -312,7 +312,7 @@ fn impacts_are_exact() {
                 };
                 let output = step(&StepInput { bodies, ..default() }, &statics, pool);
                 let impact = output.pairs.first().and_then(|pair| pair.impact).map(|impact| impact.fraction);
-                // A graze that is less deep than the slop is none.
+                // A graze that is shallower than the slop is not an impact.
                 let [outer, inner] =
                     [1e-4, -1e-3].map(|close| first_touch(&axis, [&sweep1, &sweep2], &*truth_shape, close));
                 let way = (sweep1.translation - sweep2.translation).length();
@@ -331,7 +331,7 @@ fn impacts_are_exact() {
                     }
                     (None, _) => {
                         misses += 1;
-                        assert!(inner.is_none_or(|inner| inner > 0.999), "{}: none, {inner:?}", case.name);
+                        assert!(inner.is_none_or(|inner| inner > 0.999), "{}: no impact, {inner:?}", case.name);
                     }
                 }
             }
@@ -341,7 +341,7 @@ fn impacts_are_exact() {
     }
 }
 
-/// At no step by more than a hundredth of the smaller one's size.
+/// Asserts that no overlap of any step was deeper than a hundredth of the smaller body's size.
 fn assert_hardly_overlapped(app: &App, name: &str) {
     let deepest = app.world().resource::<Monitor>().deepest_overlap_percent;
     assert!(deepest < 1.0, "{name}: {deepest} %");
@@ -357,7 +357,7 @@ fn bodies_rest_on_every_collider() {
             }
             let body = spawn_body(&mut app, capsule(), Transform::from_xyz(0.05, 0.4, 0.1));
             if !case.flat {
-                // On a ridge or a dome it balances.
+                // The locked axes keep the body balanced on a ridge or a dome.
                 let lock =
                     LockedAxes::TRANSLATION_LOCKED_X | LockedAxes::TRANSLATION_LOCKED_Z | LockedAxes::ROTATION_LOCKED;
                 let across = Transform::from_xyz(0.0, 0.4, 0.0).with_rotation(Quat::from_rotation_y(1.5));
@@ -393,16 +393,16 @@ fn every_solid_collider_rests_on_a_medial_floor() {
     }
 }
 
-/// A collider across the way of a shot along x, its top facing it.
+/// A collider across the path of a shot along x; its top faces the shot.
 fn upright(at: Vec3) -> Transform {
     Transform::from_translation(at).with_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_2))
 }
 
 #[test]
-fn nothing_tunnels_at_100_metres_a_second() {
+fn no_body_tunnels_at_100_metres_per_second() {
     for case in cases() {
         for (spin, offset) in [(0.0, 0.1), (0.0, 0.7), (40.0, 0.3)] {
-            // A medial body at a fixed collider, and at one that flies towards it.
+            // A medial body shot at a fixed collider, and at one that flies towards the body.
             for moving in [false, true] {
                 if moving && case.name == "half-space" {
                     continue;
@@ -425,7 +425,7 @@ fn nothing_tunnels_at_100_metres_a_second() {
                 record.run(&mut app, 60);
                 let (place, speed) = (position(&mut app, body), rigid(&mut app, body).linvel().x);
                 let to = if moving { position(&mut app, target).x } else { 3.0 + offset };
-                // A narrow target may be passed, and a body that was thrown aside is not behind it.
+                // The shot may pass a narrow target, and a deflected body is not behind the target.
                 let beside = !case.flat || place.yz().length() > 3.0;
                 let what = format!("{}, spin {spin}, moving {moving}", case.name);
                 assert!(place.x < to || beside, "{what}: {place}, beyond {to}");
@@ -433,7 +433,7 @@ fn nothing_tunnels_at_100_metres_a_second() {
                 assert!(record.counts(body, target)[0] >= 1, "{}, spin {spin}, moving {moving}", case.name);
             }
         }
-        // A collider at a medial wall.
+        // A collider shot at a medial wall.
         if case.solid {
             let mut app = app();
             let plate = MedialAxis::rounded_box(Vec3::new(0.05, 3.0, 3.0), 0.05).unwrap();
@@ -450,9 +450,9 @@ fn nothing_tunnels_at_100_metres_a_second() {
 }
 
 #[test]
-fn every_sensor_tells_once_of_what_crosses_it() {
+fn every_sensor_reports_a_crossing_body_once() {
     for case in cases() {
-        // Within a step, or in many; one of both is the sensor.
+        // The body crosses within one step or in many, and one of both is the sensor.
         for (speed, steps, medial) in [(300.0, 10, false), (300.0, 10, true), (3.0, 150, false), (3.0, 150, true)] {
             let mut app = app();
             let target = spawn_fixed(&mut app, &case, upright(Vec3::new(2.5, 0.0, 0.0)));
@@ -470,9 +470,9 @@ fn every_sensor_tells_once_of_what_crosses_it() {
     }
 }
 
-/// Rapier takes the older collider of a pair first.
+/// The older collider is the first one of a pair in rapier.
 #[test]
-fn hits_do_not_depend_on_which_side_came_first() {
+fn hits_do_not_depend_on_the_age_of_a_collider() {
     for case in cases() {
         let mut random = Random(5);
         let mut hits = 0;
@@ -500,7 +500,7 @@ fn hits_do_not_depend_on_which_side_came_first() {
                 }
                 (app, body)
             });
-            // Until the bodies have hit. What they do from then on may be chaotic.
+            // Only the first impact is compared, because the motion after it may be chaotic.
             for _ in 0..10 {
                 let [one, other] = apps.each_mut().map(|(app, body)| {
                     app.update();
@@ -509,7 +509,7 @@ fn hits_do_not_depend_on_which_side_came_first() {
                 });
                 if one.0.distance(forward) > 1.0 {
                     let off = one.0.distance(other.0) + 0.3 * one.1.distance(other.1);
-                    // Parry's iteration is as exact as that, and so is rapier's friction.
+                    // This is the accuracy of parry's iteration and of rapier's friction.
                     assert!(off < 3.0, "{}: {off} m/s, {one:?} and {other:?}", case.name);
                     hits += 1;
                     break;
@@ -521,12 +521,12 @@ fn hits_do_not_depend_on_which_side_came_first() {
 }
 
 #[test]
-fn what_passes_a_body_makes_no_contact_because_of_a_slow_twin() {
-    // A metre a step: wherever it is when the step ends in which it passes.
+fn a_passing_ball_causes_no_contact() {
+    // The ball moves a metre per step. The starts differ, so the step in which it passes ends at different positions.
     for start in (0..50).map(|i| -3.0 - 0.02 * i as f32) {
         let mut app = app();
         let collider = Collider::ball(0.2);
-        // Slow ones before it and after it in any order.
+        // Slow balls are spawned before and after the fast one.
         for (height, speed) in [(-9.0, 0.0), (0.0, 60.0), (9.0, 0.0)] {
             let flight = (RigidBody::Dynamic, GravityScale(0.0), Velocity::linear(Vec3::X * speed));
             app.world_mut().spawn((flight, collider.clone(), Transform::from_xyz(start, height, 0.0)));
@@ -540,7 +540,7 @@ fn what_passes_a_body_makes_no_contact_because_of_a_slow_twin() {
 }
 
 #[test]
-fn what_lies_on_its_side_on_a_large_slab_touches_along_its_length() {
+fn a_lying_cylinder_or_cone_touches_a_slab_along_its_length() {
     let sphere = |x: f32, z: f32| Sphere::new(Vec3::new(x, 0.0, z), 0.05);
     let spheres = vec![sphere(-2.0, -2.0), sphere(2.0, -2.0), sphere(0.0, 2.0)];
     let slab = Shape::new(MedialAxis::new(spheres, vec![Primitive::Slab([0, 1, 2])]).unwrap().0);
@@ -568,7 +568,7 @@ fn what_lies_on_its_side_on_a_large_slab_touches_along_its_length() {
 }
 
 #[test]
-fn what_lies_across_something_narrower_rests_on_both_of_its_edges() {
+fn a_body_across_a_beam_touches_both_edges_of_it() {
     let half = Vec3::new(0.15, 0.5, 2.0);
     let beam = Shape::new(MedialAxis::rounded_box(half, 0.02).unwrap());
     let cuboid = Collider::cuboid(half.x, half.y, half.z);

@@ -1,4 +1,4 @@
-//! Hybrid culling loses nothing and adds nothing.
+//! Hybrid culling loses no pairs and adds no pairs.
 
 use bevy::tasks::{ComputeTaskPool, TaskPool};
 use bevy_medial::{
@@ -21,7 +21,7 @@ fn run(input: &StepInput, statics: &Statics) -> StepOutput {
     step(input, statics, pool())
 }
 
-/// Compares both ways on many random steps; what was reached.
+/// Compares steps with and without culling on random input. Returns the numbers of impacts, contacts, stops and pairs.
 fn compare(seed: u64, steps: usize, bodies: usize, statics: usize, room: f32) -> [usize; 4] {
     let mut random = Random(seed);
     let mut total = [0; 4];
@@ -43,19 +43,19 @@ fn compare(seed: u64, steps: usize, bodies: usize, statics: usize, room: f32) ->
     println!(
         "{steps} steps: impacts, contacts, stops, pairs {total:?}; {kept} of {all} candidates kept, {unresolved} of {tests} searches unresolved"
     );
-    // Fast kinematic bodies carry others along, all over the room.
-    assert!(3 * kept < 2 * all, "it culls nothing");
+    // Fast kinematic bodies push others through the whole room, so the share is limited.
+    assert!(3 * kept < 2 * all, "too few candidates are culled");
     total
 }
 
 #[test]
-fn culling_changes_nothing_among_few() {
+fn culling_changes_no_result_of_few_bodies() {
     compare_few(4000);
 }
 
 #[test]
 #[ignore = "exhaustive"]
-fn exhaustive_culling_changes_nothing_among_few() {
+fn exhaustive_culling_changes_no_result_of_few_bodies() {
     compare_few(10_000);
 }
 
@@ -65,19 +65,19 @@ fn compare_few(steps: usize) {
 }
 
 #[test]
-fn culling_changes_nothing_among_many() {
+fn culling_changes_no_result_of_many_bodies() {
     let [impacts, contacts, stops, _] = compare(2, 200, 50, 20, 5.0);
     assert!(impacts > 3000 && contacts > 9_000 && stops > 1500);
 }
 
 #[test]
-fn baselines_lose_nothing() {
+fn baselines_give_the_same_results() {
     compare_baselines(1000);
 }
 
 #[test]
 #[ignore = "exhaustive"]
-fn exhaustive_baselines_lose_nothing() {
+fn exhaustive_baselines_give_the_same_results() {
     compare_baselines(3000);
 }
 
@@ -86,7 +86,7 @@ fn compare_baselines(steps: usize) {
     let (mut totals, mut kept, mut hybrids) = ([0; 4], [0; 3], 0);
     for number in 0..steps {
         let (mut input, statics) = random_step(&mut random, 12, 6, 2.0, Vec3::ZERO);
-        // They know of no bodies that carry others along.
+        // The baselines do not support bodies that push others.
         input.bodies.iter_mut().for_each(|body| body.stops = body.active);
         let hybrid = run(&input, &statics);
         for (kind, kept) in [Kind::Obb, Kind::Sphere, Kind::Aabb].into_iter().zip(&mut kept) {
@@ -102,11 +102,11 @@ fn compare_baselines(steps: usize) {
     let [impacts, contacts, stops, _] = totals;
     println!("{impacts} impacts, {contacts} contacts, {stops} stops; candidates {kept:?}, hybrid {hybrids}");
     assert!(impacts > 3 * steps && contacts > 6 * steps && stops > 2 * steps);
-    assert!(kept.iter().all(|&kept| kept < 2 * hybrids), "they cull nothing");
+    assert!(kept.iter().all(|&kept| kept < 2 * hybrids), "the baselines cull too few candidates");
 }
 
 #[test]
-fn baselines_refuse_what_they_do_not_cover() {
+fn baselines_refuse_unsupported_steps() {
     let mut random = Random(4);
     let (mut input, statics) = random_step(&mut random, 4, 1, 2.0, Vec3::ZERO);
     let body = &mut input.bodies[0];
@@ -115,27 +115,27 @@ fn baselines_refuse_what_they_do_not_cover() {
     assert_eq!(result.err().as_deref(), Some("body 0 moves and does not stop"));
 }
 
-/// How deep two sides overlap at the start of a step, in metres.
+/// Depth of the overlap of two sides at the start of a step, in metres.
 fn depth_at_start(input: &StepInput, statics: &Statics, sides: (Side, Side)) -> f32 {
     let mut input = input.clone();
     input.bodies.iter_mut().for_each(|body| body.sweep = Sweep::at_rest(body.sweep.start));
     let output = run(&input, statics);
-    let pair = output.pairs.iter().find(|pair| (pair.first, pair.second) == sides).expect("they overlap");
+    let pair = output.pairs.iter().find(|pair| (pair.first, pair.second) == sides).expect("an overlap");
     let depths = output.manifolds[pair.manifolds.clone()].iter().map(|manifold| -manifold.contacts()[0].distance);
     depths.fold(0.0, f32::max)
 }
 
 #[test]
-fn far_from_the_origin_impacts_are_the_same() {
-    // Starts are the same to the bit there, ends to 0.06 mm.
+fn impacts_far_from_the_origin_are_the_same() {
+    // At this distance the bits of all starts are the same, and ends differ by up to 0.06 mm.
     let far = Vec3::new(1024.0, -1024.0, 1024.0);
     let (mut impacts, mut exact, mut late, mut alone) = (0, 0, 0, 0);
     for seed in 0..2000 {
         let [(near, input, statics), (remote, ..)] = [Vec3::ZERO, far].map(|origin| {
             let (mut input, statics) = random_step(&mut Random(seed), 10, 6, 2.0, origin);
-            // One stop more or less would change all that follows.
+            // One additional stop would change all later results.
             input.stop_at_impact = false;
-            // How deep bodies are at the start decides where cores touch, and rounding changes that.
+            // The depth at the start decides where cores touch, and rounding changes it.
             input.core_depth = 0.0;
             input.bodies.iter_mut().for_each(|body| body.core_depth = 0.0);
             (run(&input, &statics), input, statics)
@@ -158,8 +158,8 @@ fn far_from_the_origin_impacts_are_the_same() {
                     sweep.reach(solid.bounding_sphere().radius)
                 })
             });
-            // Those that graze, and those that spin, where one chord more or less makes a difference. Where bodies begin deep in each other, an
-            // overlap may hardly grow, and another take its place.
+            // Grazing bodies differ, and so do spinning ones if the number of chords changes. If bodies overlap deeply at the start, the overlap may
+            // hardly grow, and another one may be reported instead.
             let way = (a.fraction - b.fraction).abs() * (reach1 + reach2);
             if way >= 0.05 {
                 let depth = depth_at_start(&input, &statics, *pair);

@@ -1,4 +1,4 @@
-//! The same input gives the same bits: for any number of threads, in every run.
+//! The same input gives the same bits, for any number of threads and in every run.
 
 use std::process::Command;
 
@@ -31,12 +31,12 @@ use crate::{
     random_steps::{random_step, tally},
 };
 
-/// All that a step finds, as text: every number in as many digits as tell it from all others.
+/// All results of a step as text, each number with enough digits to be unique.
 fn bits(output: &StepOutput) -> String {
     format!("{:?} {:?} {:?}", output.stops, output.pairs, output.manifolds)
 }
 
-/// Runs the input on pools of 1, 2 and 8 threads, and twice on the last.
+/// Runs the input on each of the pools, and again on the last one.
 fn check(input: &StepInput, statics: &Statics, pools: &[TaskPool]) {
     let expected = bits(&step(input, statics, &pools[0]));
     for pool in pools.iter().chain(pools.last()) {
@@ -49,7 +49,7 @@ fn pools() -> Vec<TaskPool> {
 }
 
 #[test]
-fn a_step_of_a_scene_does_not_depend_on_the_number_of_threads() {
+fn scene_steps_do_not_depend_on_the_number_of_threads() {
     let pools = pools();
     let mut total = [0; 4];
     for scene in SCENES {
@@ -69,7 +69,7 @@ fn a_step_of_a_scene_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn a_random_step_does_not_depend_on_the_number_of_threads() {
+fn random_steps_do_not_depend_on_the_number_of_threads() {
     let pools = pools();
     for seed in 0..40 {
         let (input, statics) = random_step(&mut Random(seed), 60, 30, 4.0, Vec3::ZERO);
@@ -78,7 +78,7 @@ fn a_random_step_does_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn a_static_far_away_changes_nothing() {
+fn a_static_far_away_changes_no_result() {
     let pool = &pools()[1];
     for seed in 0..200 {
         let (input, statics) = random_step(&mut Random(seed), 20, 10, 3.0, Vec3::ZERO);
@@ -111,7 +111,7 @@ fn state(app: &mut App) -> Vec<String> {
     bodies.into_iter().map(&mut state).collect()
 }
 
-/// Every scene, and steps for each.
+/// Every scene with its number of steps.
 fn scenes_for(steps: [u32; 6]) -> impl Iterator<Item = (&'static Scene, u32)> {
     assert_eq!(SCENES.len(), steps.len());
     SCENES.iter().zip(steps)
@@ -126,15 +126,15 @@ fn a_scene_ends_the_same_in_every_run() {
     }
 }
 
-/// Number of threads of a process that [`tells_how_scenes_end`].
+/// Variable with the number of threads for [`child_process_that_prints_scenes`].
 const THREADS: &str = "MEDIAL_TEST_THREADS";
 
-/// Rapier's own threads as well, where its `parallel` feature is on.
+/// The number applies to rapier's own threads as well, if its `parallel` feature is on.
 #[test]
 fn a_scene_ends_the_same_on_any_number_of_threads() {
     let ends = ["1", "2", "8"].map(|threads| {
         let child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "physics::determinism::tells_how_scenes_end", "--ignored", "--nocapture"])
+            .args(["--exact", "physics::determinism::child_process_that_prints_scenes", "--ignored", "--nocapture"])
             .envs([(THREADS, threads), ("RAYON_NUM_THREADS", threads)])
             .output()
             .unwrap();
@@ -147,10 +147,10 @@ fn a_scene_ends_the_same_on_any_number_of_threads() {
     assert!(ends[0] == ends[1] && ends[0] == ends[2]);
 }
 
-/// Run by [`a_scene_ends_the_same_on_any_number_of_threads`]: a process has one pool for all apps.
+/// Run by [`a_scene_ends_the_same_on_any_number_of_threads`] because a process has one pool for all apps.
 #[test]
-#[ignore = "wants a process of its own"]
-fn tells_how_scenes_end() {
+#[ignore = "needs a process of its own"]
+fn child_process_that_prints_scenes() {
     let threads = std::env::var(THREADS).unwrap().parse().unwrap();
     let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(threads).build());
     assert_eq!(pool.thread_num(), threads);
@@ -159,7 +159,7 @@ fn tells_how_scenes_end() {
     }
 }
 
-/// What a step tells of the bodies that `number` has a number for, in those numbers.
+/// Results of a step for the bodies to which `number` assigns a number, with these numbers.
 fn bits_of(output: &StepOutput, number: impl Fn(u32) -> Option<u32>) -> String {
     let mut text = String::new();
     for stop in &output.stops {
@@ -180,10 +180,10 @@ fn bits_of(output: &StepOutput, number: impl Fn(u32) -> Option<u32>) -> String {
     text
 }
 
-/// Rapier's solver takes contacts in the order in which its broad phase has found the pairs of all bodies, less those that have parted since: so
-/// this holds for steps, and not for worlds.
+/// This holds for steps, but not for whole worlds: the order of contacts in rapier's solver depends on the order in which its broad phase has found
+/// the pairs of all bodies.
 #[test]
-fn bodies_elsewhere_change_nothing() {
+fn bodies_far_away_change_no_result_of_a_step() {
     let pool = &pools()[1];
     let mut stops = 0;
     for seed in 0..200 {
@@ -206,7 +206,7 @@ fn bodies_elsewhere_change_nothing() {
 }
 
 #[test]
-fn entities_without_a_body_that_come_and_go_change_nothing() {
+fn spawning_entities_without_bodies_changes_no_result() {
     for (scene, steps) in scenes_for([200, 120, 150, 150, 100, 50]) {
         let expected = outcome(scene, steps);
         let mut app = app();
@@ -227,9 +227,9 @@ fn entities_without_a_body_that_come_and_go_change_nothing() {
     }
 }
 
-/// Those of the same context do change the order in which rapier's solver takes contacts.
+/// Bodies of the same context would change the order of contacts in rapier's solver.
 #[test]
-fn bodies_of_another_context_that_come_and_go_change_nothing() {
+fn spawning_in_another_context_changes_no_result() {
     for (scene, steps) in scenes_for([150, 120, 150, 150, 100, 80]) {
         let expected = outcome(scene, steps);
         let mut app = app();
@@ -242,7 +242,7 @@ fn bodies_of_another_context_that_come_and_go_change_nothing() {
         let mut touching = 0;
         for _ in 1..steps {
             if others.len() < 20 || random.below(2) == 0 {
-                // In the midst of the scene, and of each other.
+                // The balls are in the middle of the scene and touch each other.
                 let at = Transform::from_translation(random.in_ball() * Vec3::new(1.0, 0.5, 1.0));
                 let body = (RigidBody::Dynamic, ball.clone(), at, RapierContextEntityLink(second));
                 others.push(app.world_mut().spawn(body).id());
@@ -262,7 +262,7 @@ fn bodies_of_another_context_that_come_and_go_change_nothing() {
 #[derive(Component)]
 struct Bystander;
 
-/// Rapier's context, and of the world what rapier reads back from it. Rapier's pipeline is a workspace that no step depends on.
+/// Rapier's context, and the components that rapier reads from the world. Rapier's pipeline is not saved because it is only a workspace.
 struct Saved {
     bodies: RapierRigidBodySet,
     colliders: RapierContextColliders,
@@ -323,7 +323,7 @@ fn restore(app: &mut App, saved: &Saved) {
     }
 }
 
-/// Runs a scene, and twice again from where it was saved.
+/// Runs a scene, saves it on the way, and replays it twice from the saved state.
 fn assert_replays(scene: &Scene, [before, after]: [u32; 2]) {
     let mut app = app();
     scene.spawn(app.world_mut(), models(), 7);
@@ -342,7 +342,7 @@ fn assert_replays(scene: &Scene, [before, after]: [u32; 2]) {
 }
 
 #[test]
-fn a_saved_context_replays_the_same() {
+fn a_saved_context_can_be_replayed_exactly() {
     let plans = [
         ("rods", [150, 100]),
         ("dinosaur", [60, 40]),
@@ -358,7 +358,7 @@ fn a_saved_context_replays_the_same() {
 }
 
 #[test]
-fn touches_that_a_restore_ends_or_starts_are_told_once() {
+fn touches_changed_by_a_restore_are_reported_once() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let ball = spawn_body(&mut app, MedialAxis::sphere(0.2).unwrap(), Transform::from_xyz(0.0, 0.5, 0.0));
@@ -376,9 +376,9 @@ fn touches_that_a_restore_ends_or_starts_are_told_once() {
     }
 }
 
-/// They are in what is saved.
+/// The saved state contains the raised solver iterations.
 #[test]
-fn raised_solver_iterations_are_taken_back_after_a_restore() {
+fn raised_solver_iterations_are_reset_after_a_restore() {
     for before in [3, 5, 8, 12] {
         assert_replays(Scene::by_name("bullets").unwrap(), [before, 30]);
     }

@@ -1,4 +1,4 @@
-//! `(RigidBody, MedialMesh, Transform)` just works: colliders come with the asset, follow the scale, and go with the entity.
+//! Entities with `(RigidBody, MedialMesh, Transform)`: colliders appear with the asset, follow the scale, and disappear with the entity.
 
 use std::{fs, path::PathBuf, time::Duration};
 
@@ -27,7 +27,7 @@ use serde::de::DeserializeSeed;
 
 use crate::common::*;
 
-/// Height at which the model `torus` lies flat on a floor: the radius of its tube.
+/// Height of the model `torus` that lies flat on a floor: the radius of its tube.
 const TUBE: f32 = 0.0525;
 
 fn load(app: &App, path: &'static str) -> MedialMesh {
@@ -66,25 +66,25 @@ fn a_file_gives_collider_mass_and_inertia() {
 }
 
 #[test]
-fn a_body_hangs_still_until_its_shape_is_there_and_then_falls() {
+fn a_body_does_not_fall_before_its_shape_has_loaded() {
     let mut app = app();
     let handle = app.world().resource::<Assets<MedialAxis>>().reserve_handle();
     let start = Transform::from_xyz(0.3, 1.0, -0.2);
     let body = app.world_mut().spawn((RigidBody::Dynamic, MedialMesh(handle.clone()), start)).id();
     spawn_ground(&mut app);
-    // Longer than rapier takes to put it to sleep.
+    // Longer than rapier needs to put the body to sleep.
     run(&mut app, 200);
     assert_eq!(*app.world().get::<Transform>(body).unwrap(), start);
     assert!(!has_collider(&app, body));
     app.world_mut().resource_mut::<Assets<MedialAxis>>().insert(&handle, model("torus")).unwrap();
     run(&mut app, 20);
-    assert!(position(&mut app, body).y < 0.8, "it does not fall");
+    assert!(position(&mut app, body).y < 0.8, "the body does not fall");
     run(&mut app, 400);
     assert!((position(&mut app, body).y - TUBE).abs() < 2e-3 && is_at_rest(&mut app, body));
 }
 
 #[test]
-fn missing_and_broken_files_stop_nothing_else() {
+fn missing_and_broken_files_do_not_affect_other_bodies() {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("physics-broken-files");
     fs::create_dir_all(&folder).unwrap();
     fs::copy(assets().join("models/torus.ma"), folder.join("good.ma")).unwrap();
@@ -107,7 +107,7 @@ fn missing_and_broken_files_stop_nothing_else() {
     run(&mut app, 400);
     assert!(bad.iter().all(|&entity| !has_collider(&app, entity)));
     assert!((position(&mut app, good).y - TUBE).abs() < 2e-3 && is_at_rest(&mut app, good));
-    // A good shape in place of a bad one.
+    // A valid shape replaces a broken one.
     let mesh = self::mesh(&mut app, model("torus"));
     app.world_mut().entity_mut(bad[0]).insert(mesh);
     run(&mut app, 400);
@@ -115,7 +115,7 @@ fn missing_and_broken_files_stop_nothing_else() {
 }
 
 #[test]
-fn a_body_of_twice_the_size_rests_twice_as_high_and_weighs_eight_times_as_much() {
+fn height_and_mass_of_a_body_follow_its_scale() {
     let mut app = app();
     spawn_ground(&mut app);
     let bodies = [1.0, 2.0].map(|scale| {
@@ -130,13 +130,13 @@ fn a_body_of_twice_the_size_rests_twice_as_high_and_weighs_eight_times_as_much()
 }
 
 #[test]
-fn a_change_of_scale_changes_the_collider() {
+fn the_collider_follows_a_change_of_scale() {
     let mut app = app();
     spawn_ground(&mut app);
     let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.5, 0.0));
     run(&mut app, 400);
     let mass = rigid(&mut app, body).mass();
-    // It is asleep, and by growing it is within the ground: it must wake up and get out; by shrinking it hangs in the air.
+    // The body is asleep. A larger one is inside the ground and must wake up and get out; a smaller one hangs in the air and must fall.
     for scale in [2.0, 0.5, 1.0] {
         assert!(is_at_rest(&mut app, body));
         app.world_mut().get_mut::<Transform>(body).unwrap().scale = Vec3::splat(scale);
@@ -149,7 +149,7 @@ fn a_change_of_scale_changes_the_collider() {
 }
 
 #[test]
-fn a_body_of_uneven_scale_has_no_collider_until_it_is_even() {
+fn a_body_of_uneven_scale_has_no_collider() {
     let mut app = app();
     spawn_ground(&mut app);
     let uneven = [Vec3::new(1.0, 2.0, 1.0), Vec3::new(-1.0, -1.0, -1.0), Vec3::ZERO, Vec3::new(1.0, -1.0, 1.0)];
@@ -159,7 +159,7 @@ fn a_body_of_uneven_scale_has_no_collider_until_it_is_even() {
     run(&mut app, 400);
     assert!(bad.iter().all(|&body| !has_collider(&app, body)));
     assert!(has_collider(&app, good) && is_at_rest(&mut app, good));
-    // And the other way.
+    // The first bad body gets a valid scale, and the good one an uneven scale.
     app.world_mut().get_mut::<Transform>(bad[0]).unwrap().scale = Vec3::ONE;
     app.world_mut().get_mut::<Transform>(good).unwrap().scale = uneven[0];
     run(&mut app, 400);
@@ -169,7 +169,7 @@ fn a_body_of_uneven_scale_has_no_collider_until_it_is_even() {
 }
 
 #[test]
-fn a_despawned_body_is_gone_for_those_in_contact_with_it() {
+fn a_despawned_body_no_longer_supports_others() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let flat = MedialAxis::rounded_box(Vec3::new(0.5, 0.1, 0.5), 0.05).unwrap();
@@ -192,7 +192,7 @@ fn a_despawned_body_is_gone_for_those_in_contact_with_it() {
 }
 
 #[test]
-fn in_the_fixed_schedule_a_body_falls_and_rests_as_well() {
+fn a_body_falls_and_rests_in_the_fixed_schedule() {
     for rate in [60.0f64, 144.0] {
         let mut app = app_with(MedialPhysicsPlugin::default().in_fixed_schedule(), &assets());
         app.insert_resource(Time::<Fixed>::from_hz(60.0));
@@ -207,7 +207,7 @@ fn in_the_fixed_schedule_a_body_falls_and_rests_as_well() {
     }
 }
 
-/// The value as text and read from it, as saved worlds are: handles by the paths of their files.
+/// Writes a value as text and reads it back, as for saved worlds: handles are saved as the paths of their files.
 fn through_text(
     value: &dyn PartialReflect,
     registration: &TypeRegistration,
@@ -223,7 +223,7 @@ fn through_text(
 }
 
 #[test]
-fn all_components_and_resources_are_reflected_and_come_back_from_text() {
+fn components_and_resources_survive_a_round_trip_as_text() {
     let plugins = (MedialPhysicsPlugin::default(), MedialBuildPlugin::default(), MedialPickingPlugin);
     let mut app = app_with(plugins, &assets());
     add_monitor(&mut app);
@@ -255,10 +255,10 @@ fn all_components_and_resources_are_reflected_and_come_back_from_text() {
         let Some(component) = registration.data::<ReflectComponent>() else { continue };
         let name = registration.type_info().type_path_table().short_path();
         let is_resource = registration.contains::<ReflectResource>();
-        // Resources are components of entities of their own.
+        // Each resource is a component of its own entity.
         let entities: Vec<Entity> = world.query::<Entity>().query(world).iter().collect();
         let owner = entities.into_iter().find(|&entity| component.contains(world.entity(entity)));
-        let owner = owner.unwrap_or_else(|| panic!("{name} is nowhere"));
+        let owner = owner.unwrap_or_else(|| panic!("no entity has {name}"));
         assert!(is_resource || owner == original, "{name}");
         let value = component.reflect(world.entity(owner)).unwrap();
         let read = through_text(value.as_partial_reflect(), registration, &registry, &assets);
@@ -299,7 +299,7 @@ fn all_components_and_resources_are_reflected_and_come_back_from_text() {
 }
 
 #[test]
-fn messages_and_layers_come_back_from_text() {
+fn messages_and_layers_survive_a_round_trip_as_text() {
     let touch = TouchPoint {
         fraction: 0.5,
         point: Vec3::X,

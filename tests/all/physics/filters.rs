@@ -1,4 +1,4 @@
-//! What the user's hooks and the types of bodies let be between two colliders holds for impacts as well.
+//! The user's hooks and the types of bodies filter impacts as well as contacts.
 
 use std::{f32::consts::FRAC_PI_4, path::Path};
 
@@ -17,11 +17,11 @@ struct Hooks<'w, 's> {
     belts: Query<'w, 's, (), With<Belt>>,
 }
 
-/// What the filter says about pairs with this collider.
+/// Answer of the filter for pairs with this collider.
 #[derive(Component, Clone, Copy, PartialEq, Debug)]
 struct Answer(Option<SolverFlags>);
 
-/// Carries what comes from above, and lets through what comes from below.
+/// Carries bodies from above, and lets bodies from below pass.
 #[derive(Component, Clone, Copy)]
 struct OneWay;
 
@@ -52,7 +52,7 @@ impl BevyPhysicsHooks for Hooks<'_, '_> {
     }
 }
 
-/// An app with hooks, which the plugin hands on to rapier, or which rapier has already.
+/// An app with hooks. The plugin passes them to rapier, or rapier has them already.
 fn hooked(rapier_first: bool) -> App {
     let physics = MedialPhysicsPlugin::default().with_hooks::<Hooks>();
     if !rapier_first {
@@ -74,7 +74,7 @@ fn hooked(rapier_first: bool) -> App {
     app
 }
 
-/// Thin targets across x: a static box, a medial mesh that moves, and a box of rapier's that does.
+/// A thin target across x: a static box, a dynamic medial mesh, or a dynamic box of rapier.
 fn spawn_target(app: &mut App, kind: &str, at: Vec3) -> Entity {
     let at = Transform::from_translation(at);
     match kind {
@@ -96,13 +96,13 @@ fn shoot(app: &mut App, speed: f32) -> Entity {
 }
 
 #[test]
-fn a_pair_collides_at_any_speed_as_the_hook_says() {
+fn a_hook_filters_pairs_at_any_speed() {
     for speed in [2.0, 100.0, 300.0] {
         for target in ["fixed", "medial", "rapier"] {
             for answer in [None, Some(SolverFlags::empty()), Some(SolverFlags::COMPUTE_IMPULSES)] {
                 let what = format!("{speed} m/s, {target}, {answer:?}");
                 let mut app = hooked(speed == 2.0);
-                // The body asks the hook about all that it meets, the first target has an answer of its own.
+                // The hook is called for every pair of the body. The first target has an answer of its own.
                 let targets = [1.0, 4.0].map(|x| spawn_target(&mut app, target, Vec3::X * x));
                 app.world_mut().entity_mut(targets[0]).insert(Answer(answer));
                 let body = shoot(&mut app, speed);
@@ -132,7 +132,7 @@ fn a_pair_collides_at_any_speed_as_the_hook_says() {
 }
 
 #[test]
-fn a_hook_filters_what_a_sensor_tells() {
+fn a_hook_filters_touches_of_a_sensor() {
     for passes in [false, true] {
         let mut app = hooked(false);
         let target = spawn_target(&mut app, "fixed", Vec3::X);
@@ -146,7 +146,7 @@ fn a_hook_filters_what_a_sensor_tells() {
 }
 
 #[test]
-fn a_one_way_platform_lets_through_one_way_only() {
+fn a_one_way_platform_is_passable_only_from_below() {
     for speed in [3.0, 30.0, 100.0] {
         for medial in [false, true] {
             for side in [-1.0, 1.0] {
@@ -163,8 +163,8 @@ fn a_one_way_platform_lets_through_one_way_only() {
                 let body = spawn_flying(&mut app, axis, at, Velocity::linear(Vec3::Y * -speed * side));
                 run(&mut app, 60);
                 let y = position(&mut app, body).y;
-                let what = format!("{speed} m/s, medial {medial}, from {side}: it ends at {y}");
-                // From below it is held up for one step at most.
+                let what = format!("{speed} m/s, medial {medial}, from {side}: the body ends at {y}");
+                // A body from below loses one step at most.
                 if side > 0.0 {
                     assert!(y > 0.2, "{what}")
                 } else {
@@ -176,7 +176,7 @@ fn a_one_way_platform_lets_through_one_way_only() {
 }
 
 #[test]
-fn a_hook_that_changes_contacts_makes_a_belt() {
+fn a_hook_on_contacts_can_make_a_conveyor_belt() {
     let mut app = hooked(true);
     let floor = (StaticObb::new(20.0, 0.5, 2.0), Belt, ActiveHooks::MODIFY_SOLVER_CONTACTS);
     app.world_mut().spawn((floor, Transform::from_xyz(0.0, -0.5, 0.0)));
@@ -193,14 +193,14 @@ fn a_hook_that_changes_contacts_makes_a_belt() {
 
 #[test]
 #[should_panic = "with_hooks"]
-fn hooks_that_rapier_has_and_the_plugin_has_not_are_an_error() {
+fn hooks_of_rapier_without_hooks_of_the_plugin_are_an_error() {
     let mut app = App::new();
     let rapier = RapierPhysicsPlugin::<Hooks>::default();
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, rapier, MedialPhysicsPlugin::default()));
 }
 
 #[test]
-fn another_schedule_than_rapiers_is_told_of() {
+fn a_schedule_other_than_that_of_rapier_is_logged() {
     log::keep();
     let told = |schedule: &str| {
         log::lines("RapierPhysicsPlugin does not step in").iter().filter(|line| line.contains(schedule)).count()
@@ -218,7 +218,7 @@ fn another_schedule_than_rapiers_is_told_of() {
 }
 
 #[test]
-fn bodies_of_types_that_do_not_collide_do_not_stop_each_other() {
+fn inactive_collision_types_prevent_stops() {
     let default = ActiveCollisionTypes::default();
     for (kind, type_) in [
         (RigidBody::Fixed, ActiveCollisionTypes::DYNAMIC_STATIC),
@@ -226,7 +226,7 @@ fn bodies_of_types_that_do_not_collide_do_not_stop_each_other() {
         (RigidBody::KinematicVelocityBased, ActiveCollisionTypes::DYNAMIC_KINEMATIC),
         (RigidBody::KinematicPositionBased, ActiveCollisionTypes::DYNAMIC_KINEMATIC),
     ] {
-        // That one of both collides with the other is enough.
+        // A pair collides if the type is active for one of both colliders.
         for types in [[default, default], [default, default - type_], [default - type_, default], [default - type_; 2]]
         {
             for speed in [2.0, 100.0] {
@@ -249,7 +249,7 @@ fn bodies_of_types_that_do_not_collide_do_not_stop_each_other() {
 }
 
 #[test]
-fn a_kinematic_body_tells_of_a_wall_whatever_its_types_and_goes_on() {
+fn a_kinematic_body_reports_a_wall_and_passes_it() {
     for also in [false, true] {
         let mut app = app();
         let wall = spawn_target(&mut app, "fixed", Vec3::X);

@@ -1,4 +1,4 @@
-//! The first touch of two bodies, asked by itself: beside distances of all primitives at many instants.
+//! The query for the first touch of two bodies, compared with the distances of all primitives at many times.
 
 use bevy_medial::{
     constants::CHORD_TOLERANCE,
@@ -11,13 +11,13 @@ use glam::Vec3;
 
 use crate::common::Random;
 
-/// Of the nearest primitives, which are cones all, in metres.
+/// Distance of the nearest primitives, in metres. All primitives are cones.
 fn distance(shapes: [&Shape; 2], poses: [Pose3; 2]) -> f32 {
     let placed = [0, 1].map(|side: usize| {
         let placement = Placement::from(poses[side]);
         let cone = |i| match shapes[side].hull(i).placed(&placement) {
             Hull::Cone(cone) => cone,
-            other => panic!("{other:?} is no cone"),
+            other => panic!("{other:?} is not a cone"),
         };
         (0..shapes[side].len() as u32).map(cone).collect::<Vec<_>>()
     });
@@ -26,20 +26,20 @@ fn distance(shapes: [&Shape; 2], poses: [Pose3; 2]) -> f32 {
 }
 
 #[test]
-fn a_first_touch_is_where_the_distance_first_is_zero() {
+fn a_first_touch_is_the_first_zero_of_the_distance() {
     assert_eq!(check([14, 9]), 0);
-    // Of fine shapes a long way is searched in parts.
+    // Long motions of fine shapes are searched in parts.
     let long = check([28, 18]);
     assert!(long > 150, "{long}");
 }
 
-/// First touches of two rings of so many primitives. How many of the ways are searched in parts, fast spins aside.
+/// Checks first touches of two rings with the given numbers of primitives. Returns how many motions without fast spin are searched in parts.
 fn check(counts: [u32; 2]) -> usize {
     const LOOKS: u32 = 200;
     let ring = Shape::new(MedialAxis::torus(0.6, 0.1, counts[0]).unwrap());
     let small = Shape::new(MedialAxis::torus(0.3, 0.05, counts[1]).unwrap());
     let shapes = [&ring, &small];
-    // Chords stray by so much from either body's way.
+    // Largest deviation of the chords of both bodies from their paths, in metres.
     let early = 2.0 * CHORD_TOLERANCE * 0.7;
     let mut random = Random(5);
     let (mut hits, mut misses, mut long) = (0, 0, 0);
@@ -58,7 +58,7 @@ fn check(counts: [u32; 2]) -> usize {
         let bodies = || [0, 1].map(|side: usize| Body::new(shapes[side].clone(), sweeps[side]));
         long += usize::from(spin < 2.0 && search_parts(bodies()) > 1);
         let found = first_touch(bodies(), Culling::Hybrid, None);
-        assert_eq!(found, first_touch(bodies(), Culling::None, None), "round {round}: culling has changed it");
+        assert_eq!(found, first_touch(bodies(), Culling::None, None), "round {round}: culling changes the result");
         let all: Vec<[u32; 2]> = (0..counts[0]).flat_map(|i| (0..counts[1]).map(move |j| [i, j])).collect();
         if spin < 2.0 {
             assert_eq!(found, first_touch(bodies(), Culling::Hybrid, Some(&all)), "round {round}");
@@ -67,7 +67,7 @@ fn check(counts: [u32; 2]) -> usize {
         let until = found.map_or(1.0, |impact| impact.fraction);
         for look in 0..LOOKS {
             let fraction = until * look as f32 / LOOKS as f32;
-            assert!(at(fraction) > -1e-4, "round {round}: they overlap at {fraction}, before {until}");
+            assert!(at(fraction) > -1e-4, "round {round}: the rings overlap at {fraction}, before {until}");
         }
         match found {
             Some(impact) => {

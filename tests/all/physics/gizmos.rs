@@ -1,4 +1,4 @@
-//! The debug view: what is on is drawn, what is off is not, and nothing of it is left behind.
+//! The debug view: enabled layers are drawn, disabled layers are not, and no lines are left behind.
 
 use std::any::TypeId;
 
@@ -19,7 +19,7 @@ fn set(app: &mut App, change: impl FnOnce(&mut GizmoConfig, &mut MedialGizmos)) 
     change(group, layers);
 }
 
-/// The lines that are retained: of each entity that shows some, how many corners, and in which asset.
+/// The retained lines of each entity: number of corners, and asset.
 fn outlines(app: &mut App) -> Vec<(Entity, usize, AssetId<GizmoAsset>)> {
     let mut query = app.world_mut().query::<(&ChildOf, &Gizmo)>();
     let world = app.world();
@@ -31,7 +31,7 @@ fn outlines(app: &mut App) -> Vec<(Entity, usize, AssetId<GizmoAsset>)> {
     query.iter(world).map(|(parent, gizmo)| (parent.0, corners(gizmo), gizmo.handle.id())).collect()
 }
 
-/// Corners of the lines that a frame draws anew, each with its colour.
+/// Corners of the lines that are drawn for one frame only, each with its colour.
 fn lines(app: &mut App) -> Vec<(Vec3, LinearRgba)> {
     app.update();
     let world = app.world();
@@ -40,16 +40,16 @@ fn lines(app: &mut App) -> Vec<(Vec3, LinearRgba)> {
     let buffer = world.resource::<Assets<GizmoAsset>>().get(handle).unwrap().buffer();
     let list = buffer.list_positions.iter().zip(&buffer.list_colors);
     let strips = buffer.strip_positions.iter().zip(&buffer.strip_colors);
-    // What is not a number parts strips.
+    // Corners that are not finite separate strips.
     list.chain(strips).filter(|(place, _)| place.is_finite()).map(|(place, color)| (*place, *color)).collect()
 }
 
-/// How many.
+/// Number of corners of these lines.
 fn drawn(app: &mut App) -> usize {
     lines(app).len()
 }
 
-/// The scene of rods when bodies have met them.
+/// The scene `rods` after bodies have hit the rods.
 fn rods() -> App {
     let mut app = app();
     Scene::by_name("rods").unwrap().spawn(app.world_mut(), models(), 1);
@@ -58,7 +58,7 @@ fn rods() -> App {
 }
 
 #[test]
-fn shapes_are_drawn_once_each_while_their_layers_are_on() {
+fn each_shape_is_drawn_once_while_its_layer_is_on() {
     let mut app = app();
     let bear = mesh(&mut app, model("bear"));
     let spawn = |app: &mut App, mesh: &MedialMesh, x: f32| {
@@ -78,14 +78,14 @@ fn shapes_are_drawn_once_each_while_their_layers_are_on() {
     assert!(bears.iter().all(|&bear| asset_of(&on, bear) == asset_of(&on, bears[0])), "bears share their lines");
     assert_ne!(asset_of(&on, ring), asset_of(&on, bears[0]));
 
-    // A layer less, and fewer lines.
+    // One layer less gives fewer lines.
     set(&mut app, |_, layers| layers.spheres.enabled = false);
     run(&mut app, 2);
     let fewer = outlines(&mut app);
     let corners = |list: &[(Entity, usize, AssetId<GizmoAsset>)]| list.iter().map(|o| o.1).sum::<usize>();
     assert!(corners(&fewer) > 0 && corners(&fewer) < corners(&on), "{} of {}", corners(&fewer), corners(&on));
 
-    // One that is not shown, one that is whatever the group says.
+    // One bear is hidden. Another has a colour of its own and is shown even if the group is disabled.
     app.world_mut().entity_mut(bears[0]).insert(MedialGizmo { enabled: false, color: None });
     app.world_mut().entity_mut(bears[1]).insert(MedialGizmo { color: Some(Color::WHITE), ..default() });
     run(&mut app, 2);
@@ -102,11 +102,11 @@ fn shapes_are_drawn_once_each_while_their_layers_are_on() {
     app.world_mut().despawn(bears[1]);
     run(&mut app, 3);
     assert_eq!(outlines(&mut app), []);
-    assert_eq!(app.world().resource::<Assets<GizmoAsset>>().len(), 0, "lines that nobody shows are gone");
+    assert_eq!(app.world().resource::<Assets<GizmoAsset>>().len(), 0, "unused lines must be removed");
 }
 
 #[test]
-fn a_body_is_drawn_at_the_level_by_which_it_collides() {
+fn a_body_is_drawn_at_its_collision_level() {
     let mut app = app();
     let axis = models().iter().find(|model| model.name == "bear").unwrap().axis.clone();
     assert!(axis.coarser().len() > 1);
@@ -130,7 +130,7 @@ fn a_body_is_drawn_at_the_level_by_which_it_collides() {
     }
 }
 
-/// The layers that are drawn of a step, with their colours.
+/// The layers that show data of a step, with their colours.
 fn layers_of_steps() -> Vec<(&'static str, LinearRgba)> {
     let shapes = ["spheres", "cones", "slabs"];
     let mut layers = MedialGizmos::default();
@@ -138,7 +138,7 @@ fn layers_of_steps() -> Vec<(&'static str, LinearRgba)> {
     layers.into_iter().filter(|(name, _)| !shapes.contains(name)).collect()
 }
 
-/// Turns all layers off but the one of that name, if there is one.
+/// Turns off all layers except the one with this name, if it exists.
 fn show_only(app: &mut App, name: &str) {
     set(app, |group, layers| {
         group.enabled = true;
@@ -146,14 +146,14 @@ fn show_only(app: &mut App, name: &str) {
     });
 }
 
-/// Colours of the first frame that draws anything. The candidates are those of the next step; impacts come and go.
+/// Colours of the first frame that draws any line. Candidates are available only from the next step on, and not every step has impacts.
 fn first_colors(app: &mut App) -> Option<Vec<LinearRgba>> {
     let lines = (0..120).map(|_| lines(app)).find(|lines| !lines.is_empty())?;
     Some(lines.into_iter().map(|(_, color)| color).collect())
 }
 
 #[test]
-fn each_layer_of_a_step_adds_lines_and_takes_them_away() {
+fn each_layer_of_a_step_adds_and_removes_its_lines() {
     let mut app = rods();
     assert_eq!(drawn(&mut app), 0, "the group is off");
     show_only(&mut app, "nothing");
@@ -163,15 +163,15 @@ fn each_layer_of_a_step_adds_lines_and_takes_them_away() {
         let colors = first_colors(&mut app).unwrap_or_else(|| panic!("{name} draws nothing"));
         assert!(colors.iter().all(|other| *other == color), "{name}: {colors:?}");
         show_only(&mut app, "nothing");
-        assert_eq!(drawn(&mut app), 0, "{name} is left");
+        assert_eq!(drawn(&mut app), 0, "lines of {name} are left");
     }
     let step = app.world().resource::<MedialStep>();
     assert!(step.output.candidates.is_empty() || !step.input.report_candidates);
 }
 
 #[test]
-fn an_entity_has_its_own_colour_in_each_layer_of_a_step_or_is_left_out() {
-    // The hierarchy is of no entity.
+fn entities_can_be_coloured_or_hidden_in_every_layer() {
+    // The hierarchy belongs to no entity.
     for (name, _) in layers_of_steps().into_iter().filter(|(name, _)| *name != "hierarchy") {
         let mut app = rods();
         show_only(&mut app, name);
@@ -191,7 +191,7 @@ fn an_entity_has_its_own_colour_in_each_layer_of_a_step_or_is_left_out() {
 }
 
 #[test]
-fn a_body_that_stops_is_drawn_where_it_stops() {
+fn a_stopped_body_is_drawn_at_its_stop() {
     let mut app = app();
     set(&mut app, |group, layers| {
         group.enabled = true;
@@ -206,7 +206,7 @@ fn a_body_that_stops_is_drawn_where_it_stops() {
         app.update();
         !app.world().resource::<MedialStep>().output.stops.is_empty()
     });
-    assert!(there.is_some(), "it does not stop");
+    assert!(there.is_some(), "the body does not stop");
     let step = app.world().resource::<MedialStep>();
     let stop = step.output.stops[0];
     assert_eq!(step.infos[stop.body as usize].entity, body);
@@ -215,10 +215,10 @@ fn a_body_that_stops_is_drawn_where_it_stops() {
     for sphere in model("bear").spheres().iter().map(|sphere| sphere.scaled(scale)) {
         let center = stop.pose.transform_point(sphere.center);
         let on_it = |place: &&Vec3| (place.distance(center) - sphere.radius).abs() < 1e-5;
-        // Three circles.
+        // Each sphere is drawn as three circles.
         assert!(places.iter().filter(on_it).count() >= 48, "a sphere is missing at {center}");
     }
-    // Once more, in a colour of its own; hidden; and no more when nothing stops.
+    // Further stops: in a colour of its own, hidden, and by default. Without stops no lines are drawn.
     let mut again = |gizmo| {
         let mut body = app.world_mut().entity_mut(body);
         body.insert((gizmo, place, fast));
@@ -228,17 +228,17 @@ fn a_body_that_stops_is_drawn_where_it_stops() {
             stops.then(|| stop_outlines(&mut app))
         })
     };
-    let own = again(MedialGizmo { color: Some(Color::WHITE), ..default() }).expect("it stops");
+    let own = again(MedialGizmo { color: Some(Color::WHITE), ..default() }).expect("a stop");
     assert_eq!(own.iter().map(|(_, color)| *color).collect::<Vec<_>>(), [LinearRgba::WHITE]);
-    assert!(again(MedialGizmo { enabled: false, color: None }).expect("it stops").is_empty());
-    assert_eq!(again(MedialGizmo::default()).expect("it stops").len(), 1);
+    assert!(again(MedialGizmo { enabled: false, color: None }).expect("a stop").is_empty());
+    assert_eq!(again(MedialGizmo::default()).expect("a stop").len(), 1);
     app.world_mut().despawn(body);
     run(&mut app, 3);
     assert!(stop_outlines(&mut app).is_empty());
-    assert_eq!(app.world().resource::<Assets<GizmoAsset>>().len(), 0, "lines that nobody shows are gone");
+    assert_eq!(app.world().resource::<Assets<GizmoAsset>>().len(), 0, "unused lines must be removed");
 }
 
-/// The shapes that are shown where bodies have stopped: corners in the world, and the colour of the first.
+/// The shapes drawn at the poses where bodies have stopped: corners in the world frame, and the colour of the first corner.
 fn stop_outlines(app: &mut App) -> Vec<(Vec<Vec3>, LinearRgba)> {
     let mut query = app.world_mut().query_filtered::<(&Gizmo, &GlobalTransform), Without<ChildOf>>();
     let world = app.world();
@@ -252,7 +252,7 @@ fn stop_outlines(app: &mut App) -> Vec<(Vec<Vec3>, LinearRgba)> {
 }
 
 #[test]
-fn candidates_are_what_the_step_counts() {
+fn reported_candidates_equal_the_count_of_the_step() {
     let mut app = rods();
     set(&mut app, |group, layers| {
         group.enabled = true;

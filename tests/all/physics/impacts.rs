@@ -1,4 +1,4 @@
-//! Impacts against the true rigid motion, stepped finely in f64.
+//! Impacts compared with the true rigid motion, sampled finely in f64.
 
 use bevy::{
     prelude::*,
@@ -37,12 +37,12 @@ fn primitives(random: &mut Random) -> Vec<MedialAxis> {
         .collect()
 }
 
-/// A random pair that is apart at the start and likely to meet: a body against a body or a box.
+/// A random pair of a body and another body or a box. It is apart at the start and likely to touch.
 struct Case {
     input: StepInput,
     statics: Statics,
     pair: MovingPair,
-    /// Distance from the centre of mass to the farthest point of the smaller body, as the pipeline has it.
+    /// Distance from the centre of mass to the farthest point of the smaller body, with the pipeline's bound.
     size: f64,
 }
 
@@ -79,7 +79,7 @@ fn random_case(random: &mut Random, shapes: &[MedialAxis], turn: f32) -> Case {
         let input = StepInput { bodies: vec![first, second], ..default() };
         Case { input, statics: Statics::default(), pair: MovingPair { sides }, size }
     } else {
-        // The body flies at the box.
+        // The body flies towards the box.
         let sweep = &mut first.sweep;
         sweep.translation += toward * speed;
         sweep.end.translation += toward * speed;
@@ -101,15 +101,15 @@ impl Case {
     }
 }
 
-/// What was seen.
+/// Counts and errors of all cases.
 #[derive(Debug, Default)]
 struct Tally {
     hits: usize,
     apart: usize,
     gentle: usize,
-    /// Greatest distance at an impact, in sizes.
+    /// Largest distance at an impact, in sizes.
     earliest: f64,
-    /// Deepest overlap before an impact, and where none is told.
+    /// Deepest overlap before an impact, in sizes; then the deepest overlap without an impact.
     latest: f64,
     deepest_untold: f64,
 }
@@ -137,7 +137,7 @@ fn compare(seed: u64, count: usize, turn: f32) -> Tally {
                 }
             }
             (None, Some(touch)) => {
-                // They touch, and then overlap by less than a slop.
+                // The bodies touch, and then overlap by less than the slop.
                 tally.gentle += 1;
                 let depth = |i: i32| -case.pair.distance(touch + (1.0 - touch) * f64::from(i) / 1000.0) / size;
                 let deepest = (0..=1000).map(depth).fold(0.0, f64::max);
@@ -150,7 +150,7 @@ fn compare(seed: u64, count: usize, turn: f32) -> Tally {
 }
 
 #[test]
-fn impacts_of_bodies_that_do_not_turn_are_exact() {
+fn impacts_without_rotation_are_exact() {
     let tally = compare(1, 5000, 0.0);
     println!("{tally:?}");
     assert!(tally.hits > 1000 && tally.apart > 1000);
@@ -158,21 +158,21 @@ fn impacts_of_bodies_that_do_not_turn_are_exact() {
 }
 
 #[test]
-fn impacts_of_turning_bodies_are_early_by_the_tolerance_and_never_late() {
+fn impacts_of_turning_bodies_are_within_tolerance_and_never_late() {
     for turn in [0.1, 1.0, 3.0] {
         let tally = compare(2, 2000, turn);
         println!("{turn}: {tally:?}");
         assert!(tally.hits > 500 && tally.apart > 500);
-        // Each side strays from its chords by the tolerance, and is enlarged by as much.
+        // Each side deviates from its chords by up to the tolerance, and is enlarged by the same amount.
         assert!(tally.earliest < 4.0 * f64::from(CHORD_TOLERANCE), "early by {} sizes", tally.earliest);
         assert!(tally.latest < 1e-5, "late by {} sizes", tally.latest);
-        assert!(tally.deepest_untold < 1e-5, "an overlap of {} sizes untold", tally.deepest_untold);
+        assert!(tally.deepest_untold < 1e-5, "an overlap of {} sizes without an impact", tally.deepest_untold);
     }
 }
 
 #[test]
-fn a_spinning_body_that_comes_slowly_is_stopped_as_soon() {
-    // It turns about its own axis, so that its surface does not: but the step is made of many chords, and in each it gains little.
+fn a_slow_spinning_body_is_stopped_at_the_surface() {
+    // The capsule spins about its own axis, so its surface does not move. The step is divided into many chords, and the body descends little in each.
     let (half, radius) = (0.4, 0.2);
     let axis = MedialAxis::capsule(Vec3::X * -half, Vec3::X * half, radius).unwrap();
     let obb = Obb { pose: Pose3::from_translation(Vec3::Y * -1.0), half_extents: Vec3::splat(1.0) };
@@ -190,7 +190,7 @@ fn a_spinning_body_that_comes_slowly_is_stopped_as_soon() {
             let impact = output.pairs.first().and_then(|pair| pair.impact);
             let overlap = descent * impact.map_or(1.0, |impact| impact.fraction) - gap;
             let allowed = 1e-5;
-            assert!(overlap < allowed, "turn {turn}, descent {descent}: it overlaps by {overlap}, {impact:?}");
+            assert!(overlap < allowed, "turn {turn}, descent {descent}: overlap {overlap}, {impact:?}");
             impacts += usize::from(impact.is_some());
         }
     }

@@ -1,4 +1,4 @@
-//! What else rapier offers keeps working around medial bodies.
+//! Other features of rapier work together with medial bodies.
 
 use bevy::{ecs::system::RunSystemOnce, prelude::*};
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
@@ -15,7 +15,7 @@ fn spawn_wall(app: &mut App, x: f32) -> Entity {
 }
 
 #[test]
-fn a_stop_moves_nothing_along_a_locked_axis() {
+fn a_stop_does_not_move_a_body_along_a_locked_axis() {
     let mut app = app();
     spawn_wall(&mut app, -2.0);
     spawn_wall(&mut app, 2.0);
@@ -36,7 +36,7 @@ fn a_stop_moves_nothing_along_a_locked_axis() {
 }
 
 #[test]
-fn a_stop_costs_no_free_fall() {
+fn a_stop_does_not_slow_down_free_fall() {
     for scale in [0.0, 1.0, -1.0, 3.0] {
         let mut app = app();
         spawn_wall(&mut app, 4.0);
@@ -44,11 +44,11 @@ fn a_stop_costs_no_free_fall() {
         let frictionless = Friction { coefficient: 0.0, combine_rule: CoefficientCombineRule::Min };
         let shot = (GravityScale(scale), Velocity::linear(Vec3::X * 200.0), frictionless);
         app.world_mut().entity_mut(body).insert(shot);
-        // It falls freely along the wall. Time of the last step may still be owed.
+        // The body falls freely along the wall. The time of its last step may still be owed.
         let (mut fallen, mut speed, mut stops) = (0.0, 0.0, 0);
         for _ in 0..20 {
             app.update();
-            // The solver takes the step in four parts, gravity acting before each.
+            // The solver divides the step into four parts and applies gravity before each.
             fallen += (speed + 0.625 * 9.81 * scale * DT) * DT;
             speed += 9.81 * scale * DT;
             stops += usize::from(app.world().resource::<MedialStep>().output.stop_of(0).is_some());
@@ -60,7 +60,7 @@ fn a_stop_costs_no_free_fall() {
     }
 }
 
-/// A body with two medial meshes as children, at either end of a rod.
+/// A body with two medial meshes as children, 0.5 m on either side of its origin.
 fn spawn_dumbbell(app: &mut App, transform: Transform, velocity: Velocity) -> (Entity, [Entity; 2]) {
     let ends = [-0.5, 0.5].map(|z| {
         let mesh = mesh(app, ball());
@@ -71,7 +71,7 @@ fn spawn_dumbbell(app: &mut App, transform: Transform, velocity: Velocity) -> (E
 }
 
 #[test]
-fn a_body_of_two_shapes_rests_and_its_shapes_do_not_touch_each_other() {
+fn shapes_of_one_body_do_not_touch_each_other() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let (body, ends) = spawn_dumbbell(&mut app, Transform::from_xyz(0.0, 1.0, 0.0), Velocity::zero());
@@ -82,15 +82,15 @@ fn a_body_of_two_shapes_rests_and_its_shapes_do_not_touch_each_other() {
     record.run(&mut app, 400);
     assert!((position(&mut app, body).y - 0.2).abs() < 2e-3 && is_at_rest(&mut app, body));
     assert_eq!(record.counts(ends[0], ground), [1, 0]);
-    assert_eq!(record.counts(ends[1], middle), [0, 0], "shapes of one body are told to touch");
+    assert_eq!(record.counts(ends[1], middle), [0, 0], "two shapes of one body touch");
 }
 
 #[test]
-fn a_turned_shape_deep_in_a_body_is_where_it_looks() {
+fn a_rotated_shape_of_a_grandchild_has_the_right_pose() {
     for speed in [0.0, 100.0] {
         let mut app = app();
         let ground = spawn_ground(&mut app);
-        // Lying as it is made, upright as it is turned, and half a metre beneath the body: its foot is 0.9 m below.
+        // The capsule is made along x, and its parent turns it upright half a metre below the body. Its lower end is 0.9 m below the body.
         let capsule = mesh(&mut app, MedialAxis::capsule(Vec3::X * -0.3, Vec3::X * 0.3, 0.1).unwrap());
         let world = app.world_mut();
         let upright = Transform::from_rotation(Quat::from_rotation_z(std::f32::consts::FRAC_PI_2));
@@ -110,10 +110,10 @@ fn a_turned_shape_deep_in_a_body_is_where_it_looks() {
 }
 
 #[test]
-fn a_fast_body_of_two_shapes_is_stopped_by_either() {
+fn each_shape_of_a_fast_body_can_stop_it() {
     for z in [0.5, -0.5] {
         let mut app = app();
-        // In the way of one end, and, a little later, of the other: without a gap between them.
+        // One wall is in the path of one end, and a second wall a little later in the path of the other. There is no gap between them.
         for (side, x) in [(z, 4.0), (-z, 4.4)] {
             app.world_mut().spawn((StaticObb::new(0.05, 5.0, 5.0), Transform::from_xyz(x, 0.0, 10.0 * side)));
         }
@@ -132,8 +132,8 @@ fn a_fast_body_of_two_shapes_is_stopped_by_either() {
 }
 
 #[test]
-fn bodies_that_are_not_solved_against_each_other_are_not_stopped_either() {
-    // Solver groups: contacts are found and told, nothing is pushed.
+fn solver_groups_prevent_stops() {
+    // Solver groups: contacts are found and reported, but no body is pushed.
     let mut app = app();
     let wall = spawn_wall(&mut app, 4.0);
     app.world_mut().entity_mut(wall).insert(SolverGroups::new(Group::GROUP_1, Group::GROUP_1));
@@ -146,7 +146,7 @@ fn bodies_that_are_not_solved_against_each_other_are_not_stopped_either() {
 }
 
 #[test]
-fn joined_bodies_without_contacts_do_not_stop_each_other() {
+fn jointed_bodies_without_contacts_do_not_stop_each_other() {
     let mut app = app();
     let rod = MedialAxis::capsule(Vec3::ZERO, Vec3::Y * -1.0, 0.1).unwrap();
     let anchor = mesh(&mut app, ball());
@@ -164,11 +164,11 @@ fn joined_bodies_without_contacts_do_not_stop_each_other() {
         (least, greatest) = (least.min(tip.x), greatest.max(tip.x));
         assert!((tip.distance(Vec3::Y * 3.0) - 1.0).abs() < 0.02, "{tip}");
     }
-    assert!(least < -0.9 && greatest > 0.9, "it swings from {least} to {greatest}");
+    assert!(least < -0.9 && greatest > 0.9, "the pendulum swings from {least} to {greatest}");
 }
 
 #[test]
-fn joined_bodies_without_contacts_fly_through_each_other() {
+fn jointed_bodies_without_contacts_pass_through_each_other() {
     let mut app = app();
     let [one, other] = [-1.0, 1.0].map(|side| {
         spawn_flying(
@@ -186,7 +186,7 @@ fn joined_bodies_without_contacts_fly_through_each_other() {
 }
 
 #[test]
-fn a_chain_whose_middle_is_disabled_ties_nobody() {
+fn a_chain_with_a_disabled_middle_does_not_couple_its_ends() {
     let mut app = app();
     spawn_wall(&mut app, 4.0);
     let [one, middle, other] = [(0.0, 200.0), (20.0, 0.0), (40.0, 60.0)].map(|(height, speed)| {
@@ -198,12 +198,12 @@ fn a_chain_whose_middle_is_disabled_ties_nobody() {
     app.world_mut().entity_mut(middle).insert(RigidBodyDisabled);
     run(&mut app, 10);
     let [one, other] = [one, other].map(|body| position(&mut app, body).x);
-    assert!(one < 3.9, "it flies through the wall");
-    assert!((other - 10.0 * 60.0 * DT).abs() < 0.01, "{other}: it loses what the other has lost at the wall");
+    assert!(one < 3.9, "the first body flies through the wall");
+    assert!((other - 10.0 * 60.0 * DT).abs() < 0.01, "{other}: the last body loses time of the first");
 }
 
 #[test]
-fn a_kinematic_body_goes_its_way_and_pushes_others() {
+fn a_kinematic_body_keeps_its_motion_and_pushes_others() {
     for kind in [RigidBody::KinematicVelocityBased, RigidBody::KinematicPositionBased] {
         let mut app = app();
         let pusher = mesh(&mut app, MedialAxis::rounded_box(Vec3::splat(0.5), 0.1).unwrap());
@@ -219,7 +219,7 @@ fn a_kinematic_body_goes_its_way_and_pushes_others() {
             app.update();
             let [x, other] = [pusher, pushed].map(|body| position(&mut app, body).x);
             assert!((x - (-3.0 + 0.1 * step as f32)).abs() < 0.01, "{kind:?}: {x} in step {step}");
-            // It goes on where it meets the other: for a step they overlap by what it goes in a step.
+            // The pusher does not stop at the other body, so for one step they overlap by its displacement of a step.
             assert!(other - x > 0.7 - 0.1 - 0.01, "{kind:?}: {x} {other}");
         }
         assert!(position(&mut app, pushed).x > 3.6, "{kind:?}");
@@ -227,7 +227,7 @@ fn a_kinematic_body_goes_its_way_and_pushes_others() {
 }
 
 #[test]
-fn bodies_bounce_by_their_restitution() {
+fn bodies_bounce_according_to_their_restitution() {
     for (restitution, expected) in [(0.0, 0.0), (0.5, 0.25), (0.9, 0.81)] {
         let mut app = app();
         spawn_ground(&mut app);
@@ -248,7 +248,7 @@ fn bodies_bounce_by_their_restitution() {
 }
 
 #[test]
-fn a_paused_world_stands_still_and_goes_on() {
+fn a_paused_world_stands_still_and_continues() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.5, 0.0));
@@ -269,7 +269,7 @@ fn a_paused_world_stands_still_and_goes_on() {
 }
 
 #[test]
-fn substeps_let_nothing_through() {
+fn a_fast_body_stops_at_a_wall_with_substeps() {
     for substeps in [1, 2, 4] {
         let mut app = app();
         app.insert_resource(TimestepMode::Fixed { dt: DT, substeps });
@@ -303,7 +303,7 @@ fn a_child_of_a_turning_body_keeps_its_collider() {
 }
 
 #[test]
-fn what_slides_down_a_slanting_floor_keeps_its_plane() {
+fn a_body_on_a_tilted_floor_keeps_its_locked_axis() {
     let mut app = app();
     let floor = Transform::from_rotation(Quat::from_rotation_x(0.4) * Quat::from_rotation_z(-0.5));
     app.world_mut().spawn((StaticObb::new(20.0, 0.1, 20.0), floor));
@@ -314,13 +314,13 @@ fn what_slides_down_a_slanting_floor_keeps_its_plane() {
         let place = position(&mut app, body);
         assert!(place.z.abs() < 1e-5, "{place}");
         let height = floor.rotation.inverse() * place;
-        assert!(height.y > 0.29, "it sinks in by {}", 0.3 - height.y);
+        assert!(height.y > 0.29, "the ball sinks in by {}", 0.3 - height.y);
     }
-    assert!(position(&mut app, body).y < 0.0, "it does not slide down");
+    assert!(position(&mut app, body).y < 0.0, "the ball does not slide down");
 }
 
 #[test]
-fn a_sensor_is_told_of_what_a_joint_keeps_from_colliding_with_it() {
+fn a_sensor_reports_bodies_that_a_joint_keeps_from_contact() {
     for sensor in [false, true] {
         let mut app = app();
         let [still, flying] = [0.0, -1.0].map(|x| {
@@ -340,7 +340,7 @@ fn a_sensor_is_told_of_what_a_joint_keeps_from_colliding_with_it() {
 }
 
 #[test]
-fn what_is_moved_by_poses_hits_as_fast_as_it_goes() {
+fn a_body_moved_by_poses_hits_at_its_actual_speed() {
     let mut app = app();
     let piston =
         (RigidBody::KinematicPositionBased, Collider::cuboid(0.1, 0.5, 0.5), Transform::from_xyz(-0.4, 0.0, 0.0));
@@ -356,11 +356,11 @@ fn what_is_moved_by_poses_hits_as_fast_as_it_goes() {
 }
 
 #[test]
-fn contacts_of_medial_bodies_are_fresh_and_rapiers_own_are_recycled() {
+fn only_contacts_of_rapier_bodies_are_recycled() {
     // Contacts are recycled while a pair moves by less than this distance, here 5 m.
     let parameters = IntegrationParameters { normalized_contact_recycle_distance: 5.0, ..default() };
     assert!(parameters.contact_recycling);
-    // A ball touches a wall and is then moved away, farther than the prediction distance: only recycled contacts remain.
+    // A ball touches a wall and is then moved away by more than the prediction distance. Only recycled contacts remain.
     let is_recycled = |medial: bool, hooks: Option<ActiveHooks>| {
         let mut app = app();
         app.update();
@@ -381,7 +381,7 @@ fn contacts_of_medial_bodies_are_fresh_and_rapiers_own_are_recycled() {
         let touches = move |rapier: ReadRapierContext| {
             rapier.single().unwrap().contact_pair(body, wall).is_some_and(|pair| pair.has_any_active_contact())
         };
-        assert!(app.world_mut().run_system_once(touches).unwrap(), "they touch");
+        assert!(app.world_mut().run_system_once(touches).unwrap(), "the ball touches the wall");
         app.world_mut().get_mut::<Transform>(body).unwrap().translation.x -= 0.03;
         run(&mut app, 2);
         assert!(contexts.single(app.world()).unwrap().integration_parameters.contact_recycling);

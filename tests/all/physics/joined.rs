@@ -12,13 +12,13 @@ fn rod() -> MedialAxis {
     MedialAxis::capsule(Vec3::X * -HALF, Vec3::X * HALF, 0.05).unwrap()
 }
 
-/// A joint from the end of one rod to the beginning of the next.
+/// A joint from the end of one rod to the start of the next rod.
 fn ball_joint() -> TypedJoint {
     let length = HALF + 0.06;
     SphericalJointBuilder::new().local_anchor1(Vec3::X * length).local_anchor2(Vec3::X * -length).into()
 }
 
-/// A chain of rods along x, all of one velocity.
+/// A chain of rods along x, all with the same velocity.
 fn spawn_chain(app: &mut App, count: usize, turn: Quat, velocity: Vec3, multibody: bool) -> Vec<Entity> {
     let mut chain: Vec<Entity> = Vec::new();
     for i in 0..count {
@@ -38,7 +38,7 @@ fn spawn_chain(app: &mut App, count: usize, turn: Quat, velocity: Vec3, multibod
     chain
 }
 
-/// Greatest distance of two anchors that ought to be one.
+/// Largest distance between the two anchors of a joint.
 fn torn(app: &mut App, chain: &[Entity]) -> f32 {
     let gaps = chain.windows(2).map(|pair| {
         let [a, b] = [(pair[0], 1.0), (pair[1], -1.0)]
@@ -49,7 +49,7 @@ fn torn(app: &mut App, chain: &[Entity]) -> f32 {
 }
 
 #[test]
-fn a_chain_that_hits_a_wall_at_speed_holds_together_in_front_of_it() {
+fn a_chain_that_hits_a_wall_holds_together() {
     for speed in [10.0, 100.0, 300.0] {
         for turn in [0.0, 0.8, 1.5] {
             let mut app = app();
@@ -73,7 +73,7 @@ fn a_chain_that_hits_a_wall_at_speed_holds_together_in_front_of_it() {
 }
 
 #[test]
-fn links_of_a_multibody_collide_with_others_and_not_with_their_neighbours() {
+fn links_of_a_multibody_collide_except_with_neighbours() {
     let mut app = app();
     spawn_ground(&mut app);
     let base = app.world_mut().spawn((RigidBody::Fixed, Transform::from_xyz(0.0, 1.2, 0.0))).id();
@@ -106,7 +106,7 @@ fn links_of_a_multibody_collide_with_others_and_not_with_their_neighbours() {
 }
 
 #[test]
-fn a_link_is_not_stopped_by_what_a_joint_holds_to_it() {
+fn a_link_is_not_stopped_with_a_body_jointed_to_it() {
     let mut app = app();
     app.world_mut().spawn((StaticObb::new(0.05, 90.0, 90.0), Transform::from_xyz(4.0, 0.0, 0.0)));
     let velocity = Vec3::X * 100.0;
@@ -120,6 +120,6 @@ fn a_link_is_not_stopped_by_what_a_joint_holds_to_it() {
         let step = app.world().resource::<MedialStep>();
         stopped.extend(step.output.stops.iter().map(|stop| step.info(Side::Body(stop.body)).entity));
     }
-    assert!(stopped.contains(&sword), "it does not reach the wall");
+    assert!(stopped.contains(&sword), "the sword does not reach the wall");
     assert!(!links.iter().any(|link| stopped.contains(link)), "{links:?} among {stopped:?}");
 }

@@ -1,4 +1,4 @@
-//! Time is kept: scenes in steps of 1/60 s take as long as in finer steps, as in theory, or as with rapier's own shapes. Energy never rises.
+//! Durations: scenes in steps of 1/60 s take as long as in finer steps, in theory, or with rapier's own shapes. Energy never rises.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
@@ -16,7 +16,7 @@ use crate::common::*;
 /// Length of a fine step, in seconds.
 const FINE: f32 = DT / 16.0;
 
-/// Sums of the bodies' kinetic and total energy, in J/kg, with gravity of 9.81 m/s2.
+/// Kinetic and total energy of all bodies per mass, in J/kg, with gravity of 9.81 m/s2.
 fn energies(app: &mut App, bodies: &[Entity]) -> [f32; 2] {
     let (mut kinetic, mut potential, mut mass) = (0.0, 0.0, 0.0);
     for &entity in bodies {
@@ -32,7 +32,7 @@ fn mean_height(app: &mut App, bodies: &[Entity]) -> f32 {
     bodies.iter().map(|&body| rigid(app, body).center_of_mass().y).sum::<f32>() / bodies.len() as f32
 }
 
-/// Runs until a condition holds, and returns the time in seconds; infinity after `most` seconds.
+/// Runs until a condition holds. Returns the time in seconds, or infinity after `most` seconds.
 fn time_until(app: &mut App, dt: f32, most: f32, mut is_done: impl FnMut(&mut App) -> bool) -> f32 {
     let steps = (most / dt) as u32;
     let step = (1..=steps).find(|_| {
@@ -42,7 +42,7 @@ fn time_until(app: &mut App, dt: f32, most: f32, mut is_done: impl FnMut(&mut Ap
     step.map_or(f32::INFINITY, |step| step as f32 * dt)
 }
 
-/// A plane that falls by 20 degrees along x.
+/// A plane that slopes down by 20 degrees along x.
 fn spawn_slope(app: &mut App) -> Quat {
     let tilt = Quat::from_rotation_z(-20f32.to_radians());
     let place = Transform::from_translation(tilt * Vec3::Y * -0.5).with_rotation(tilt);
@@ -51,7 +51,7 @@ fn spawn_slope(app: &mut App) -> Quat {
 }
 
 #[test]
-fn a_pile_comes_to_rest_as_soon_as_in_other_engines() {
+fn a_pile_comes_to_rest_as_fast_as_in_other_engines() {
     let mut app = headless_app(DT);
     Scene::by_name("pile").unwrap().spawn(app.world_mut(), models(), 1);
     app.update();
@@ -97,7 +97,7 @@ fn hopper(dt: f32) -> f32 {
 }
 
 #[test]
-fn a_hopper_empties_almost_as_soon_as_in_fine_steps() {
+fn a_hopper_empties_almost_as_fast_as_in_fine_steps() {
     let [coarse, fine] = [DT, FINE].map(hopper);
     assert!(coarse < 1.3 * fine, "{coarse} s, fine {fine} s");
 }
@@ -117,12 +117,12 @@ fn second_domino(dt: f32) -> f32 {
 }
 
 #[test]
-fn a_domino_falls_as_soon_as_in_fine_steps() {
+fn a_domino_falls_as_fast_as_in_fine_steps() {
     let [coarse, fine] = [DT, FINE].map(second_domino);
     assert!((coarse / fine - 1.0).abs() < 0.06, "{coarse} s, fine {fine} s");
 }
 
-/// Seconds in which a tube of twelve flat sides rolls 20 m down a slope.
+/// Seconds until a tube with twelve flat sides has rolled 20 m down a slope.
 fn tube(dt: f32) -> f32 {
     let mut app = headless_app(dt);
     let tilt = spawn_slope(&mut app);
@@ -149,7 +149,7 @@ fn a_tube_with_flat_sides_rolls_as_fast_as_in_fine_steps() {
 }
 
 #[test]
-fn a_ball_rolls_down_as_fast_as_rapiers_own() {
+fn a_ball_rolls_down_as_fast_as_a_ball_of_rapier() {
     let seconds = |spawn: fn(&mut App, Transform) -> Entity| {
         let mut app = headless_app(DT);
         let tilt = spawn_slope(&mut app);
@@ -186,13 +186,13 @@ fn a_ball_bounces_as_high_and_as_often_as_in_theory() {
         let expected_height = height * restitution.powi(2 * n);
         let flights: f32 = (1..n).map(|k| 2.0 * restitution.powi(k)).sum();
         let expected_time = fall * (1.0 + flights + restitution.powi(n));
-        // Rapier's integration takes up to 3 % of the height of a bounce in steps an eighth as long as well.
+        // Rapier's integration loses up to 3 % of the height of a bounce, even in steps an eighth as long.
         assert!((peak / expected_height - 1.0).abs() < 0.08, "bounce {n}: {peak} m, not {expected_height} m");
         assert!((time / expected_time - 1.0).abs() < 0.01, "bounce {n}: at {time} s, not {expected_time} s");
     }
 }
 
-/// Heights of a tilted rod that falls flat on the floor, in every step of 1/60 s.
+/// Heights of a tilted rod that falls flat on the floor, after every 1/60 s.
 fn falling_rod(dt: f32) -> Vec<f32> {
     let mut app = headless_app(dt);
     spawn_ground(&mut app);
@@ -215,8 +215,8 @@ fn a_rod_falls_flat_as_in_fine_steps() {
     assert!(off < 0.03, "{off} m");
 }
 
-/// The most total energy above that of the start, in J/kg, of linked tori that fall: the first is fixed. `closed`: they form a horizontal ring, or else
-/// a row along x.
+/// Largest gain of total energy since the start, in J/kg, of falling linked tori. The first torus is fixed. `closed`: the tori form a horizontal
+/// ring instead of a row along x.
 fn energy_gained(count: usize, closed: bool) -> f32 {
     let mut app = headless_app(DT);
     let axis = MedialAxis::torus(0.25, 0.05, 12).unwrap();
@@ -255,7 +255,7 @@ fn linked_tori_gain_no_energy() {
 }
 
 #[test]
-fn bodies_spawned_at_one_place_come_apart_and_land() {
+fn bodies_spawned_at_one_position_separate_and_land() {
     let mut app = headless_app(DT);
     spawn_ground(&mut app);
     let place = Transform::from_xyz(0.0, 4.0, 0.0);

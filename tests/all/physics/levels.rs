@@ -1,4 +1,4 @@
-//! Levels of detail: which one a body collides by, and that a change of it disturbs nothing.
+//! Levels of detail: the choice of a body's level, and changes of level that do not disturb the motion.
 
 use std::{fs, path::PathBuf};
 
@@ -19,7 +19,7 @@ const TUBE: f32 = 0.2;
 /// Segments and error, in percent of a diagonal of 3 m, of each level.
 const LEVELS: [(u32, f32); 3] = [(24, 0.3), (12, 0.9), (6, 4.0)];
 
-/// Rings that lie flat.
+/// Levels of a ring that lies flat.
 fn chain() -> MedialLevels {
     let levels = LEVELS.map(|(segments, max)| {
         let one_way = Deviation { max, mean: 0.1 };
@@ -34,13 +34,13 @@ fn ring() -> MedialAxis {
     chain().into_medial_axis().unwrap()
 }
 
-/// Number of spheres that the entity collides by.
+/// Number of spheres in the collision shape of the entity.
 fn spheres(app: &App, entity: Entity) -> usize {
     let collider = app.world().get::<Collider>(entity).expect("a collider");
     let shape = collider.raw.as_shape::<MedialShape>().unwrap();
     let spheres = shape.shape.axis.spheres().len();
     let level = app.world().get::<MedialLevel>(entity).unwrap().0;
-    assert_eq!(spheres, LEVELS[level].0 as usize, "it is told another level than it has");
+    assert_eq!(spheres, LEVELS[level].0 as usize, "`MedialLevel` is not the level of the collider");
     spheres
 }
 
@@ -49,10 +49,10 @@ fn set(app: &mut App, entity: Entity, budget: MedialBudget) {
 }
 
 #[test]
-fn coarser_levels_take_over_the_mass_of_the_finest() {
+fn coarser_levels_have_the_mass_of_the_finest() {
     let axis = ring();
     assert_eq!(axis.coarser().len(), 2);
-    assert_ne!(MedialAxis::torus(1.0, TUBE, 6).unwrap().mass(), axis.mass(), "there is nothing to take over");
+    assert_ne!(MedialAxis::torus(1.0, TUBE, 6).unwrap().mass(), axis.mass(), "the masses are equal anyway");
     assert!(axis.coarser().iter().all(|(level, _)| level.mass() == axis.mass()));
     let of = |number| axis.level(number).spheres().len();
     assert_eq!([0, 1, 2, 3, usize::MAX].map(of), [24, 12, 6, 6, 6]);
@@ -60,11 +60,11 @@ fn coarser_levels_take_over_the_mass_of_the_finest() {
 }
 
 #[test]
-fn the_coarsest_level_within_the_budget_is_taken() {
+fn the_coarsest_level_within_the_budget_is_used() {
     use MedialBudget::{Metres, Percent};
     let mut app = app();
     let mesh = mesh(&mut app, ring());
-    // The greater of the two directions counts: 9, 27 and 120 mm; the diagonal of the ring's box is about 3.42 m.
+    // The larger error of both directions counts: 9, 27 and 120 mm. The diagonal of the ring's box is about 3.42 m.
     let cases = [
         (1.0, None, 12),
         (7.0, None, 12),
@@ -96,7 +96,7 @@ fn the_coarsest_level_within_the_budget_is_taken() {
     for (body, case) in bodies.into_iter().zip(cases) {
         assert_eq!(spheres(&app, body), case.2, "{case:?}");
     }
-    // An absolute budget follows the scale, of a child too.
+    // An absolute budget follows the scale, including that of a parent.
     let parent = app.world_mut().spawn(Transform::from_scale(Vec3::splat(2.0))).id();
     let child = app.world_mut().spawn((RigidBody::Fixed, mesh, Metres(0.052), ChildOf(parent))).id();
     app.update();
@@ -110,28 +110,28 @@ fn the_coarsest_level_within_the_budget_is_taken() {
 }
 
 #[test]
-fn a_shape_without_levels_stays_what_it_is() {
+fn a_shape_without_levels_ignores_the_budget() {
     let mut app = app();
     let body = spawn_body(&mut app, model("torus"), Transform::default());
     set(&mut app, body, MedialBudget::Percent(50.0));
     app.update();
     assert_eq!(app.world().get::<MedialLevel>(body), Some(&MedialLevel(0)));
     assert!(app.world().get::<Collider>(body).is_some());
-    // It goes with the shape.
+    // `MedialLevel` is removed with the shape.
     app.world_mut().entity_mut(body).remove::<MedialMesh>();
     app.update();
     assert_eq!(app.world().get::<MedialLevel>(body), None);
 }
 
 #[test]
-fn a_change_of_level_in_touch_with_a_floor_disturbs_nothing() {
+fn a_change_of_level_on_a_floor_does_not_disturb_motion() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let body = spawn_body(&mut app, ring(), Transform::from_xyz(0.0, TUBE, 0.0));
     app.world_mut().entity_mut(body).insert(ColliderMassProperties::Density(700.0));
     let mut record = Record::default();
     record.run(&mut app, 10);
-    // It slides while the level changes.
+    // The body slides while its level changes.
     app.world_mut().entity_mut(body).insert(Velocity::linear(Vec3::X));
     record.run(&mut app, 2);
     let properties = |app: &mut App| rigid(app, body).mass_properties().local_mprops;
@@ -144,7 +144,7 @@ fn a_change_of_level_in_touch_with_a_floor_disturbs_nothing() {
         changes += usize::from(spheres(&app, body) != before.0);
         let now = rigid(&mut app, body);
         let linear = now.linvel() - before.1.linvel();
-        // Friction alone takes speed away, evenly.
+        // Only friction reduces the speed, and it does so evenly.
         assert!((-0.17..=0.0).contains(&linear.x) && linear.y.abs() < 0.01, "step {step}: {linear}");
         assert!(now.angvel().distance(before.1.angvel()) < 0.02, "step {step}: {}", now.angvel());
         assert!((now.translation().y - TUBE).abs() < 1e-3, "step {step}: {}", now.translation());
@@ -158,14 +158,14 @@ fn a_change_of_level_in_touch_with_a_floor_disturbs_nothing() {
 }
 
 #[test]
-fn a_sleeping_body_is_woken_by_another_level_only() {
+fn a_sleeping_body_wakes_only_if_its_level_changes() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let body = spawn_body(&mut app, ring(), Transform::from_xyz(0.0, TUBE, 0.0));
     let mut record = Record::default();
     record.run(&mut app, 300);
     assert!(is_at_rest(&mut app, body) && spheres(&app, body) == 12);
-    // The same level by another budget.
+    // Another budget that selects the same level.
     set(&mut app, body, MedialBudget::Metres(0.03));
     record.run(&mut app, 1);
     assert!(rigid(&mut app, body).is_sleeping() && spheres(&app, body) == 12);
@@ -194,7 +194,7 @@ fn bodies_of_one_level_and_scale_share_their_shape() {
 }
 
 #[test]
-fn a_wrong_budget_is_told_once_and_counts_as_the_default() {
+fn an_invalid_budget_is_logged_once_and_the_default_holds() {
     log::keep();
     let mut app = app();
     let wrong = [MedialBudget::Percent(f32::NAN), MedialBudget::Metres(-1.0), MedialBudget::Metres(f32::NEG_INFINITY)];
@@ -211,7 +211,7 @@ fn a_wrong_budget_is_told_once_and_counts_as_the_default() {
 }
 
 #[test]
-fn a_file_of_levels_loads_and_a_damaged_one_is_named() {
+fn a_damaged_file_of_levels_is_logged() {
     log::keep();
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("physics-levels");
     fs::create_dir_all(&folder).unwrap();
@@ -241,7 +241,7 @@ fn a_file_of_levels_loads_and_a_damaged_one_is_named() {
 fn important_bodies_are_finer_and_far_ones_coarser() {
     let mut app = app();
     let mesh = mesh(&mut app, ring());
-    // 1 % allows 12 segments with their 27 mm, half of that 24 with 9 mm, four times as much 6 with 120 mm.
+    // A budget of 1 % selects 12 segments with an error of 27 mm. Half of it selects 24 with 9 mm, and four times as much selects 6 with 120 mm.
     let body = |app: &mut App, x: f32, importance: Option<f32>| {
         let mut body = app.world_mut().spawn((RigidBody::Fixed, mesh.clone(), Transform::from_xyz(x, 0.0, 0.0)));
         if let Some(importance) = importance {
@@ -267,14 +267,14 @@ fn important_bodies_are_finer_and_far_ones_coarser() {
     check(&mut app, [12, 24, 6, 12, 12, 12, 24]);
     let focus = app.world_mut().spawn((MedialFocus::default(), Transform::default())).id();
     check(&mut app, [12, 24, 6, 12, 6, 6, 12]);
-    // A little nearer or farther changes nothing, or bodies at the border would change all the time.
+    // A small change of distance changes no level. Otherwise bodies near the limit would change their level all the time.
     app.world_mut().get_mut::<Transform>(focus).unwrap().translation.x = 4.0;
     check(&mut app, [12, 24, 6, 12, 6, 6, 12]);
     app.world_mut().get_mut::<Transform>(focus).unwrap().translation.x = 34.0;
     check(&mut app, [12, 12, 6, 12, 12, 12, 24]);
     app.world_mut().get_mut::<Transform>(focus).unwrap().translation.x = 0.0;
     check(&mut app, [12, 24, 6, 12, 6, 6, 12]);
-    // What is made a static is seen from nowhere.
+    // A focus has no effect on statics.
     app.world_mut().entity_mut(bodies[5]).insert(StaticObb::default());
     check(&mut app, [12, 24, 6, 12, 6, 12, 12]);
     app.world_mut().entity_mut(bodies[5]).remove::<StaticObb>();
@@ -284,7 +284,7 @@ fn important_bodies_are_finer_and_far_ones_coarser() {
 }
 
 #[test]
-fn what_sleeps_on_a_shape_wakes_when_that_gets_another_level() {
+fn a_body_wakes_when_the_level_beneath_it_changes() {
     let mut app = app();
     spawn_ground(&mut app);
     let mesh = mesh(&mut app, ring());
@@ -295,7 +295,7 @@ fn what_sleeps_on_a_shape_wakes_when_that_gets_another_level() {
             lower.insert(StaticObb::default());
         }
         let lower = lower.id();
-        // Across the ring near its side, where a polygon of six reaches less far.
+        // The beam lies across the ring near its side, where a ring of six segments is narrower.
         let beam = MedialAxis::capsule(Vec3::X * -2.0, Vec3::X * 2.0, 0.1).unwrap();
         let upper = spawn_body(&mut app, beam, Transform::from_xyz(x, 2.0 * TUBE + 0.1, 0.93));
         run(&mut app, 400);
@@ -307,7 +307,7 @@ fn what_sleeps_on_a_shape_wakes_when_that_gets_another_level() {
 }
 
 #[test]
-fn diagnostics_tell_how_many_are_at_which_level_and_what_shapes_take() {
+fn diagnostics_report_bodies_per_level_and_shape_memory() {
     use bevy::diagnostic::{DiagnosticPath, DiagnosticsStore};
     use bevy_medial::plugin::diagnostic_paths::{LEVELS as COUNTED, SHAPE_MEMORY};
 
@@ -326,7 +326,7 @@ fn diagnostics_tell_how_many_are_at_which_level_and_what_shapes_take() {
     // Spheres alone are 16 bytes each.
     let least = LEVELS.iter().map(|(spheres, _)| 16 * spheres).sum::<u32>();
     let memory = value(&app, &SHAPE_MEMORY);
-    assert!(memory > f64::from(least) && memory < 20.0 * f64::from(least), "{memory} for {least} of spheres");
+    assert!(memory > f64::from(least) && memory < 20.0 * f64::from(least), "{memory} bytes, spheres {least}");
     let ball = mesh(&mut app, MedialAxis::sphere(1.0).unwrap());
     run(&mut app, 1);
     assert!(value(&app, &SHAPE_MEMORY) > memory);
@@ -336,7 +336,7 @@ fn diagnostics_tell_how_many_are_at_which_level_and_what_shapes_take() {
 }
 
 #[test]
-fn diagnostics_tell_what_the_step_tells() {
+fn diagnostics_equal_the_counts_and_times_of_the_step() {
     use bevy::diagnostic::DiagnosticsStore;
     use bevy_medial::{plugin::diagnostic_paths as paths, scenes::Scene};
 
@@ -370,7 +370,7 @@ fn diagnostics_tell_what_the_step_tells() {
             *sum += value;
         }
     }
-    // All but the unresolved are there to be told apart.
+    // Every value except the number of unresolved pairs occurs.
     let [times @ .., _, _] = &sums;
     assert!(times.iter().all(|sum| *sum > 0.0) && sums[13] > 0.0, "{sums:?}");
 }

@@ -1,4 +1,4 @@
-//! A life in a game: what is spawned, changed, moved, paused, taken away and restored at run time, and what is told of it.
+//! Changes at run time: bodies are spawned, changed, moved, paused, removed and restored, and messages report it.
 
 use std::{fs, path::PathBuf, sync::LazyLock, time::Duration};
 
@@ -29,7 +29,7 @@ fn ball() -> MedialAxis {
     MedialAxis::sphere(0.2).unwrap()
 }
 
-/// Where rapier has an entity's shape.
+/// Position of an entity's collider in rapier.
 fn collider_position(app: &mut App, entity: Entity) -> Vec3 {
     let handle = app.world().get::<RapierColliderHandle>(entity).unwrap().0;
     let mut contexts = app.world_mut().query::<&RapierContextColliders>();
@@ -41,7 +41,7 @@ fn set_active(app: &mut App, active: bool) {
     configuration.single_mut(app.world_mut()).unwrap().physics_pipeline_active = active;
 }
 
-/// Updates until the server knows how a load ends.
+/// Updates the app until the state of the load satisfies a condition.
 fn wait(app: &mut App, mesh: &MedialMesh, is_over: impl Fn(&LoadState) -> bool) {
     for _ in 0..10_000 {
         app.update();
@@ -54,7 +54,7 @@ fn wait(app: &mut App, mesh: &MedialMesh, is_over: impl Fn(&LoadState) -> bool) 
 }
 
 #[test]
-fn spawned_before_in_and_after_the_frame_of_loading_bodies_rest() {
+fn bodies_rest_whether_spawned_before_or_after_loading() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let mesh = MedialMesh(app.world().resource::<Assets<MedialAxis>>().reserve_handle());
@@ -78,7 +78,7 @@ fn spawned_before_in_and_after_the_frame_of_loading_bodies_rest() {
 }
 
 #[test]
-fn a_failed_load_is_told_once_and_may_be_made_good() {
+fn a_failed_load_is_logged_once_and_can_be_repaired() {
     log::keep();
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("physics-failed-load");
     fs::create_dir_all(&folder).unwrap();
@@ -94,25 +94,25 @@ fn a_failed_load_is_told_once_and_may_be_made_good() {
     let lines = log::lines("of a bad file");
     assert_eq!(lines.len(), 1, "{lines:?}");
     assert!(lines[0].contains("bad.ma"), "{lines:?}");
-    // The file is put right.
+    // The file is repaired.
     fs::copy(assets().join("models/torus.ma"), folder.join("bad.ma")).unwrap();
     app.world().resource::<AssetServer>().reload("bad.ma");
     wait(&mut app, &mesh, |state| matches!(state, LoadState::Loaded));
     run(&mut app, 300);
     assert!((position(&mut app, body).y - 0.0525).abs() < 2e-3, "{}", position(&mut app, body));
-    // Spoiled again, the shape stays as it was.
+    // If the file is damaged again, the shape stays as it is.
     fs::write(folder.join("bad.ma"), "this is no mesh again\n").unwrap();
     app.world().resource::<AssetServer>().reload("bad.ma");
     wait(&mut app, &mesh, |state| matches!(state, LoadState::Failed(_)));
     run(&mut app, 20);
     assert!(app.world().get::<Collider>(body).is_some());
     assert!((position(&mut app, body).y - 0.0525).abs() < 2e-3 && is_at_rest(&mut app, body));
-    assert!(log::lines("bad.ma").len() >= 3, "nobody was told of the reload that failed");
+    assert!(log::lines("bad.ma").len() >= 3, "the failed reload is not logged");
     assert_eq!(log::lines("of a bad file").len(), 1);
 }
 
 #[test]
-fn what_stands_in_for_a_shape_that_does_not_load_stays() {
+fn a_substitute_collider_stays_if_the_shape_does_not_load() {
     let mut app = app();
     let mesh = MedialMesh(app.world().resource::<AssetServer>().load("no such.ma"));
     let body = (RigidBody::Dynamic, mesh.clone(), Collider::ball(0.5), Transform::from_scale(Vec3::splat(2.0)));
@@ -127,9 +127,9 @@ fn what_stands_in_for_a_shape_that_does_not_load_stays() {
 }
 
 #[test]
-fn a_box_that_loses_its_shape_before_that_has_loaded_is_a_box() {
+fn a_static_without_its_unloaded_shape_becomes_a_box() {
     let mut app = app();
-    // Of which nothing comes.
+    // This asset never loads.
     let mesh = MedialMesh(app.world().resource::<Assets<MedialAxis>>().reserve_handle());
     let floor = app.world_mut().spawn((StaticObb::new(2.0, 0.5, 2.0), mesh, Transform::from_xyz(0.0, -0.5, 0.0))).id();
     app.update();
@@ -141,7 +141,7 @@ fn a_box_that_loses_its_shape_before_that_has_loaded_is_a_box() {
 }
 
 #[test]
-fn a_scale_that_no_shape_can_have_is_told_once() {
+fn an_invalid_scale_is_logged_once() {
     log::keep();
     let mut app = app();
     spawn_ground(&mut app);
@@ -169,7 +169,7 @@ fn a_scale_that_no_shape_can_have_is_told_once() {
 }
 
 #[test]
-fn a_shape_that_is_loaded_anew_changes_all_its_bodies() {
+fn a_reloaded_shape_changes_all_its_bodies() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let mesh = mesh(&mut app, plate());
@@ -196,7 +196,7 @@ fn a_shape_that_is_loaded_anew_changes_all_its_bodies() {
 }
 
 #[test]
-fn a_shape_that_is_taken_out_and_put_back_changes_its_bodies() {
+fn a_removed_and_replaced_shape_changes_its_bodies() {
     for frames_between in [0, 3] {
         let mut app = app();
         spawn_ground(&mut app);
@@ -215,10 +215,10 @@ fn a_shape_that_is_taken_out_and_put_back_changes_its_bodies() {
 }
 
 #[test]
-fn a_shape_follows_a_body_that_comes_later_or_elsewhere() {
+fn a_shape_attaches_to_a_body_that_is_added_later() {
     let mut app = app();
     let mesh = mesh(&mut app, ball());
-    // First a shape by itself, then one of a body's child.
+    // A shape without a body, and a shape on the child of a body.
     let alone = app.world_mut().spawn((mesh.clone(), Transform::from_xyz(0.0, 5.0, 0.0))).id();
     let parent = spawn_flying(&mut app, ball(), Transform::from_xyz(3.0, 5.0, 0.0), Velocity::zero());
     let child = app.world_mut().spawn((mesh, Transform::from_xyz(1.0, 0.0, 0.0), ChildOf(parent))).id();
@@ -236,7 +236,7 @@ fn a_shape_follows_a_body_that_comes_later_or_elsewhere() {
         let (body, shape) = (position(&mut app, entity), collider_position(&mut app, entity));
         assert!(body.y < 4.9 && shape == body, "the body is at {body}, its shape at {shape}");
     }
-    // Picked up, and dropped again.
+    // The body is removed and added again.
     app.world_mut().entity_mut(alone).remove::<RigidBody>();
     run(&mut app, 3);
     app.world_mut().entity_mut(alone).insert(RigidBody::Dynamic);
@@ -245,8 +245,8 @@ fn a_shape_follows_a_body_that_comes_later_or_elsewhere() {
 }
 
 #[test]
-fn a_part_that_is_freed_between_fixed_steps_stays_where_it_is() {
-    // Four frames to a step: whichever frame it is freed in.
+fn a_part_detached_between_fixed_steps_stays_in_place() {
+    // A step has four frames. The part is detached in each of them.
     for frame in 0..4 {
         let mut app = app_with(MedialPhysicsPlugin::default().in_fixed_schedule(), &assets());
         app.insert_resource(Time::<Fixed>::from_hz(60.0));
@@ -259,13 +259,13 @@ fn a_part_that_is_freed_between_fixed_steps_stays_where_it_is() {
         app.world_mut().entity_mut(part).remove::<ChildOf>();
         run(&mut app, 12);
         let place = collider_position(&mut app, part);
-        assert_eq!(place, Vec3::X, "frame {frame}: the shape goes elsewhere than its entity");
+        assert_eq!(place, Vec3::X, "frame {frame}: the collider is not at its entity");
         assert!((2.0 * rigid(&mut app, parent).mass() / both - 1.0).abs() < 1e-3, "frame {frame}");
     }
 }
 
 #[test]
-fn a_body_that_is_spawned_asleep_hangs_until_it_is_hit() {
+fn a_body_spawned_asleep_does_not_fall_until_it_is_hit() {
     let mut app = app();
     let asleep = Sleeping { sleeping: true, ..default() };
     let hanging = spawn_body(&mut app, ball(), Transform::from_xyz(0.0, 5.0, 0.0));
@@ -280,7 +280,7 @@ fn a_body_that_is_spawned_asleep_hangs_until_it_is_hit() {
 }
 
 #[test]
-fn a_sensor_that_comes_to_sleeping_bodies_and_goes_is_told() {
+fn a_sensor_reports_touches_of_sleeping_bodies() {
     let mut app = app();
     spawn_ground(&mut app);
     let body = spawn_body(&mut app, plate(), Transform::from_xyz(0.0, 0.1, 0.0));
@@ -298,7 +298,7 @@ fn a_sensor_that_comes_to_sleeping_bodies_and_goes_is_told() {
 }
 
 #[test]
-fn what_sleeps_and_is_told_alone_learns_of_what_is_put_there() {
+fn a_sleeping_kinematic_body_reports_new_touches() {
     for sensor in [true, false] {
         let mut app = app();
         let shape = mesh(&mut app, plate());
@@ -320,7 +320,7 @@ fn what_sleeps_and_is_told_alone_learns_of_what_is_put_there() {
     }
 }
 
-/// A change of a body that lies on another and on the ground, and whether the touch ends and starts again at it.
+/// A change of a body between the ground and another body: name, change, reversal, and whether the touches end and start again.
 type Change = (&'static str, fn(&mut App, Entity), fn(&mut App, Entity), bool);
 
 const CHANGES: [Change; 9] = [
@@ -392,7 +392,7 @@ const CHANGES: [Change; 9] = [
 ];
 
 #[test]
-fn a_touch_goes_on_through_changes_that_leave_it() {
+fn a_touch_continues_through_changes_that_keep_it() {
     for (what, change, back, ends) in CHANGES {
         for asleep in [false, true] {
             let mut app = app();
@@ -411,7 +411,7 @@ fn a_touch_goes_on_through_changes_that_leave_it() {
                 assert_eq!(record.counts(body, other), [1, usize::from(ends)], "{what}, asleep {asleep}");
             }
             back(&mut app, body);
-            // What has fallen a little meanwhile is put back, too.
+            // Bodies that have fallen a little are put back.
             app.world_mut().get_mut::<Transform>(body).unwrap().translation = Vec3::Y * 0.1;
             app.world_mut().get_mut::<Transform>(upper).unwrap().translation = Vec3::Y * 0.301;
             app.world_mut().entity_mut(body).insert(Velocity::zero());
@@ -425,7 +425,7 @@ fn a_touch_goes_on_through_changes_that_leave_it() {
 }
 
 #[test]
-fn two_fixed_bodies_do_not_touch_wherever_they_are() {
+fn two_fixed_bodies_report_no_touch() {
     let mut app = app();
     spawn_ground(&mut app);
     let lower = spawn_body(&mut app, plate(), Transform::from_xyz(0.0, 0.101, 0.0));
@@ -464,7 +464,7 @@ fn app_of(kind: &str) -> App {
 }
 
 #[test]
-fn a_teleport_sweeps_through_nothing() {
+fn a_teleport_hits_no_body_on_its_path() {
     for kind in ["every frame", "fixed schedule", "interpolated"] {
         for body_kind in [RigidBody::Dynamic, RigidBody::KinematicVelocityBased, RigidBody::KinematicPositionBased] {
             let mut app = app_of(kind);
@@ -485,7 +485,7 @@ fn a_teleport_sweeps_through_nothing() {
                     position(&mut app, body)
                 );
             }
-            // One that is moved by its positions goes all the way, and takes along what is on it.
+            // A body that is moved by its positions sweeps the whole path and hits the bodies on it.
             let told = usize::from(body_kind == RigidBody::KinematicPositionBased) * 3;
             for (one, other) in [(body, wall), (child, wall)] {
                 assert_eq!(record.counts(one, other), [told; 2], "{kind} {body_kind:?} {one} {other}");
@@ -500,7 +500,7 @@ fn a_teleport_sweeps_through_nothing() {
 
 #[test]
 fn despawning_ends_each_touch_once() {
-    // In mid-contact, in the frame of spawning, and of a parent.
+    // Despawning during contact, in the frame of spawning, and of a parent.
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let ends = [-0.5, 0.5].map(|x| {
@@ -520,7 +520,7 @@ fn despawning_ends_each_touch_once() {
         record.run(&mut app, 1);
         assert_eq!(record.counts(brief, ends[0]), [0, 0]);
     }
-    // Without a body of its own, and below it.
+    // A child without a body of its own is despawned.
     app.world_mut().despawn(ends[0]);
     record.run(&mut app, 2);
     assert_eq!(record.counts(ends[0], ground), [1, 1]);
@@ -539,7 +539,7 @@ fn despawning_ends_each_touch_once() {
 }
 
 #[test]
-fn a_static_may_come_and_go_while_the_world_is_paused() {
+fn statics_may_change_while_the_world_is_paused() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let shelves: Vec<Entity> = (0..3)
@@ -571,7 +571,7 @@ fn a_static_may_come_and_go_while_the_world_is_paused() {
 }
 
 #[test]
-fn a_stopped_clock_stops_bodies_and_touches() {
+fn a_paused_clock_stops_bodies_and_keeps_touches() {
     let mut app = app();
     app.insert_resource(TimestepMode::Variable { max_dt: 0.05, time_scale: 1.0, substeps: 1 });
     let ground = spawn_ground(&mut app);
@@ -628,7 +628,7 @@ fn steps_may_change_their_length_and_number() {
 }
 
 #[test]
-fn a_fast_spin_in_slow_motion_or_several_steps_a_frame_is_the_turn_that_it_is() {
+fn a_fast_spin_has_its_full_turn_at_any_time_scale() {
     for (frame, time_scale, spin) in [(DT, 0.05, 250.0), (12.0 * DT, 1.0, 40.0)] {
         let mut app = app();
         app.insert_resource(TimestepMode::Interpolated { dt: DT, time_scale, substeps: 1 });
@@ -648,8 +648,8 @@ fn a_fast_spin_in_slow_motion_or_several_steps_a_frame_is_the_turn_that_it_is() 
     }
 }
 
-/// Where three rods are that strike each other at 60 m/s, after so many steps at so many frames each; messages, and steps in which the solver was made
-/// finer.
+/// Three rods that hit each other at 60 m/s, after `steps` steps of `frames` frames each: their poses, the numbers of messages, and the number of
+/// steps with additional solver iterations.
 fn struck(frames: u32, steps: u32) -> (Vec<Transform>, [usize; 2], usize) {
     // Powers of two, so that frames add up to steps exactly.
     let dt = 1.0 / 64.0;
@@ -684,7 +684,7 @@ fn frames_between_steps_change_nothing() {
 }
 
 #[test]
-fn what_ends_with_the_last_medial_body_is_told_at_many_frames_a_step() {
+fn despawning_the_last_medial_body_ends_its_touch() {
     let mut app = app();
     app.insert_resource(TimestepMode::Interpolated { dt: DT, time_scale: 1.0, substeps: 1 });
     app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(0.3 * DT)));
@@ -699,12 +699,12 @@ fn what_ends_with_the_last_medial_body_is_told_at_many_frames_a_step() {
     assert!(app.world().resource::<MedialStep>().input.bodies.is_empty());
 }
 
-/// Whether rapier's step is run.
+/// True if rapier's step runs.
 #[derive(Resource)]
 struct Playing(bool);
 
 #[test]
-fn while_a_condition_keeps_rapier_from_its_step_nothing_happens_and_a_fast_hit_stays_fine() {
+fn skipped_steps_of_rapier_change_nothing() {
     let mut app = app();
     app.insert_resource(Playing(true))
         .configure_sets(PostUpdate, PhysicsSet::StepSimulation.run_if(|playing: Res<Playing>| playing.0));
@@ -723,7 +723,7 @@ fn while_a_condition_keeps_rapier_from_its_step_nothing_happens_and_a_fast_hit_s
         }
     }
     let (hit, poses) = (finer(&mut app), rods.map(|rod| *rigid(&mut app, rod).position()));
-    assert!(hit[0] > 0, "they do not hit each other");
+    assert!(hit[0] > 0, "the rods do not hit each other");
     app.world_mut().resource_mut::<Playing>().0 = false;
     app.world_mut().get_mut::<Transform>(other).unwrap().translation.x = 0.39;
     record.run(&mut app, 5);
@@ -740,7 +740,7 @@ fn while_a_condition_keeps_rapier_from_its_step_nothing_happens_and_a_fast_hit_s
 struct Rarely;
 
 #[test]
-fn a_shape_that_changes_while_a_schedule_of_its_own_rests_has_changed_when_that_goes_on() {
+fn a_shape_changed_between_runs_of_a_schedule_is_updated() {
     let mut app = app_with(MedialPhysicsPlugin::default().in_schedule(Rarely), &assets());
     let mesh = mesh(&mut app, ball());
     let body = app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), Transform::default())).id();
@@ -761,7 +761,7 @@ fn a_shape_that_changes_while_a_schedule_of_its_own_rests_has_changed_when_that_
     assert!((radius(&mut app) - 0.4).abs() < 1e-3);
 }
 
-/// How much there is of everything that might grow.
+/// Sizes of all collections that might grow.
 fn inventory(app: &mut App) -> [usize; 8] {
     let world = app.world_mut();
     let mut contexts =
@@ -780,7 +780,7 @@ fn inventory(app: &mut App) -> [usize; 8] {
     [a, b, c, d, e, step.infos.len() + step.static_infos.len(), world.resource::<ContactTable>().len(), assets]
 }
 
-/// 10,000 bodies and statics come and go, a few steps each.
+/// Spawns 10,000 bodies and statics, and despawns each after a few steps.
 fn come_and_go(app: &mut App, record: &mut Record) {
     let shape = ball();
     let mut random = Random(8);
@@ -788,7 +788,7 @@ fn come_and_go(app: &mut App, record: &mut Record) {
     for _ in 0..250 {
         for _ in 0..40 {
             let at = Transform::from_translation(Vec3::new(3.0, 0.3, 0.0) + random.in_ball() * 2.0);
-            // An asset of its own each time, or a static box.
+            // A body with an asset of its own, or a static box.
             let entity = if random.below(4) > 0 {
                 spawn_body(app, shape.clone(), at)
             } else {
@@ -814,13 +814,13 @@ fn ten_thousand_spawns_and_despawns_leave_nothing_behind() {
     record.run(&mut app, 200);
     let before = inventory(&mut app);
     come_and_go(&mut app, &mut record);
-    assert!(record.started.len() > 1000, "hardly anything touched: {}", record.started.len());
+    assert!(record.started.len() > 1000, "too few touches: {}", record.started.len());
     assert_eq!(inventory(&mut app), before);
     assert!(is_at_rest(&mut app, kept));
     assert_eq!(record.started.len(), record.ended.len() + 1);
 }
 
-/// Memory of this process that is in use, in bytes.
+/// Resident memory of this process, in bytes.
 #[cfg(target_os = "linux")]
 fn resident() -> usize {
     let pages = std::fs::read_to_string("/proc/self/statm").unwrap();
@@ -829,20 +829,20 @@ fn resident() -> usize {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn ten_thousand_spawns_and_despawns_take_no_memory() {
+fn ten_thousand_spawns_and_despawns_leak_no_memory() {
     let child = std::process::Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "physics::life::tells_what_spawns_take", "--ignored", "--nocapture"])
+        .args(["--exact", "physics::life::child_process_that_measures_memory", "--ignored", "--nocapture"])
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&child.stdout).into_owned();
     assert!(child.status.success() && text.contains("1 passed"), "{text}");
 }
 
-/// Run by [`ten_thousand_spawns_and_despawns_take_no_memory`].
+/// Run by [`ten_thousand_spawns_and_despawns_leak_no_memory`].
 #[test]
 #[cfg(target_os = "linux")]
-#[ignore = "wants a process of its own"]
-fn tells_what_spawns_take() {
+#[ignore = "needs a process of its own"]
+fn child_process_that_measures_memory() {
     let mut app = app();
     spawn_ground(&mut app);
     let taken: Vec<usize> = (0..6)
@@ -852,12 +852,12 @@ fn tells_what_spawns_take() {
         })
         .collect();
     println!("{taken:?}");
-    // Of each collider that was there, bevy_rapier keeps 16 bytes; a body and its shape have many hundreds.
+    // bevy_rapier keeps 16 bytes of each removed collider. A body with its shape takes many hundreds of bytes.
     assert!(taken[5] < taken[1] + 40_000 * 64, "{taken:?}");
 }
 
 #[test]
-fn a_shape_that_comes_to_a_disabled_body_collides_with_nothing() {
+fn a_shape_loaded_by_a_disabled_body_hits_nothing() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let mesh = MedialMesh(app.world().resource::<Assets<MedialAxis>>().reserve_handle());
@@ -880,7 +880,7 @@ fn a_shape_that_comes_to_a_disabled_body_collides_with_nothing() {
 }
 
 #[test]
-fn a_static_may_take_the_place_of_another_within_a_frame() {
+fn a_static_may_replace_another_within_a_frame() {
     let mut app = app();
     let old = app.world_mut().spawn((StaticObb::new(0.05, 2.0, 2.0), Transform::from_xyz(4.0, 0.0, 0.0))).id();
     let wall = MedialAxis::rounded_box(Vec3::new(0.05, 2.0, 2.0), 0.02).unwrap();

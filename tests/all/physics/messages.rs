@@ -26,7 +26,7 @@ fn spawn_wall(app: &mut App, kind: &str) -> Entity {
 
 const WALLS: [&str; 3] = ["box", "shape", "body"];
 
-/// Shoots a ball at a wall, from a distance that no step of it ends near the wall at; returns wall, ball and what was told.
+/// Shoots a ball at a wall; no step of the ball ends near the wall. Returns the wall, the ball and the messages.
 fn shoot(
     kind: &str,
     wall_first: bool,
@@ -52,7 +52,7 @@ fn shoot(
 }
 
 #[test]
-fn a_shot_is_told_once_with_where_and_how_fast() {
+fn a_shot_is_reported_once_with_position_and_speed() {
     for kind in WALLS {
         for wall_first in [true, false] {
             let (mut app, [wall, body], mut record) = shoot(kind, wall_first, 200.0, |_, _, _| {});
@@ -67,14 +67,14 @@ fn a_shot_is_told_once_with_where_and_how_fast() {
             assert!(kind == "body" || message.entity1 == body);
             assert!(!message.sensor);
             let touch = message.touch;
-            // It starts the second step half a step's way before the wall's middle.
+            // The second step starts half a step's displacement before the middle of the wall.
             let way = 200.0 * DT;
             assert!((touch.fraction - (0.5 * way - 0.25) / way).abs() < 1e-3, "{kind}: {touch:?}");
             assert!(touch.point.distance(Vec3::new(-0.05, 0.1, 0.1)) < 2e-3, "{kind}: {touch:?}");
             assert!(touch.normal.distance(Vec3::X * sign) < 1e-3, "{kind}: {touch:?}");
             assert!((touch.approach_speed - 200.0).abs() < 0.01, "{kind}: {touch:?}");
             assert_eq!(touch.separation, 0.0);
-            // Taken away, it ends, once.
+            // The touch ends once when the ball is moved away.
             app.world_mut().get_mut::<Transform>(body).unwrap().translation.y = 50.0;
             record.run(&mut app, 20);
             assert_eq!(record.counts(wall, body), [1, 1], "{kind}");
@@ -85,7 +85,7 @@ fn a_shot_is_told_once_with_where_and_how_fast() {
 }
 
 #[test]
-fn a_resting_body_is_told_once_and_a_bouncing_one_in_turns() {
+fn starts_and_ends_of_touches_alternate() {
     let mut app = app();
     let ground = spawn_ground(&mut app);
     let resting = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.06, 0.0));
@@ -102,7 +102,7 @@ fn a_resting_body_is_told_once_and_a_bouncing_one_in_turns() {
     let mut again = 0;
     for &body in &bodies {
         let [started, ended] = record.counts(body, ground);
-        // One more start than ends: it lies there.
+        // There is one more start than ends because the body still lies on the ground.
         assert_eq!(started, ended + 1);
         again += ended;
         let mut told: Vec<(u32, bool)> =
@@ -113,7 +113,7 @@ fn a_resting_body_is_told_once_and_a_bouncing_one_in_turns() {
             assert_eq!(*is_start, i % 2 == 0);
         }
     }
-    assert!(again > 0, "nothing has bounced");
+    assert!(again > 0, "no body has bounced");
     for (_, message) in &record.started {
         let touch = message.touch;
         assert_eq!(message.entity2, ground);
@@ -123,7 +123,7 @@ fn a_resting_body_is_told_once_and_a_bouncing_one_in_turns() {
 }
 
 #[test]
-fn a_sensor_stops_nothing_and_tells() {
+fn a_sensor_reports_touches_and_stops_no_body() {
     for kind in WALLS {
         for wall_is_sensor in [true, false] {
             for wall_first in [true, false] {
@@ -142,12 +142,12 @@ fn a_sensor_stops_nothing_and_tells() {
 }
 
 #[test]
-fn a_sensor_behind_a_wall_is_not_told_of_what_the_wall_stops() {
+fn a_sensor_behind_a_wall_does_not_report_stopped_bodies() {
     for kind in ["box", "shape"] {
         for stops in [true, false] {
             let sensor = std::cell::Cell::new(Entity::PLACEHOLDER);
             let (_, [wall, body], record) = shoot(kind, true, 200.0, |app, _, body| {
-                // On the way of the step in which the ball hits the wall.
+                // In the path of the ball in the step of its impact on the wall.
                 let place = Transform::from_xyz(1.0, 0.0, 0.0);
                 sensor.set(app.world_mut().spawn((StaticObb::new(0.1, 1.0, 1.0), Sensor, place)).id());
                 if !stops {
@@ -161,7 +161,7 @@ fn a_sensor_behind_a_wall_is_not_told_of_what_the_wall_stops() {
 }
 
 #[test]
-fn groups_keep_bodies_apart_from_contacts_and_from_being_stopped() {
+fn groups_prevent_contacts_and_stops() {
     let (mut passed, mut stopped) = (0, 0);
     for kind in WALLS {
         for (wall_group, filter) in [(0b01, 0b10), (0b10, 0b10), (0b11, 0b01)] {
@@ -187,7 +187,7 @@ fn groups_keep_bodies_apart_from_contacts_and_from_being_stopped() {
 }
 
 #[test]
-fn a_body_without_continuous_collision_passes_at_speed() {
+fn without_continuous_collision_a_fast_body_passes_walls() {
     for kind in WALLS {
         for on_wall in [false, true] {
             let (mut app, [wall, body], _) = shoot(kind, true, 200.0, |app, wall, body| {
@@ -207,7 +207,7 @@ fn a_body_without_continuous_collision_passes_at_speed() {
 }
 
 #[test]
-fn a_slow_body_rests_without_continuous_collision_too() {
+fn a_slow_body_rests_without_continuous_collision() {
     let mut app = app();
     spawn_ground(&mut app);
     let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.3, 0.0));

@@ -1,4 +1,4 @@
-//! Observers of an entity hear of each touch once, from its side.
+//! Observers of an entity receive each touch once, from the entity's side.
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
@@ -10,14 +10,14 @@ fn ball() -> MedialAxis {
     MedialAxis::sphere(0.2).unwrap()
 }
 
-/// What an observer was told.
+/// Events that observers received.
 #[derive(Resource, Default)]
 struct Heard {
     started: Vec<(Entity, MedialContactStarted)>,
     ended: Vec<(Entity, MedialContactEnded)>,
 }
 
-/// Notes what is told to the entity.
+/// Records the events of the entity.
 fn listen(app: &mut App, entity: Entity) {
     app.init_resource::<Heard>();
     app.world_mut()
@@ -28,7 +28,7 @@ fn listen(app: &mut App, entity: Entity) {
         .observe(move |on: On<MedialContactEnded>, mut heard: ResMut<Heard>| heard.ended.push((entity, *on.event())));
 }
 
-/// A ball that hits a wall, and both listened to.
+/// A ball that hits a wall. The events of both are recorded.
 fn shot() -> (App, Entity, Entity) {
     let mut app = app();
     let wall = app.world_mut().spawn((StaticObb::new(0.1, 2.0, 2.0), Transform::from_xyz(4.0, 0.0, 0.0))).id();
@@ -39,7 +39,7 @@ fn shot() -> (App, Entity, Entity) {
 }
 
 #[test]
-fn both_entities_hear_of_a_touch_once_each_from_its_side() {
+fn both_entities_observe_a_touch_once_from_their_side() {
     let (mut app, wall, body) = shot();
     let mut record = Record::default();
     record.run(&mut app, 30);
@@ -65,7 +65,7 @@ fn both_entities_hear_of_a_touch_once_each_from_its_side() {
 }
 
 #[test]
-fn the_end_is_told_to_the_one_that_is_left() {
+fn the_remaining_entity_observes_the_end() {
     let (mut app, wall, body) = shot();
     let mut record = Record::default();
     record.run(&mut app, 3);
@@ -78,12 +78,12 @@ fn the_end_is_told_to_the_one_that_is_left() {
 }
 
 #[test]
-fn what_an_observer_does_to_its_body_holds() {
+fn changes_by_an_observer_take_effect() {
     let (mut app, wall, body) = shot();
     app.world_mut().entity_mut(body).observe(
         |on: On<MedialContactStarted>, mut bodies: Query<(&Transform, &mut Velocity)>| {
             let (transform, mut velocity) = bodies.get_mut(on.entity1).unwrap();
-            // The pose of the impact is there already.
+            // The transform is already that of the impact.
             assert!((transform.translation.x - 3.7).abs() < 0.01, "{}", transform.translation);
             velocity.linear = Vec3::Y * 5.0;
         },
@@ -96,7 +96,7 @@ fn what_an_observer_does_to_its_body_holds() {
 }
 
 #[test]
-fn an_observer_may_despawn_what_it_observes() {
+fn an_observer_may_despawn_its_entity() {
     let (mut app, wall, body) = shot();
     app.world_mut()
         .entity_mut(body)
@@ -110,7 +110,7 @@ fn an_observer_may_despawn_what_it_observes() {
 }
 
 #[test]
-fn an_observer_of_all_hears_each_side_of_a_touch() {
+fn a_global_observer_receives_both_sides_of_a_touch() {
     let (mut app, ..) = shot();
     app.add_observer(|on: On<MedialContactStarted>, mut commands: Commands| {
         let (entity1, entity2) = (on.entity1, on.entity2);
@@ -126,7 +126,7 @@ fn an_observer_of_all_hears_each_side_of_a_touch() {
 struct All(Vec<[Entity; 2]>);
 
 #[test]
-fn a_pair_that_changes_sides_goes_on_touching() {
+fn a_pair_whose_order_changes_keeps_its_touch() {
     let mut app = app();
     spawn_ground(&mut app);
     let flat = MedialAxis::rounded_box(Vec3::new(0.5, 0.1, 0.5), 0.05).unwrap();

@@ -1,4 +1,4 @@
-//! Pointers pick medial bodies: the nearest along the ray of the camera, as `Pickable` and the settings say.
+//! Pointers pick the nearest medial body along the ray of the camera. `Pickable` and the settings restrict the choice.
 
 use bevy::{
     camera::{CameraProjection, ComputedCameraValues, NormalizedRenderTarget, RenderTargetInfo},
@@ -21,11 +21,11 @@ use crate::common::*;
 
 const SIZE: UVec2 = UVec2::new(400, 300);
 
-/// What the pointer has moved over, in order.
+/// Entities that the pointer has moved over, in order.
 #[derive(Resource, Default)]
 struct Over(Vec<Entity>);
 
-/// What the last frame's pointer was told to hit.
+/// Pointer hits of the last frame.
 #[derive(Resource, Default)]
 struct Hits(Vec<PointerHits>);
 
@@ -38,12 +38,12 @@ fn picking_app() -> (App, Entity) {
             hits.0 = messages.read().cloned().collect();
         })
         .add_observer(|over: On<Pointer<bevy::picking::events::Over>>, mut seen: ResMut<Over>| {
-            // Each event goes up to the window.
+            // Each event bubbles up to the window.
             if over.entity == over.original_event_target() {
                 seen.0.push(over.entity);
             }
         });
-    // The window itself is no matter here.
+    // Picking of the window itself is not tested.
     app.world_mut().resource_mut::<PickingSettings>().is_window_picking_enabled = false;
     let window = app.world_mut().spawn((Window::default(), PrimaryWindow)).id();
     let target = NormalizedRenderTarget::Window(WindowRef::Primary.normalize(Some(window)).unwrap());
@@ -78,9 +78,9 @@ fn entities(picks: &[(Entity, f32)]) -> Vec<Entity> {
 }
 
 #[test]
-fn a_pointer_hits_the_front_body_where_its_exact_shape_is_and_not_the_one_behind() {
+fn a_pointer_hits_the_exact_shape_of_the_front_body() {
     let (mut app, camera) = picking_app();
-    // A ring across the view: its box is hit, its shape is not.
+    // A ring across the view: the ray hits its box, but not its shape.
     let ring = MedialAxis::torus(1.0, 0.1, 16).unwrap();
     let around =
         spawn_still(&mut app, ring, Transform::from_xyz(0.0, 0.0, -3.0).with_rotation(Quat::from_rotation_x(1.57)));
@@ -92,7 +92,7 @@ fn a_pointer_hits_the_front_body_where_its_exact_shape_is_and_not_the_one_behind
     );
     let wall = app.world_mut().spawn((StaticObb::new(2.0, 2.0, 0.5), Transform::from_xyz(0.0, 0.0, -12.0))).id();
     let picks = picked(&mut app);
-    assert_eq!(entities(&picks), [front, behind, wall], "not {around}");
+    assert_eq!(entities(&picks), [front, behind, wall], "the pointer passes through the ring {around}");
     let near = PerspectiveProjection::default().near;
     for ((_, depth), expected) in picks.iter().zip([4.5, 8.0, 11.5]) {
         assert!((depth + near - expected).abs() < 1e-3, "{depth} instead of {expected}");
@@ -103,9 +103,9 @@ fn a_pointer_hits_the_front_body_where_its_exact_shape_is_and_not_the_one_behind
         assert_eq!(hit.camera, camera);
         assert!(hit.normal.unwrap().distance(Vec3::Z) < 1e-3, "{:?}", hit.normal);
     }
-    // Only the front one is hovered over.
+    // Only the front body is hovered over.
     assert_eq!(app.world().resource::<Over>().0, [front]);
-    // Turned about the other axis the ring is in the way.
+    // In another orientation the ring is in front of the bodies.
     app.world_mut().get_mut::<Transform>(around).unwrap().rotation = Quat::IDENTITY;
     let picks = picked(&mut app);
     assert_eq!(entities(&picks), [around, front, behind, wall]);
@@ -114,7 +114,7 @@ fn a_pointer_hits_the_front_body_where_its_exact_shape_is_and_not_the_one_behind
 }
 
 #[test]
-fn a_box_without_thickness_has_the_normal_of_its_face() {
+fn a_hit_on_a_flat_box_has_the_normal_of_its_face() {
     let (mut app, _) = picking_app();
     let flat = StaticObb::new(2.0, 2.0, 0.0);
     for (x, y) in [(0.0, 0.0), (0.3, -1.7)] {
@@ -127,14 +127,14 @@ fn a_box_without_thickness_has_the_normal_of_its_face() {
 }
 
 #[test]
-fn what_cannot_be_picked_is_looked_through() {
+fn unpickable_bodies_do_not_hide_bodies_behind() {
     let (mut app, _) = picking_app();
     let ball = || MedialAxis::sphere(0.5).unwrap();
     let front = spawn_still(&mut app, ball(), Transform::from_xyz(0.0, 0.0, -5.0));
     let behind = spawn_still(&mut app, ball(), Transform::from_xyz(0.0, 0.0, -9.0));
     app.world_mut().entity_mut(front).insert(Pickable::IGNORE);
     assert_eq!(entities(&picked(&mut app)), [behind]);
-    // This one cannot be hovered over, but hides the other.
+    // The front body cannot be hovered over, but hides the other one.
     app.world_mut().entity_mut(front).insert(Pickable { is_hoverable: false, should_block_lower: true });
     app.world_mut().resource_mut::<Over>().0.clear();
     assert_eq!(entities(&picked(&mut app)), [front, behind]);
@@ -146,7 +146,7 @@ fn what_cannot_be_picked_is_looked_through() {
 }
 
 #[test]
-fn where_markers_are_required_only_marked_cameras_pick_only_marked_entities() {
+fn required_markers_limit_picking_to_marked_entities() {
     let (mut app, camera) = picking_app();
     let ball = || MedialAxis::sphere(0.5).unwrap();
     spawn_still(&mut app, ball(), Transform::from_xyz(0.0, 0.0, -5.0));

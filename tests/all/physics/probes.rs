@@ -1,4 +1,4 @@
-//! Rays and points against medial shapes, held against f64 distances.
+//! Rays and point projections on medial shapes, compared with f64 distances.
 
 use std::cell::Cell;
 
@@ -12,7 +12,7 @@ use crate::{
     reference::{Ball, Difference},
 };
 
-/// Deviations allowed, in bounding radii.
+/// Allowed deviation, in bounding radii.
 const ACCURACY: f64 = 1e-4;
 
 /// A shape in f64.
@@ -34,14 +34,14 @@ impl Exact {
         }
     }
 
-    /// Distance to the nearest primitive. Inside, some negative number.
+    /// Distance to the nearest primitive. Inside the shape it is any negative number.
     fn distance(&self, point: DVec3) -> f64 {
         let point = [Ball { center: point, ..Ball::default() }];
         let distances = self.primitives.iter().map(|balls| Difference::new(balls, &point).distance().upper);
         distances.fold(f64::INFINITY, f64::min)
     }
 
-    /// When a ray first touches.
+    /// Time of the first touch of a ray.
     fn enter(&self, origin: DVec3, direction: DVec3, max_time: f64) -> Option<f64> {
         let ray = [Ball { center: origin, radius: 0.0, motion: direction * max_time }];
         let times = self.primitives.iter().filter_map(|balls| {
@@ -83,7 +83,7 @@ fn rays_enter_and_leave_the_union() {
             let truth = exact.enter(at(0.0), direction.as_dvec3(), max_time.into());
             match (solid, truth) {
                 (None, None) => misses += 1,
-                // A hit that comes or goes with a touch.
+                // A grazing ray may miss.
                 (None, Some(time)) => {
                     let sunk =
                         (1..50).any(|i| exact.distance(at(time + f64::from(i) * tolerance / speed)) < -tolerance);
@@ -99,7 +99,7 @@ fn rays_enter_and_leave_the_union() {
                         assert!(off < tolerance, "off the shape by {off}");
                     }
                     if let Some(truth) = truth {
-                        // Along a grazing ray the time is less certain than the place.
+                        // Along a grazing ray the time is less accurate than the point.
                         let early = exact.distance(at(truth - 20.0 * tolerance / speed));
                         assert!(time <= truth + tolerance / speed || exact.distance(at(truth)) > -tolerance);
                         assert!(time >= truth - 20.0 * tolerance / speed || early < tolerance);
@@ -126,7 +126,7 @@ fn rays_enter_and_leave_the_union() {
             };
             let time = f64::from(exit.time_of_impact);
             assert!(exact.distance(at(time)).abs() < tolerance, "{} off at the exit", exact.distance(at(time)));
-            assert!(exit.normal.dot(direction) <= 1e-3 * direction.length(), "the normal looks back along the ray");
+            assert!(exit.normal.dot(direction) <= 1e-3 * direction.length(), "the normal does not face the ray");
             let beyond = exact.distance(at(time + 5.0 * tolerance / speed));
             assert!(beyond > -tolerance, "{beyond} inside behind the exit");
             for i in 1..40 {
@@ -149,7 +149,7 @@ fn rays_enter_and_leave_the_union() {
 }
 
 #[test]
-fn rays_of_no_use_hit_nothing() {
+fn invalid_rays_hit_nothing() {
     let medial = medial(&Shape::new(model("bear")));
     let hit = |origin, direction, max| medial.cast_local_ray_and_get_normal(&Ray::new(origin, direction), max, false);
     let outside = Vec3::X * 20.0;
@@ -178,7 +178,7 @@ fn points_find_the_nearest_surface() {
             assert!(found.is_inside == (distance <= 0.0) || distance.abs() < tolerance);
             assert_eq!(medial.contains_local_point(point), found.is_inside);
             let off = exact.distance(found.point.as_dvec3());
-            assert!(off.abs() < tolerance, "{off} off the surface, a way of {way} from {distance}");
+            assert!(off.abs() < tolerance, "{off} off the surface, {way} from a point at distance {distance}");
             assert_eq!(medial.project_local_point_and_get_feature(point).0.point, found.point);
             if !found.is_inside {
                 outside += 1;
@@ -188,7 +188,7 @@ fn points_find_the_nearest_surface() {
             }
             inside += 1;
             assert_eq!(medial.project_local_point(point, true).point, point);
-            // No point nearer than that is outside, of many about.
+            // No sampled point that is nearer is outside.
             let mut nearer = 0.0f64;
             for _ in 0..150 {
                 let near = point.as_dvec3()

@@ -1,4 +1,4 @@
-//! The scene `dinosaur`: what the fast body touches first is what its true motion meets first.
+//! The scene `dinosaur`: the first body that the projectile touches is the first one along its true motion.
 
 use bevy::prelude::*;
 use bevy_medial::{
@@ -14,18 +14,18 @@ use crate::{
     true_motion::{Motion, Solid, corners_of_box, distance},
 };
 
-/// Deepest overlap that is no impact, in metres: limbs that graze each other.
+/// Deepest overlap that is not an impact, in metres, because limbs may graze each other.
 const SLOP: f64 = 1e-3;
 
-/// Greatest distance at an impact, in metres: bodies turn, and chords stray.
+/// Largest distance at an impact, in metres. It is not zero because bodies turn and chords deviate from arcs.
 const EARLY: f64 = 2e-3;
 
-/// First fraction, before one that is given, at which the solids overlap by more than the slop, by steps that cannot pass it.
+/// First fraction before `until` at which the solids overlap by more than [`SLOP`]. The steps of the search are so short that they cannot skip it.
 fn first_overlap(first: &Solid, second: &Solid, until: f64) -> Option<f64> {
     let reach = first.reach() + second.reach();
     let mut fraction = 0.0;
     while fraction < until {
-        // Nothing farther away matters in what is left.
+        // Solids at a larger distance cannot meet in the rest of the interval.
         let above = SLOP + distance(first, second, fraction, reach * (until - fraction) + SLOP);
         if above <= 1e-5 {
             return Some(fraction);
@@ -39,7 +39,7 @@ fn of_body(body: &Body, origin: DVec3) -> Solid {
     Solid::of_shape(body.solid.medial().unwrap(), Motion::new(&body.sweep, origin))
 }
 
-/// The projectile in a step, and all others.
+/// The projectile and all other solids of a step.
 fn solids(step: &MedialStep, projectile: u32) -> (Solid, Vec<(Entity, Solid)>) {
     let body = &step.input.bodies[projectile as usize];
     let origin = body.sweep.start.translation.as_dvec3();
@@ -54,7 +54,7 @@ fn solids(step: &MedialStep, projectile: u32) -> (Solid, Vec<(Entity, Solid)>) {
     (of_body(body, origin), bodies.chain(statics).collect())
 }
 
-/// The projectile's first impact in the step: with whom, and when.
+/// The projectile's first impact in the step: the other entity and the fraction.
 fn found_impact(step: &MedialStep, projectile: u32) -> Option<(Entity, f64)> {
     let impacts = step.output.pairs.iter().filter_map(|pair| {
         let other = match (pair.first, pair.second) {
@@ -68,7 +68,7 @@ fn found_impact(step: &MedialStep, projectile: u32) -> Option<(Entity, f64)> {
 }
 
 #[test]
-fn the_dinosaur_meets_first_what_its_true_motion_meets_first() {
+fn the_first_impact_is_that_of_the_true_motion() {
     let scene = Scene::by_name("dinosaur").unwrap();
     let mut certain = 0;
     for seed in 0..20 {
@@ -88,10 +88,10 @@ fn the_dinosaur_meets_first_what_its_true_motion_meets_first() {
             let until = found.map_or(1.0, |(_, fraction)| fraction);
             for (entity, other) in &others {
                 let missed = first_overlap(&fast, other, until);
-                assert_eq!(missed, None, "seed {seed}, step {steps}: {entity} is met before {found:?}");
+                assert_eq!(missed, None, "seed {seed}, step {steps}: {entity} is hit before {found:?}");
             }
             let Some((found, fraction)) = found else {
-                assert!(steps < 4, "seed {seed}: nothing is met");
+                assert!(steps < 4, "seed {seed}: no impact");
                 continue;
             };
             let near: Vec<Entity> = others

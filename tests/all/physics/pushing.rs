@@ -1,4 +1,4 @@
-//! Kinematic bodies go their way, and what they hit goes along.
+//! Kinematic bodies keep their motion and push the bodies that they hit.
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
@@ -21,9 +21,9 @@ fn spawn_plate(app: &mut App, medial: bool, kind: RigidBody, at: Vec3) -> Entity
 }
 
 #[test]
-fn a_thin_plate_takes_along_what_it_hits_at_any_speed() {
+fn a_thin_plate_pushes_bodies_at_any_speed() {
     for medial in [false, true] {
-        // The farther a step is, the fewer bodies in a row are all kept before the plate.
+        // The longer a step's displacement, the fewer bodies in a row stay in front of the plate.
         for (speed, most) in [(3.0, 3), (30.0, 2), (300.0, 1)] {
             for by_position in [false, true] {
                 for row in 1..=most {
@@ -34,7 +34,7 @@ fn a_thin_plate_takes_along_what_it_hits_at_any_speed() {
                     if !by_position {
                         app.world_mut().entity_mut(plate).insert(Velocity::linear(Vec3::X * speed));
                     }
-                    // Tori in a row would slip into each other.
+                    // Tori in a row would interlock.
                     let shape = model(if row == 1 { "torus" } else { "bear" });
                     let size = 2.0 * shape.bounding_sphere().radius;
                     let at = |i: usize| Transform::from_xyz(0.5 * size + 1.3 * size * i as f32, 0.1, 0.05);
@@ -49,12 +49,12 @@ fn a_thin_plate_takes_along_what_it_hits_at_any_speed() {
                         let x = position(&mut app, plate).x;
                         for &body in &bodies {
                             let place = position(&mut app, body);
-                            // It may have gone past the plate's edge.
+                            // The body may have left the plate at its edge.
                             let within = place.yz().abs().max_element() < HALF.y;
                             assert!(place.x > x || !within, "{what}: at {place}, the plate at {x}");
                         }
                     }
-                    // Those in a row may be at odds with each other.
+                    // Bodies in a row may differ in speed, so only the mean is tested.
                     let reached = bodies.iter().map(|&body| rigid(&mut app, body).linvel().x).sum::<f32>() / row as f32;
                     assert!(reached > 0.8 * speed, "{what}: {reached} m/s");
                 }
@@ -64,7 +64,7 @@ fn a_thin_plate_takes_along_what_it_hits_at_any_speed() {
 }
 
 #[test]
-fn what_sleeps_is_taken_along_as_well() {
+fn sleeping_bodies_are_pushed_as_well() {
     for medial in [false, true] {
         for speed in [30.0, 100.0] {
             let mut app = app();
@@ -72,7 +72,7 @@ fn what_sleeps_is_taken_along_as_well() {
             let ball =
                 spawn_flying(&mut app, MedialAxis::sphere(0.05).unwrap(), Transform::default(), Velocity::zero());
             run(&mut app, 200);
-            assert!(is_at_rest(&mut app, ball), "it does not sleep");
+            assert!(is_at_rest(&mut app, ball), "the ball does not sleep");
             app.world_mut().entity_mut(plate).insert(Velocity::linear(Vec3::X * speed));
             for step in 0..10 {
                 app.update();
@@ -86,7 +86,7 @@ fn what_sleeps_is_taken_along_as_well() {
 }
 
 #[test]
-fn a_pile_that_sleeps_is_not_searched_for_contacts_because_somebody_walks_by() {
+fn a_body_nearby_causes_no_contact_search_in_a_sleeping_pile() {
     let mut app = app();
     spawn_ground(&mut app);
     let axis = MedialAxis::rounded_box(Vec3::splat(0.2), 0.02).unwrap();
@@ -95,7 +95,7 @@ fn a_pile_that_sleeps_is_not_searched_for_contacts_because_somebody_walks_by() {
         .collect();
     let walker = spawn_plate(&mut app, false, RigidBody::KinematicVelocityBased, Vec3::new(-0.6, 1.1, 0.0));
     run(&mut app, 200);
-    assert!(pile.iter().all(|&body| is_at_rest(&mut app, body)), "it does not sleep");
+    assert!(pile.iter().all(|&body| is_at_rest(&mut app, body)), "the pile does not sleep");
     app.world_mut().entity_mut(walker).insert(Velocity::linear(Vec3::Z));
     let mut looked_at = 0;
     for _ in 0..10 {
@@ -104,13 +104,13 @@ fn a_pile_that_sleeps_is_not_searched_for_contacts_because_somebody_walks_by() {
         looked_at = looked_at.max(output.counts.body_pairs);
         assert_eq!(output.counts.contacts, 0);
     }
-    // Each with the ground, with each other, and one at least with who walks.
-    assert!(looked_at >= 4, "{looked_at}: nothing is near");
+    // Each box with the ground, both boxes with each other, and at least one box with the plate.
+    assert!(looked_at >= 4, "only {looked_at} pairs are near");
     assert!(pile.iter().all(|&body| is_at_rest(&mut app, body)));
 }
 
 #[test]
-fn what_sleeps_before_a_wall_or_before_what_sleeps_there_is_not_pushed_through() {
+fn a_sleeping_body_is_not_pushed_through_a_wall_or_body() {
     for kind in ["wall", "ball", "wall, all pairs"] {
         let mut app = app();
         app.world_mut().resource_mut::<MedialSettings>().brute_force = kind.ends_with("all pairs");
@@ -124,13 +124,13 @@ fn what_sleeps_before_a_wall_or_before_what_sleeps_there_is_not_pushed_through()
             spawn_flying(&mut app, sphere(), Transform::from_xyz(0.13, 0.0, 0.0), Velocity::zero())
         });
         run(&mut app, 200);
-        assert!(is_at_rest(&mut app, ball), "{kind}: it does not sleep");
+        assert!(is_at_rest(&mut app, ball), "{kind}: the ball does not sleep");
         app.world_mut().entity_mut(plate).insert(Velocity::linear(Vec3::X * speed));
         app.update();
         let step = app.world().resource::<MedialStep>();
-        assert!(step.infos.iter().any(|info| info.entity == ball && info.asleep), "{kind}: rapier has woken it");
+        assert!(step.infos.iter().any(|info| info.entity == ball && info.asleep), "{kind}: rapier has woken the ball");
         let x = position(&mut app, ball).x;
-        assert!(x > 0.01, "{kind}: it is not pushed, at {x}");
+        assert!(x > 0.01, "{kind}: the ball is not pushed, at {x}");
         let limit = match next {
             Some(next) => position(&mut app, next).x - 0.1,
             None => 0.08 - 0.05,
@@ -140,7 +140,7 @@ fn what_sleeps_before_a_wall_or_before_what_sleeps_there_is_not_pushed_through()
 }
 
 #[test]
-fn a_bat_that_swings_hits_the_ball() {
+fn a_swinging_bat_hits_the_ball() {
     for medial in [false, true] {
         for spin in [5.0, 30.0, 90.0] {
             let mut app = app();
@@ -154,7 +154,7 @@ fn a_bat_that_swings_hits_the_ball() {
                 app.world_mut().entity_mut(bat).insert(shape);
             }
             app.world_mut().entity_mut(bat).insert(Velocity::angular(Vec3::Y * spin));
-            // A quarter of a turn away.
+            // The ball is a quarter of a turn away.
             let ball = MedialAxis::sphere(0.05).unwrap();
             let ball = spawn_flying(&mut app, ball, Transform::from_xyz(0.0, 0.01, -1.0), Velocity::zero());
             let mut fastest = 0.0f32;
@@ -168,7 +168,7 @@ fn a_bat_that_swings_hits_the_ball() {
 }
 
 #[test]
-fn what_is_pushed_against_a_wall_does_not_go_through_it() {
+fn a_body_is_not_pushed_through_a_wall() {
     for medial in [false, true] {
         let mut app = app();
         app.world_mut().spawn((StaticObb::new(0.025, 5.0, 5.0), Transform::from_xyz(4.0, 0.0, 0.0)));
@@ -188,11 +188,11 @@ fn what_is_pushed_against_a_wall_does_not_go_through_it() {
 }
 
 #[test]
-fn what_is_pushed_keeps_its_locked_axes() {
+fn a_pushed_body_keeps_its_locked_axes() {
     let capsule = || MedialAxis::capsule(Vec3::Y * -0.4, Vec3::Y * 0.4, 0.2).unwrap();
     for locked in [LockedAxes::ROTATION_LOCKED, LockedAxes::TRANSLATION_LOCKED, LockedAxes::TRANSLATION_LOCKED_Z] {
         let mut app = app();
-        // Slanting, and it turns.
+        // The plate moves at an angle and turns.
         let spin = Velocity { linear: Vec3::new(60.0, 0.0, 25.0), angular: Vec3::new(3.0, 5.0, 30.0) };
         let plate = spawn_plate(&mut app, true, RigidBody::KinematicVelocityBased, Vec3::new(-1.3, 0.0, -0.4));
         app.world_mut().entity_mut(plate).insert(spin);
@@ -203,7 +203,7 @@ fn what_is_pushed_keeps_its_locked_axes() {
             app.update();
             pushed += app.world().resource::<MedialStep>().output.stops.len();
         }
-        assert!(pushed > 0, "{locked:?}: it is not hit");
+        assert!(pushed > 0, "{locked:?}: the body is not hit");
         let pose = *rigid(&mut app, body).position();
         let [way, turn] = [pose.translation, pose.rotation.to_scaled_axis()];
         assert_eq!(way.length() > 0.1, locked != LockedAxes::TRANSLATION_LOCKED, "{locked:?}: {way}");

@@ -1,4 +1,4 @@
-//! A body with a value that cannot be computed with leaves the simulation, tells so once, and comes back; nothing else is harmed.
+//! A body with an invalid value is disabled, is logged once, and returns after a repair. Other bodies are not affected.
 
 use std::sync::LazyLock;
 
@@ -17,7 +17,7 @@ fn plate() -> MedialAxis {
     PLATE.clone()
 }
 
-/// A way to spoil a body, and what puts it right.
+/// An invalid value: name, damage and repair.
 type Spoil = (&'static str, fn(&mut EntityWorldMut), fn(&mut EntityWorldMut));
 
 fn set_velocity(body: &mut EntityWorldMut, linear: Vec3, angular: Vec3) {
@@ -28,7 +28,7 @@ fn set_transform(body: &mut EntityWorldMut, edit: impl Fn(&mut Transform)) {
     edit(&mut body.get_mut::<Transform>().unwrap());
 }
 
-/// Back to where the upper body of [`stack`] is.
+/// Moves the body to rest slightly above its place in [`stack`].
 fn put_back(body: &mut EntityWorldMut) {
     set_transform(body, |transform| *transform = Transform::from_xyz(0.0, 0.35, 0.0));
     set_velocity(body, Vec3::ZERO, Vec3::ZERO);
@@ -61,7 +61,7 @@ const SPOILS: [Spoil; 12] = [
     ),
 ];
 
-/// A ground, a stack of three on it and a body beside it, at rest; the middle one, and the others.
+/// A ground, a stack of three bodies on it and a body beside it. Returns the middle body, the other bodies, and the ground.
 fn stack(app: &mut App, name: &str) -> (Entity, [Entity; 3], Entity) {
     let ground = spawn_ground(app);
     let [lower, middle, upper] =
@@ -72,7 +72,7 @@ fn stack(app: &mut App, name: &str) -> (Entity, [Entity; 3], Entity) {
 }
 
 #[test]
-fn a_spoiled_body_leaves_and_comes_back_and_the_rest_goes_on() {
+fn an_invalid_body_is_disabled_and_returns_after_repair() {
     log::keep();
     for (what, spoil, repair) in SPOILS {
         let name = format!("spoiled by {what}");
@@ -89,13 +89,13 @@ fn a_spoiled_body_leaves_and_comes_back_and_the_rest_goes_on() {
         for pair in [(middle, lower), (middle, upper)] {
             assert_eq!(record.counts(pair.0, pair.1), [1, 1], "{what}");
         }
-        // What it carried has fallen, what carried it stands.
+        // The body above has fallen, and the body below still stands.
         for (body, height) in [(lower, 0.1), (upper, 0.3), (beside, 0.1)] {
             let at = position(&mut app, body);
             assert!((at.y - height).abs() < 5e-3 && is_at_rest(&mut app, body), "{what}: {at}");
         }
         assert_eq!(record.counts(beside, ground), [1, 0], "{what}");
-        // Away with what is in its place, and back.
+        // Despawn the body in its place, then repair it.
         app.world_mut().despawn(upper);
         repair(&mut app.world_mut().entity_mut(middle));
         record.run(&mut app, 300);
@@ -108,7 +108,7 @@ fn a_spoiled_body_leaves_and_comes_back_and_the_rest_goes_on() {
 }
 
 #[test]
-fn an_impulse_that_is_not_a_number_costs_the_body_its_velocity() {
+fn a_body_with_an_invalid_impulse_returns_with_a_new_velocity() {
     log::keep();
     let mut app = app();
     let (middle, [lower, ..], _) = stack(&mut app, "spoiled by impulse");
@@ -123,7 +123,7 @@ fn an_impulse_that_is_not_a_number_costs_the_body_its_velocity() {
 }
 
 #[test]
-fn what_is_spawned_spoiled_comes_when_it_is_repaired() {
+fn a_body_spawned_invalid_appears_after_repair() {
     log::keep();
     for (what, transform, velocity) in [
         ("a place", Transform::from_xyz(0.0, f32::NAN, 0.0), Velocity::zero()),
@@ -152,9 +152,9 @@ fn what_is_spawned_spoiled_comes_when_it_is_repaired() {
 }
 
 #[test]
-fn a_spoiled_collider_without_a_body_of_its_own_leaves_alone() {
+fn an_invalid_child_collider_does_not_disable_its_body() {
     log::keep();
-    // A shape of a body of two.
+    // One of two shapes of a body.
     let mut app = app();
     spawn_ground(&mut app);
     let [near, far] = [-0.5, 0.5].map(|x| {
@@ -176,7 +176,7 @@ fn a_spoiled_collider_without_a_body_of_its_own_leaves_alone() {
     assert!(app.world().get::<ColliderDisabled>(far).is_none());
     assert!((position(&mut app, body).y - 0.1).abs() < 5e-3 && is_at_rest(&mut app, body));
 
-    // A box whose size is no number, later put right.
+    // A box whose size is not a number and is repaired later.
     app.world_mut().entity_mut(body).insert(Transform::from_xyz(0.0, 0.2, 0.0));
     let shelf = app.world_mut().spawn((
         StaticObb::new(2.0, f32::NAN, 2.0),
@@ -194,9 +194,9 @@ fn a_spoiled_collider_without_a_body_of_its_own_leaves_alone() {
     assert!((position(&mut app, falling).y - 1.2).abs() < 5e-3, "{}", position(&mut app, falling));
 }
 
-/// Bodies are checked only while there is a medial mesh or a static box. A disabled body must not depend on that to come back.
+/// Bodies are checked only while a medial mesh or a static box exists. The return of a disabled body must not depend on that.
 #[test]
-fn a_spoiled_body_comes_back_when_the_last_medial_mesh_has_gone() {
+fn an_invalid_body_returns_without_medial_meshes() {
     let mut app = app();
     let own = (RigidBody::Dynamic, Collider::ball(0.1), GravityScale(0.0), Transform::from_xyz(5.0, 0.0, 0.0));
     let own = app.world_mut().spawn(own).id();
@@ -216,7 +216,7 @@ fn a_spoiled_body_comes_back_when_the_last_medial_mesh_has_gone() {
 }
 
 #[test]
-fn a_collider_and_then_its_body_come_back_in_any_order() {
+fn a_collider_and_its_body_can_be_repaired_in_any_order() {
     log::keep();
     let size = |size: f32| StaticObb::new(size, 0.1, 0.3);
     let spoil_body = |body: &mut EntityWorldMut| set_velocity(body, Vec3::NAN, Vec3::ZERO);
@@ -259,7 +259,7 @@ fn a_collider_and_then_its_body_come_back_in_any_order() {
 }
 
 #[test]
-fn a_spoiled_body_of_rapiers_own_harms_no_medial_body() {
+fn an_invalid_rapier_body_does_not_affect_medial_bodies() {
     log::keep();
     let mut app = app();
     spawn_ground(&mut app);
@@ -274,7 +274,7 @@ fn a_spoiled_body_of_rapiers_own_harms_no_medial_body() {
 }
 
 #[test]
-fn at_the_largest_speed_a_step_ends_and_stays_finite() {
+fn steps_at_the_largest_speed_end_with_finite_poses() {
     for velocity in [
         Velocity::linear(Vec3::new(-9e8, 3e8, 9e8)),
         Velocity { linear: Vec3::X * 9e8, angular: Vec3::new(9e8, -9e8, 1e8) },

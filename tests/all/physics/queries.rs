@@ -1,4 +1,4 @@
-//! What rapier offers around its step sees medial shapes: scene queries, character controller, debug printing and drawing.
+//! Rapier's features outside its step support medial shapes: scene queries, character controller, debug printing and drawing.
 
 use bevy::{ecs::system::RunSystemOnce, prelude::*};
 use bevy_medial::{medial_axis::MedialAxis, prelude::*, rapier::MedialShape};
@@ -20,7 +20,7 @@ use bevy_rapier3d::{
 
 use crate::common::*;
 
-/// Medial balls of radius 0.5: a fixed one at x = 3, one of group 2 at x = 6, a sensor at x = 9, and a cuboid beyond.
+/// Medial balls of radius 0.5: a fixed one at x = 3, one of group 2 at x = 6, a sensor at x = 9. A rapier cuboid is at x = 12.
 fn scene() -> (App, [Entity; 4]) {
     let mut app = app();
     let mut spawn = |x: f32, body: RigidBody| {
@@ -40,7 +40,7 @@ fn scene() -> (App, [Entity; 4]) {
     (app, [fixed, grouped, sensor, cuboid])
 }
 
-/// A query along the x axis: which entity, and where if it tells.
+/// A query along the x axis. It returns the entity and the position on the axis.
 type Ask = fn(&RapierQueryPipeline) -> Option<(Entity, f32)>;
 
 fn queries() -> Vec<(&'static str, Ask)> {
@@ -51,7 +51,7 @@ fn queries() -> Vec<(&'static str, Ask)> {
             assert!((hit.normal + Vec3::X).length() < 1e-4);
             Some((entity, hit.point.x))
         }),
-        // As rapier's picking backend asks, which tells the points and normals of all hits.
+        // Rapier's picking back end uses this query and reports the points and normals of all hits.
         ("intersect_ray", |q| {
             let hits = q.intersect_ray(Vec3::ZERO, Vec3::X, f32::MAX, true);
             let (entity, hit) = hits.min_by(|a, b| a.1.time_of_impact.total_cmp(&b.1.time_of_impact))?;
@@ -98,7 +98,7 @@ fn queries() -> Vec<(&'static str, Ask)> {
 }
 
 #[test]
-fn every_scene_query_finds_medial_shapes_by_the_same_filters() {
+fn scene_queries_find_medial_shapes_with_all_filters() {
     let (mut app, [fixed, grouped, sensor, cuboid]) = scene();
     let check = move |rapier: ReadRapierContext| {
         let context = rapier.single().unwrap();
@@ -121,9 +121,9 @@ fn every_scene_query_finds_medial_shapes_by_the_same_filters() {
                 ] {
                     let Some((entity, at)) = found else { panic!("{name} finds nothing at {x}") };
                     let accuracy = match name {
-                        // These step along the axis.
+                        // These queries step along the axis.
                         "intersect_point" | "intersect_shape" => 0.011,
-                        // Parry's own pairs are parry's.
+                        // Pairs of parry's own shapes have parry's accuracy.
                         _ if expected == cuboid => 2e-3,
                         _ => accuracy,
                     };
@@ -140,7 +140,7 @@ fn every_scene_query_finds_medial_shapes_by_the_same_filters() {
     app.world_mut().run_system_once(check).unwrap();
 }
 
-/// Moves the character each step by the same way and returns where it ends, and whether it then stands on something.
+/// Moves the character by the same translation in each step. Returns its final position, and whether it is grounded.
 fn walk(app: &mut App, character: Entity, way: Vec3, steps: u32) -> (Vec3, bool) {
     for _ in 0..steps {
         app.world_mut().get_mut::<KinematicCharacterController>(character).unwrap().translation = Some(way);
@@ -161,7 +161,7 @@ fn spawn_character(app: &mut App, at: Vec3) -> Entity {
 }
 
 #[test]
-fn a_character_stands_on_walks_along_and_climbs_medial_bodies() {
+fn a_character_stands_on_and_climbs_medial_bodies() {
     let mut app = app();
     let mut spawn = |half: Vec3, transform: Transform| {
         let mesh = mesh(&mut app, MedialAxis::rounded_box(half, 0.1).unwrap());
@@ -174,15 +174,15 @@ fn a_character_stands_on_walks_along_and_climbs_medial_bodies() {
     let character = spawn_character(&mut app, Vec3::new(0.0, 1.5, 0.0));
     run(&mut app, 2);
     let (at, grounded) = walk(&mut app, character, Vec3::Y * -0.05, 60);
-    assert!((at.y - 0.52).abs() < 0.01 && grounded, "it lands at {at}, {grounded}");
+    assert!((at.y - 0.52).abs() < 0.01 && grounded, "the character lands at {at}, {grounded}");
     let (at, grounded) = walk(&mut app, character, Vec3::new(0.05, -0.01, 0.0), 60);
-    assert!((at.x - 1.58).abs() < 0.01 && grounded, "the wall stops it at {at}, {grounded}");
+    assert!((at.x - 1.58).abs() < 0.01 && grounded, "the wall stops the character at {at}, {grounded}");
     let (at, _) = walk(&mut app, character, Vec3::new(0.05, -0.01, 0.03), 40);
-    assert!((at.x - 1.58).abs() < 0.01 && at.z > 1.0, "it goes along the wall to {at}");
+    assert!((at.x - 1.58).abs() < 0.01 && at.z > 1.0, "the character moves along the wall to {at}");
     let (at, grounded) = walk(&mut app, character, Vec3::new(-0.05, -0.01, 0.0), 110);
-    assert!(at.x < -2.5 && at.y > 0.75 && grounded, "it climbs the ramp to {at}, {grounded}");
+    assert!(at.x < -2.5 && at.y > 0.75 && grounded, "the character climbs the ramp to {at}, {grounded}");
     let (at, _) = walk(&mut app, character, Vec3::Y * -1.0, 3);
-    assert!(at.y > 0.6, "it falls through: {at}");
+    assert!(at.y > 0.6, "the character falls through: {at}");
 }
 
 /// Counts lines.
@@ -226,7 +226,7 @@ fn printing_drawing_and_viewing_a_collider_is_safe() {
     for scale in [Vec3::splat(2.0), Vec3::new(1.0, 2.0, 0.5)] {
         let mut scaled = collider.clone();
         scaled.set_scale(scale, 10);
-        assert!(scaled.as_compound().is_some(), "what parry can scale is a compound of its own shapes");
+        assert!(scaled.as_compound().is_some(), "a scaled collider must be a compound of parry's shapes");
     }
     let mut contexts =
         app.world_mut()
@@ -254,7 +254,7 @@ fn scale_in_rapier(app: &mut App, entity: Entity) -> Option<Real> {
 }
 
 #[test]
-fn no_scale_takes_the_medial_shape_away() {
+fn every_valid_scale_keeps_the_medial_shape() {
     let mut app = app();
     let body = spawn_body(&mut app, model("bear"), Transform::default());
     let parent = app.world_mut().spawn((RigidBody::Dynamic, Transform::from_scale(Vec3::splat(2.0)))).id();
@@ -280,7 +280,7 @@ fn no_scale_takes_the_medial_shape_away() {
     }
     app.world_mut().entity_mut(body).remove::<ColliderScale>();
     expect(&mut app, body, 3.0);
-    // One that no medial shape can have: an error is logged, and nothing is left.
+    // An uneven scale is invalid for medial shapes: an error is logged, and no collider is left.
     app.world_mut().get_mut::<Transform>(body).unwrap().scale = Vec3::new(1.0, 2.0, 1.0);
     run(&mut app, 2);
     assert_eq!(scale_in_rapier(&mut app, body), None);
@@ -288,19 +288,19 @@ fn no_scale_takes_the_medial_shape_away() {
     expect(&mut app, body, 1.0);
 }
 
-/// What a body is about to hit, asked before and looked for by stepping on without gravity.
+/// Compares the query for a body's next impact with the impact that follows in the steps after it, without gravity.
 #[test]
-fn the_first_impact_ahead_is_the_one_that_comes() {
+fn the_predicted_first_impact_happens() {
     let mut random = Random(8);
     let (mut hits, mut spinning, mut misses, mut grazes) = (0, 0, 0, 0);
     for round in 0..60 {
         let mut app = app();
-        // The query asks for surfaces, not for cores.
+        // The query finds touches of surfaces, not of cores.
         app.world_mut().resource_mut::<MedialSettings>().core_depth = 0.0;
         let mut spawn = |position: Vec3, velocity: Velocity, name| {
             let mesh = mesh(&mut app, model(name));
             let place = Transform::from_translation(position).with_rotation(random.rotation());
-            // What turns about any axis as easily keeps its spin.
+            // A body with the same inertia about every axis keeps its spin.
             let round = MassProperties { mass: 1e4, principal_inertia: Vec3::splat(1e4), ..default() };
             let round = AdditionalMassProperties::MassProperties(round);
             let bundle = (RigidBody::Dynamic, mesh, velocity, GravityScale(0.0), place, round);
@@ -313,7 +313,7 @@ fn the_first_impact_ahead_is_the_one_that_comes() {
         let wall = (RigidBody::Fixed, Collider::cuboid(0.1, 3.0, 3.0), Transform::from_xyz(9.0, 0.0, 0.0));
         let wall = app.world_mut().spawn(wall).id();
         run(&mut app, 1);
-        // From here on: where the bodies are, and when each pair is in touch for the first time.
+        // Queries use the poses at this time and predict the first touch of each pair.
         let ask = move |rapier: ReadRapierContext| {
             let rapier = rapier.single().unwrap();
             let ahead = rapier.first_impact(asked, 2.0, QueryFilter::default());
@@ -323,7 +323,7 @@ fn the_first_impact_ahead_is_the_one_that_comes() {
                     .first_impact(asked, 2.0, QueryFilter::default().exclude_collider(wall))
                     .is_none_or(|(e, _)| e == coming)
             );
-            assert!(rapier.first_impact(asked, 0.01, QueryFilter::default()).is_none(), "nothing is that near");
+            assert!(rapier.first_impact(asked, 0.01, QueryFilter::default()).is_none(), "no collider is that close");
             assert_eq!(behind.map(|(entity, _)| entity), Some(wall));
             assert!(rapier.first_impact(wall, 2.0, QueryFilter::default()).is_none(), "a wall is not medial");
             ahead
@@ -338,9 +338,9 @@ fn the_first_impact_ahead_is_the_one_that_comes() {
             step.output.pairs.iter().any(|pair| pair.impact.is_some())
         });
         let found = steps.expect("an impact") as f32 * dt;
-        // Rapier turns a body a little less than its velocity says: what would just have grazed may pass.
+        // Rapier turns a body slightly less than its velocity implies, so a predicted graze may pass.
         grazes += u32::from(found - expected > 1.5 * dt);
-        assert!(found - expected >= -1.5 * dt, "round {round}: {expected} s ahead, it came after {found} s");
+        assert!(found - expected >= -1.5 * dt, "round {round}: predicted after {expected} s, found after {found} s");
         match entity == coming {
             true => hits += 1,
             false => misses += 1,
@@ -348,11 +348,11 @@ fn the_first_impact_ahead_is_the_one_that_comes() {
         spinning += u32::from(entity == coming && spin != Vec3::ZERO);
     }
     assert!(hits >= 20 && spinning >= 10 && misses >= 5, "{hits} hits, {spinning} of them spinning, {misses} misses");
-    assert!(grazes <= 2, "{grazes} have come later");
+    assert!(grazes <= 2, "{grazes} impacts came later");
 }
 
 #[test]
-fn a_character_with_a_child_takes_a_single_step() {
+fn a_character_with_a_child_moves_once_per_step() {
     let mut app = app();
     let character = spawn_character(&mut app, Vec3::Y);
     app.world_mut().entity_mut(character).with_child(Transform::default());

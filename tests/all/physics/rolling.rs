@@ -1,5 +1,5 @@
-//! Round bodies roll as far as rapier's own do: a body that turns far in each step sinks where the solver does not see it, and impacts there
-//! must not cost time.
+//! Round bodies roll as far as rapier's own. A body that turns far in each step sinks in between two solves, and impacts there must not cost
+//! time.
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
@@ -10,15 +10,15 @@ use crate::common::*;
 /// Seconds that bodies roll.
 const SECONDS: f32 = 3.0;
 
-/// What came of a body that rolls.
+/// Result of a rolling body.
 struct Rolled {
     way: f32,
-    /// Height of its centre over that of the start, least and greatest.
+    /// Lowest and highest position of its centre relative to the start, in metres.
     heights: [f32; 2],
 }
 
-/// Lets a body roll along x at a speed in metres per second, without slip to begin with. `late`: rapier has known the ground before, and turns
-/// the normal of their contact with the ground, not with the body.
+/// Rolls a body along x at a speed in metres per second, without slip at the start. `late`: the ground is older than the body in rapier, so the
+/// normal of their contact turns with the ground and not with the body.
 fn roll(body: impl FnOnce(&mut App) -> Entity, radius: f32, speed: f32, late: bool) -> Rolled {
     let mut app = app();
     app.world_mut().spawn((StaticObb::new(200.0, 0.5, 200.0), Transform::from_xyz(0.0, -0.5, 0.0)));
@@ -39,7 +39,7 @@ fn roll(body: impl FnOnce(&mut App) -> Entity, radius: f32, speed: f32, late: bo
 }
 
 #[test]
-fn balls_and_rollers_roll_as_far_as_rapiers_own() {
+fn balls_and_rollers_roll_as_far_as_rapier_bodies() {
     let shapes = [
         ("ball", MedialAxis::sphere(0.15).unwrap(), Collider::ball(0.15), 0.15),
         (
@@ -65,9 +65,9 @@ fn balls_and_rollers_roll_as_far_as_rapiers_own() {
     }
 }
 
-/// Of 104 cones: at each corner the next one comes down.
+/// The tyre consists of 104 cones. At each corner the next cone touches down.
 #[test]
-fn a_tyre_rolls() {
+fn a_tyre_of_many_cones_keeps_rolling() {
     let upright = Transform::from_xyz(0.0, 0.3, 0.0).with_rotation(Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
     for speed in [5.0, 10.0, 30.0] {
         let tyre = MedialAxis::torus(0.25, 0.05, 104).unwrap();

@@ -1,4 +1,4 @@
-//! Contacts come to rapier by two routes, from the table of the last step or computed when asked for, and both say the same.
+//! Rapier gets contacts by two routes: from the table of the last step, or computed on request. Both give the same contacts.
 
 use bevy::prelude::*;
 use bevy_medial::{
@@ -25,7 +25,7 @@ use crate::common::*;
 
 type Manifold = ContactManifold<ContactManifoldData, ContactData>;
 
-/// What is read back from an app.
+/// State of an app's physics.
 struct Physics<'w> {
     bodies: &'w RapierRigidBodySet,
     colliders: &'w RapierContextColliders,
@@ -47,7 +47,7 @@ impl Physics<'_> {
         &self.colliders.colliders[handle]
     }
 
-    /// Where a collider is after the step: a body that was stopped has taken its collider along only in rapier's next step.
+    /// Pose of a collider after the step. The collider of a stopped body follows only in rapier's next step.
     fn pose(&self, handle: ColliderHandle) -> Pose3 {
         let collider = self.collider(handle);
         match (collider.parent(), collider.position_wrt_parent()) {
@@ -58,7 +58,7 @@ impl Physics<'_> {
 }
 
 #[test]
-fn the_step_finds_what_a_computation_at_its_end_finds() {
+fn contacts_of_a_step_equal_those_computed_at_its_end() {
     let (mut bodies, mut statics, mut contacts) = (0, 0, 0);
     for (name, steps) in [("rods", 150), ("dinosaur", 40), ("tori", 100)] {
         let mut app = app();
@@ -92,23 +92,23 @@ fn ask(dispatcher: &MedialDispatcher, pose12: &Pose3, shapes: [&dyn ParryShape; 
     manifolds
 }
 
-/// A collider's shape with another shape under its key, of which a computation finds no contact and the table knows nothing.
+/// Another shape with the key of the collider's shape. A computation finds no contact for it, but the table returns contacts by the key.
 fn disguised(shape: &dyn ParryShape, other: &Shape) -> Option<MedialShape> {
     shape.as_shape::<MedialShape>().map(|medial| MedialShape::new(other.clone(), medial.key))
 }
 
-/// Pairs whose contacts came from the table, with bodies and with statics, those whose did not, and those with another reach than at rest.
+/// Counts of pairs: with contacts from the table, by bodies and statics; with computed contacts; and with another reach than at rest.
 #[derive(Resource, Clone, Default, Debug)]
 struct Routes {
     with_bodies: usize,
     with_statics: usize,
     misses: usize,
     moving: usize,
-    /// Two medial shapes of which the later moves.
+    /// Pairs of two medial shapes that the step and rapier order differently.
     turned: usize,
 }
 
-/// Compares the routes whenever rapier is about to ask, from the next update on.
+/// Compares the routes before each step of rapier, from the next update on.
 fn compare(app: &mut App, routes: &Routes, what: &'static str) {
     let compare = move |world: &mut World| {
         world.resource_scope(|world, mut routes: Mut<Routes>| routes.compare(world, what));
@@ -118,7 +118,7 @@ fn compare(app: &mut App, routes: &Routes, what: &'static str) {
 }
 
 impl Routes {
-    /// Asks for all pairs as they are now.
+    /// Compares both routes for all pairs with contacts at their current poses.
     fn compare(&mut self, world: &mut World, what: &str) {
         let far_away = Shape::new(MedialAxis::capsule(Vec3::splat(500.0), Vec3::splat(501.0), 0.1).unwrap());
         Physics::with(world, |physics| {
@@ -128,7 +128,7 @@ impl Routes {
             let near = physics.step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty());
             assert!(physics.table.len() >= near.clone().count());
             for pair in near {
-                // As rapier asks: the lower handle first.
+                // Rapier passes the lower handle first.
                 let mut handles = [pair.first, pair.second].map(|side| physics.step.info(side).collider);
                 handles.sort_by_key(|handle| handle.into_raw_parts());
                 let pose12 = physics.pose(handles[0]).inv_mul(&physics.pose(handles[1]));
@@ -136,7 +136,7 @@ impl Routes {
                 let sides = [pair.first, pair.second].map(|side| physics.step.info(side).collider);
                 let from_first = sides.map(|handle| physics.collider(handle).shape());
                 let computed = |reach: f32| {
-                    // Of what is at rest, as far as is known, the fourth part of the prediction distance counts.
+                    // Without a table the pair counts as resting, and the dispatcher uses a quarter of the prediction distance.
                     let found = ask(&unknown, &physics.step.final_pose12(pair), from_first, 4.0 * reach);
                     let mut computed = points(&found);
                     if handles != sides {
@@ -152,7 +152,7 @@ impl Routes {
                 }
                 self.moving += usize::from(pair.reach.prediction != 0.25 * prediction);
 
-                // Does it come from the table? Then it comes for a disguise as well.
+                // If the contacts come from the table, the disguised shapes get them as well.
                 let disguises = shapes.map(|shape| disguised(shape, &far_away));
                 let disguises: [&dyn ParryShape; 2] =
                     [0, 1].map(|i| disguises[i].as_ref().map_or(shapes[i], |shape| shape as &dyn ParryShape));
@@ -160,7 +160,7 @@ impl Routes {
                 let answer = points(&ask(&known, &pose12, shapes, prediction));
                 let found = points(&ask(&known, &pose12, disguises, prediction));
                 if found.is_empty() {
-                    // What has stopped has another velocity now, and perhaps another reach.
+                    // A stopped body has another velocity, and perhaps another reach.
                     let halved = (0..8).map(|times| prediction * 0.5f32.powi(times)).chain([TOUCH_DISTANCE]);
                     assert!(halved.into_iter().any(|reach| computed(reach) == answer), "{what}");
                     self.misses += 1;
@@ -175,7 +175,7 @@ impl Routes {
     }
 }
 
-/// A scene in which rapier knows the colliders of one type of medial body before the others.
+/// A scene in which rapier gets the colliders of one type of medial body before those of the others.
 fn scene_with_first(name: &str, kind: RigidBody) -> App {
     let mut app = app();
     Scene::by_name(name).unwrap().spawn(app.world_mut(), models(), 3);
@@ -193,7 +193,7 @@ fn scene_with_first(name: &str, kind: RigidBody) -> App {
 }
 
 #[test]
-fn rapier_gets_from_the_table_what_it_would_get_computed() {
+fn contacts_from_the_table_equal_computed_contacts() {
     let mut routes = Routes::default();
     for kind in [RigidBody::Dynamic, RigidBody::Fixed] {
         for (name, steps) in [("rods", 150), ("dinosaur", 40), ("tori", 100), ("bullets", 30)] {
@@ -211,9 +211,9 @@ fn rapier_gets_from_the_table_what_it_would_get_computed() {
     assert!(moving > 0 && moving < with_bodies + with_statics, "{moving}");
 }
 
-/// The inverse of a pose is rounded, so it matters from which side a pair is seen.
+/// The inverse of a pose is rounded, so the order of a pair matters.
 #[test]
-fn both_routes_agree_whichever_side_came_first() {
+fn both_routes_agree_for_any_order_of_the_pair() {
     for floor_first in [false, true] {
         let mut app = app();
         let tilt = Quat::from_euler(EulerRot::XYZ, 0.3, 0.4, 0.2);
@@ -244,13 +244,13 @@ fn both_routes_agree_whichever_side_came_first() {
 }
 
 #[test]
-fn a_body_moved_by_the_user_gets_contacts_where_it_is_now() {
+fn a_moved_body_gets_contacts_at_its_current_pose() {
     let mut app = app();
     spawn_ground(&mut app);
     let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.06, 0.0));
     run(&mut app, 200);
     assert!(is_at_rest(&mut app, body));
-    // Asleep pairs are not in the table; awake, and moved by a hair within the ground, it must come out.
+    // Sleeping pairs are not in the table. The body wakes because it is moved slightly into the ground, and must come out.
     for height in [0.0525 - 0.02, 0.0525 - 0.03] {
         app.world_mut().get_mut::<Transform>(body).unwrap().translation.y = height;
         run(&mut app, 300);

@@ -1,4 +1,4 @@
-//! A world a thousandth as large, of which rapier is told the unit of length, goes as the large one does: no length of this crate is in metres there.
+//! A world of a thousandth of the size behaves like the large one if rapier's unit of length is set. So no length of this crate is fixed in metres.
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
@@ -6,10 +6,10 @@ use bevy_rapier3d::{plugin::context::RapierContextSimulation, prelude::RapierCon
 
 use crate::common::*;
 
-/// Where bodies are after each 30 steps, in units, and how often rapier solved a contact. The unit is in metres.
+/// Positions of the bodies after every 30 steps, in units, and the number of contacts in all steps. `unit` is in metres.
 fn run_world(unit: f32) -> (Vec<Vec3>, usize) {
     let mut app = app();
-    // Brings the world of rapier.
+    // The first update creates rapier's context.
     app.update();
     let world = app.world_mut();
     let mut contexts = world.query::<(&mut RapierContextSimulation, &mut RapierConfiguration)>();
@@ -17,7 +17,7 @@ fn run_world(unit: f32) -> (Vec<Vec3>, usize) {
         simulation.integration_parameters.length_unit = unit;
         configuration.gravity = Vec3::Y * (-9.81 * unit);
     }
-    // A floor of two parts, with a seam beneath what falls.
+    // A floor of two parts, with a seam beneath the plates.
     for side in [-1.0, 1.0] {
         let half = Vec3::new(5.0, 1.0, 10.0) * unit;
         let place = Transform::from_translation(Vec3::new(5.0 * side, -1.0, 0.0) * unit);
@@ -48,10 +48,10 @@ fn run_world(unit: f32) -> (Vec<Vec3>, usize) {
 }
 
 #[test]
-fn a_world_of_millimetres_goes_as_one_of_metres() {
+fn a_world_in_millimetres_behaves_like_one_in_metres() {
     let (large, contacts) = run_world(1.0);
     assert!(contacts > 500, "{contacts}");
-    // A power of two changes no digit.
+    // Scaling by a power of two changes no mantissa.
     let (small, contacts_of_small) = run_world(1.0 / 1024.0);
     assert!(contacts_of_small.abs_diff(contacts) < contacts / 10, "{contacts_of_small} {contacts}");
     for (large, small) in large.iter().zip(&small) {

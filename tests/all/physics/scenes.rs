@@ -1,4 +1,4 @@
-//! The demo scenes do what they show: nothing sinks, escapes, tunnels or moves without a cause, and all comes to rest.
+//! Results of the demo scenes: no body sinks, escapes, tunnels or moves without a cause, and all bodies come to rest.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use bevy_medial::{
 
 use crate::common::*;
 
-/// Runs a scene to its point.
+/// Runs a scene for its number of steps.
 fn run_scene(name: &str, models: &[Model], seed: u64) -> Summary {
     let scene = Scene::by_name(name).unwrap();
     let mut app = app();
@@ -20,19 +20,19 @@ fn run_scene(name: &str, models: &[Model], seed: u64) -> Summary {
     app.world_mut().resource_scope(|world, monitor: bevy::prelude::Mut<Monitor>| monitor.summary(name, seed, world))
 }
 
-/// `size`: greatest extent of a body, in metres. From one seed to the next a pile may have a body that goes on creeping by millimetres, which keeps those
-/// awake that touch it: of most seeds most bodies sleep.
+/// `size`: largest extent of a body, in metres. With some seeds a body in a pile keeps creeping by millimetres, which keeps the bodies that touch it
+/// awake. So most bodies must sleep with most seeds only.
 fn accept(name: &str, models: &[Model], bodies: usize, size: f32, seeds: u64) {
     let mut asleep = 0;
     for seed in 1..=seeds {
         let summary = run_scene(name, models, seed);
         println!("{summary:?}");
         assert_eq!((summary.steps, summary.bodies), (600, bodies));
-        assert!(summary.counts.contacts_max > bodies, "nothing touches");
+        assert!(summary.counts.contacts_max > bodies, "too few contacts");
         assert!(summary.lowest_y >= -0.02 * size, "sunk to {}", summary.lowest_y);
         assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
         assert!(summary.deepest_overlap_percent < 2.0, "{} %", summary.deepest_overlap_percent);
-        // What is round rolls on: rapier has no rolling friction.
+        // Round bodies keep rolling because rapier has no rolling friction.
         let energy = summary.kinetic_energy_per_kg;
         assert!(summary.asleep == bodies || energy < 5e-3, "{} of {bodies} asleep, {energy} J/kg", summary.asleep);
         asleep += u64::from(2 * summary.asleep > bodies);
@@ -41,7 +41,7 @@ fn accept(name: &str, models: &[Model], bodies: usize, size: f32, seeds: u64) {
 }
 
 #[test]
-fn rods() {
+fn rods_come_to_rest() {
     accept("rods", models(), 9, 1.15, 1);
     let research = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/models/qmat");
     if research.is_dir() {
@@ -50,38 +50,38 @@ fn rods() {
 }
 
 #[test]
-fn tori() {
+fn tori_come_to_rest() {
     accept("tori", models(), 51, 0.6, 3);
 }
 
 #[test]
-fn stairs() {
+fn bodies_on_stairs_come_to_rest() {
     accept("stairs", models(), 12, 1.1, 1);
 }
 
-/// Accepts a scene of 240 steps at whose end bodies may still move. In its busiest step there have to be more than `contacts`.
+/// Checks a scene of 240 steps. Bodies may still move at its end, and its busiest step must have more than `contacts` contacts.
 fn accept_moving(name: &str, bodies: usize, contacts: usize) {
     let summary = run_scene(name, models(), 1);
     println!("{summary:?}");
     assert_eq!((summary.steps, summary.bodies), (240, bodies));
-    assert!(summary.counts.contacts_max > contacts, "few contacts");
+    assert!(summary.counts.contacts_max > contacts, "too few contacts");
     assert_eq!((summary.escaped, summary.tunnelled, summary.ghosts), (0, 0, 0));
     assert!(summary.lowest_y >= -0.02, "sunk to {}", summary.lowest_y);
     assert!(summary.deepest_overlap_percent < 2.0, "{} %", summary.deepest_overlap_percent);
 }
 
 #[test]
-fn bullets() {
+fn bullets_do_not_tunnel() {
     accept_moving("bullets", 15, 0);
 }
 
 #[test]
-fn pile() {
+fn a_pile_does_not_sink_or_overlap() {
     accept_moving("pile", 200, 1000);
 }
 
 #[test]
-fn bodies_of_a_scene_have_the_budget_that_is_set() {
+fn bodies_of_a_scene_have_the_given_budget() {
     let primitives = |budget: Option<f32>| {
         let mut app = app();
         if let Some(percent) = budget {
@@ -101,7 +101,7 @@ fn bodies_of_a_scene_have_the_budget_that_is_set() {
 }
 
 #[test]
-fn what_passes_through_is_counted() {
+fn the_monitor_counts_tunnelled_bodies() {
     let scene = Scene::by_name("bullets").unwrap();
     let mut app = app();
     app.world_mut().resource_mut::<bevy_medial::prelude::MedialSettings>().stop_at_impact = false;

@@ -1,4 +1,4 @@
-//! Seams: bodies slide over the inner edges of floors, and of their own shapes, as if these were of one piece.
+//! Seams: the inner edges of floors, and of a body's own shape, do not disturb sliding bodies.
 
 use bevy::prelude::*;
 use bevy_medial::{
@@ -10,19 +10,19 @@ use bevy_rapier3d::prelude::*;
 
 use crate::common::*;
 
-/// Reach of the floors along x, from 1 m behind the origin, and to either side; their top is at height 0.
+/// Extent of the floors along x in metres, distance of their back edge from the origin, and extent to either side. Their top is at height 0.
 const LENGTH: f32 = 13.0;
 const BACK: f32 = 1.0;
 const SIDE: f32 = 1.5;
 
-/// A grid of points at height `height(x, z)` over the floors' rectangle, and the corners of its cells: two triangles each.
+/// A grid of points on the floors' rectangle at height 0, and two triangles for each cell.
 struct Grid {
     points: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
 }
 
 impl Grid {
-    /// `cell`: size of the cells along x and z, roughly. `rising`: which diagonal they are cut along.
+    /// `cell`: approximate size of the cells along x and z. `rising`: which diagonal divides the cells.
     fn new(cell: [f32; 2], rising: bool) -> Self {
         let [nx, nz] = [(LENGTH / cell[0]).ceil() as u32, (2.0 * SIDE / cell[1]).ceil() as u32];
         let at = |i: u32, k: u32| {
@@ -40,7 +40,7 @@ impl Grid {
         Self { points, triangles }
     }
 
-    /// Moves the points about within the plane.
+    /// Moves the points at random within the plane.
     fn shaken(mut self, by: f32) -> Self {
         let mut random = Random(7);
         for point in &mut self.points {
@@ -60,7 +60,7 @@ impl Grid {
     }
 }
 
-/// What bodies slide on.
+/// Kinds of floors.
 const FLOORS: &[&str] = &[
     "mesh /",
     "mesh \\",
@@ -113,13 +113,13 @@ fn spawn_floor(app: &mut App, kind: &str) {
     app.world_mut().spawn((RigidBody::Fixed, collider, Transform::IDENTITY));
 }
 
-/// What slides.
+/// The body that slides.
 enum Slider {
     Medial(MedialAxis),
     Rapier(Collider),
 }
 
-/// Sliders and the height at which their origin is over the floor.
+/// Sliders, and the height of their origin above the floor.
 fn sliders() -> Vec<(&'static str, Slider, f32)> {
     let capsule = |half: Vec3| Slider::Medial(MedialAxis::capsule(-half, half, 0.1).unwrap());
     let rounded = |radius: f32| Slider::Medial(MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.2), radius).unwrap());
@@ -135,20 +135,20 @@ fn sliders() -> Vec<(&'static str, Slider, f32)> {
     ]
 }
 
-/// What came of a slide.
+/// Result of a slide.
 #[derive(Clone, Copy, Debug, Default)]
 struct Slide {
-    /// Speed lost in percent a metre.
+    /// Lost speed, in percent per metre.
     speed: f32,
-    /// Way lost in percent.
+    /// Lost displacement, in percent.
     way: f32,
-    /// Farthest up from where it lay, in metres.
+    /// Largest rise above the start, in metres.
     up: f32,
 }
 
-/// Lays a slider on the floor, gives it speed and watches it for a second.
+/// Lays a slider on the floor, gives it a speed and measures it for a second.
 fn slide(app: &mut App, slider: Slider, height: f32, speed: f32, turns: bool) -> Slide {
-    // Not along the grid.
+    // The direction is not parallel to the grid.
     let turn = Quat::from_rotation_y(0.07);
     let at = Transform::from_xyz(-0.413, height, 0.019).with_rotation(turn);
     let body = match slider {
@@ -186,7 +186,7 @@ fn assert_smooth(slide: Slide, what: &str) {
 }
 
 #[test]
-fn nothing_trips_at_a_seam() {
+fn bodies_slide_smoothly_over_seams() {
     let mut slides = 0;
     for (i, floor) in FLOORS.iter().enumerate() {
         for (j, (name, slider, height)) in sliders().into_iter().enumerate() {
@@ -194,7 +194,7 @@ fn nothing_trips_at_a_seam() {
             let mut app = app();
             spawn_floor(&mut app, floor);
             let slide = slide(&mut app, slider, height, speed, (i + j) % 2 == 0);
-            // Slivers are at the end of what the kernels can tell: what rolls there loses a little of its way.
+            // Slivers are at the limit of the kernels' accuracy. A body that rolls there loses a little displacement.
             let slivers = *floor == "wide triangles";
             let known = slivers && Slide { way: 0.5 * slide.way, ..slide }.is_smooth();
             assert!(known || slide.is_smooth(), "{name} on {floor} at {speed} m/s: {slide:?}");
@@ -204,7 +204,7 @@ fn nothing_trips_at_a_seam() {
     assert_eq!(slides, 88);
 }
 
-/// It sinks by micrometres, and the edges of the next triangles are then beside its own.
+/// The edge sinks by micrometres. Then the edges of the next triangles are beside it.
 #[test]
 fn a_sharp_edge_slides_over_slivers() {
     for floor in ["long triangles", "wide triangles"] {
@@ -220,9 +220,9 @@ fn a_sharp_edge_slides_over_slivers() {
     }
 }
 
-/// A ball that rolls sinks in by a millimetre or two: the edges of the next triangles are then in contact as well.
+/// A rolling ball sinks in by one or two millimetres. Then the edges of the next triangles are in contact as well.
 #[test]
-fn a_ball_that_rolls_does_not_hop_over_seams() {
+fn a_rolling_ball_does_not_hop_over_seams() {
     for floor in ["mesh /", "mesh \\", "coarse mesh", "height field", "medial plate"] {
         for (radius, speed) in [(0.15, 3.0), (0.2, 4.0), (0.25, 5.0)] {
             let mut app = app();
@@ -240,13 +240,13 @@ fn a_ball_that_rolls_does_not_hop_over_seams() {
             let way = position(&mut app, ball).x + 0.413;
             assert!(highest < 6e-3, "on {floor} at {speed} m/s: {highest}");
             assert!((way / (2.0 * speed) - 1.0).abs() < 0.05, "on {floor} at {speed} m/s: {way}");
-            assert!(deepest < -2e-4, "it never sinks in: {deepest}");
+            assert!(deepest < -2e-4, "the ball never sinks in: {deepest}");
         }
     }
 }
 
 #[test]
-fn rapiers_own_shapes_slide_over_a_medial_mesh() {
+fn rapier_shapes_slide_over_a_medial_mesh() {
     let shapes = [
         ("ball", Collider::ball(0.2), 0.2),
         ("capsule", Collider::capsule_z(0.3, 0.1), 0.1),
@@ -260,7 +260,7 @@ fn rapiers_own_shapes_slide_over_a_medial_mesh() {
             assert_smooth(slide, &format!("{name} at {speed} m/s"));
         }
     }
-    // On a mesh of triangles, which is rapier's own affair, they do trip: so these slides tell.
+    // Contacts of rapier's own ball with a triangle mesh disturb its sliding, so this test can fail.
     let mut app = app();
     spawn_floor(&mut app, "mesh /");
     let slide = slide(&mut app, Slider::Rapier(Collider::ball(0.2)), 0.2, 3.0, false);
@@ -268,10 +268,10 @@ fn rapiers_own_shapes_slide_over_a_medial_mesh() {
 }
 
 #[test]
-fn the_seams_of_a_body_do_not_trip_it() {
+fn seams_of_a_body_do_not_disturb_its_sliding() {
     let plate = || Grid::new([0.25, 0.25], true).plate(0.1);
     for speed in [1.0, 3.0, 10.0] {
-        // Balls and capsules that are under the plate from the beginning to the end.
+        // Fixed balls and capsules that stay under the plate during the whole slide.
         for collider in [Collider::ball(0.3), Collider::capsule_z(0.4, 0.3)] {
             let mut app = app();
             for x in 9..12 {
@@ -285,7 +285,7 @@ fn the_seams_of_a_body_do_not_trip_it() {
 }
 
 #[test]
-fn what_stands_on_a_floor_is_no_seam() {
+fn walls_and_curbs_are_not_treated_as_seams() {
     let half = Vec3::new(0.3, 0.1, 0.2);
     let wall = 2.0;
     let tall = |app: &mut App| {
@@ -296,7 +296,7 @@ fn what_stands_on_a_floor_is_no_seam() {
         triangles.extend([[0, 1, 2], [0, 2, 3]].map(|triangle| triangle.map(|i: u32| first + i)));
         app.world_mut().spawn((RigidBody::Fixed, Collider::trimesh(points, triangles).unwrap()));
     };
-    // As low as to be under the middle of what comes.
+    // The curb is lower than the middle of the sliders.
     let curb = |app: &mut App| {
         let part = |x: f32, y: f32| (Vec3::new(x, y - 0.5, 0.0), Quat::IDENTITY, Collider::cuboid(0.5, 0.5, SIDE));
         let parts = (-1..6).map(|i| part(i as f32 + 0.5, if i as f32 >= wall { 0.01 } else { 0.0 })).collect();
@@ -307,7 +307,7 @@ fn what_stands_on_a_floor_is_no_seam() {
         let mut sliders = vec![("sharp box", MedialAxis::rounded_box(half, 0.0).unwrap(), 0.1, 0.3)];
         if floor == "wall" {
             sliders.push(("ball", MedialAxis::sphere(0.2).unwrap(), 0.2, 0.2));
-            // Its sharp edge comes along the floor, into the edge of the wall.
+            // Its sharp edge moves along the floor into the lower edge of the wall.
             let [tip, back] = [Vec3::X * 0.3, Vec3::new(-0.3, 0.4, 0.0)];
             let spheres = [tip - Vec3::Z * 0.2, tip + Vec3::Z * 0.2, back].map(|center| Sphere::new(center, 0.0));
             let feet = [Vec3::new(-0.3, 0.0, -0.2), Vec3::new(-0.3, 0.0, 0.2)].map(|center| Sphere::new(center, 0.0));

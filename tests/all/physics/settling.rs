@@ -1,4 +1,4 @@
-//! Bodies come to rest where they should: on anything, in any order, with speed zero, asleep, hardly overlapping.
+//! Bodies come to rest at the right height on any floor and in any order: asleep, with speed zero and hardly any overlap.
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -8,7 +8,7 @@ use bevy_rapier3d::prelude::{Collider, ContactSkin, Damping, RigidBody, Velocity
 
 use crate::common::*;
 
-/// What bodies fall on; the top is at height 0, at least around the origin.
+/// Kinds of floors. Their top is at height 0, at least around the origin.
 const FLOORS: [&str; 6] = ["box", "shape", "cuboid", "ball", "capsule", "half space"];
 
 fn spawn_floor(app: &mut App, kind: &str) -> Entity {
@@ -31,7 +31,7 @@ fn spawn_floor(app: &mut App, kind: &str) -> Entity {
     }
 }
 
-/// Bodies with the transform they are dropped with and the height of their origin above a flat floor when they rest.
+/// Bodies, their initial transforms, and the height of their origin above a flat floor at rest.
 fn solids() -> Vec<(&'static str, MedialAxis, Transform, f32)> {
     let lying = |radius: f32| MedialAxis::capsule(Vec3::X * -0.4, Vec3::X * 0.4, radius).unwrap();
     let (thick, thin) = (Sphere::new(Vec3::X * -0.3, 0.3), Sphere::new(Vec3::X * 0.3, 0.2));
@@ -55,12 +55,12 @@ fn solids() -> Vec<(&'static str, MedialAxis, Transform, f32)> {
     ]
 }
 
-/// What rolls comes to rest only if something slows it: rapier has no rolling friction.
+/// Adds damping, because a rolling body comes to rest only with it: rapier has no rolling friction.
 fn damp(app: &mut App, body: Entity) {
     app.world_mut().entity_mut(body).insert(Damping { linear_damping: 0.1, angular_damping: 1.0 });
 }
 
-/// Deepest overlap so far, in percent of the smaller body's size, of pairs that the step knows.
+/// Deepest overlap so far of all pairs of the steps, in percent of the smaller body's size.
 fn deepest_percent(app: &App) -> f32 {
     app.world().resource::<Monitor>().deepest_overlap_percent
 }
@@ -101,7 +101,7 @@ fn bodies_rest_on_round_floors() {
     for kind in ["ball", "capsule"] {
         for floor_first in [true, false] {
             for (name, axis, height) in [
-                // The middle of the plate touches; of the ring, a circle around the top, or on the capsule two points of it.
+                // The plate touches with its middle. The ring touches along a circle on the ball, and at two points on the capsule.
                 ("plate", MedialAxis::rounded_box(Vec3::new(0.6, 0.1, 0.6), 0.05).unwrap(), 0.1),
                 ("ring", MedialAxis::torus(0.4, 0.1, 48).unwrap(), f32::NAN),
             ] {
@@ -131,7 +131,7 @@ fn bodies_rest_on_round_floors() {
 #[test]
 fn models_rest_on_every_floor() {
     for kind in FLOORS {
-        // Off a round floor they may roll.
+        // Bodies may roll off a round floor.
         let flat = !matches!(kind, "ball" | "capsule");
         let mut asleep = 0;
         for (i, model) in models().iter().enumerate() {
@@ -156,7 +156,7 @@ fn models_rest_on_every_floor() {
             assert!(!flat || lowest.abs() < 0.01 * bound.radius, "{} on {kind}: {lowest}", model.name);
             asleep += usize::from(is_at_rest(&mut app, body));
         }
-        // As compounds of balls, half of them do not stop rocking on their feet.
+        // As compounds of balls, half of the models would never stop rocking on their feet.
         assert!(!flat || asleep == models().len(), "{kind}: {asleep}");
     }
 }
@@ -177,7 +177,7 @@ fn a_stack_of_three_stands() {
                 .into_iter()
                 .map(|i| {
                     let height = half + i as f32 * (2.0 * half + 0.05) + 0.05;
-                    // A little aside and turned, as nobody stacks exactly.
+                    // Each body is slightly offset and turned, as in an inexact stack.
                     let at = Vec3::new(0.02 * i as f32, height, -0.01 * i as f32);
                     let turned = Transform::from_translation(at).with_rotation(Quat::from_rotation_y(0.3 * i as f32));
                     (i, spawn_body(&mut app, axis.clone(), turned))
@@ -201,7 +201,7 @@ fn a_stack_of_three_stands() {
 }
 
 #[test]
-fn a_body_that_starts_within_a_floor_gets_out() {
+fn a_body_that_starts_inside_a_floor_gets_out() {
     for kind in FLOORS {
         for depth in [0.02, 0.1, 0.19] {
             let mut app = app();
@@ -211,7 +211,7 @@ fn a_body_that_starts_within_a_floor_gets_out() {
             damp(&mut app, body);
             run(&mut app, 600);
             let found = position(&mut app, body).y;
-            // On a round floor it rocks on and on, as a box of rapier's own does, and not always in the same place.
+            // On a round floor the plate keeps rocking, as a box of rapier does, and its position varies.
             let round = matches!(kind, "ball" | "capsule");
             let tolerance = if round { 1e-2 } else { 2e-3 };
             assert!((found - 0.2).abs() < tolerance, "{kind} {depth}: {found}");
@@ -222,8 +222,8 @@ fn a_body_that_starts_within_a_floor_gets_out() {
 }
 
 #[test]
-fn a_ball_on_a_large_floor_rolls_as_rapiers_own_does() {
-    // Rounding grows with the floor, the overlap that a body may gain with the body: neither may hold it.
+fn a_ball_rolls_on_a_large_floor_like_a_ball_of_rapier() {
+    // Rounding grows with the size of the floor, and the allowed overlap with the size of the body. Neither may stop the ball.
     for half in [10.0, 100.0, 400.0] {
         for radius in [0.02, 0.1, 0.5] {
             let start = Vec3::new(0.3 * half, radius, 0.3 * half);
@@ -240,7 +240,7 @@ fn a_ball_on_a_large_floor_rolls_as_rapiers_own_does() {
                 run(&mut app, 120);
                 position(&mut app, body) - start
             });
-            assert!(expected.x > 1.3, "it does not roll: {expected}");
+            assert!(expected.x > 1.3, "the ball of rapier does not roll: {expected}");
             assert!(
                 (way.x / expected.x - 1.0).abs() < 0.05 && (way.y - expected.y).abs() < 1e-3,
                 "{half} {radius}: {way} {expected}"
@@ -250,7 +250,7 @@ fn a_ball_on_a_large_floor_rolls_as_rapiers_own_does() {
 }
 
 #[test]
-fn bodies_rest_on_their_skins() {
+fn bodies_rest_on_their_contact_skins() {
     for kind in FLOORS {
         for (own, floors) in [(0.01, 0.01), (0.03, 0.0), (0.0, 0.002)] {
             let mut app = app();

@@ -1,4 +1,4 @@
-//! What rapier's solver and events make of medial contacts: the same as of its own shapes'.
+//! Rapier's solver and events treat medial contacts like those of its own shapes.
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
@@ -8,7 +8,7 @@ use crate::common::*;
 
 const RADIUS: f32 = 0.2;
 
-/// A body of rapier's own, and one of the same shape that is medial.
+/// A medial ball, and a ball of rapier with the same radius.
 fn spawn_both(app: &mut App, at: [Vec3; 2], extra: impl Bundle + Clone) -> [Entity; 2] {
     let medial = spawn_body(app, MedialAxis::sphere(RADIUS).unwrap(), Transform::from_translation(at[0]));
     let own = (RigidBody::Dynamic, Collider::ball(RADIUS), Transform::from_translation(at[1]));
@@ -42,7 +42,7 @@ fn friction_combines_by_every_rule() {
         assert!((medial - own).abs() < 0.05, "{combine_rule:?}: {medial} {own}");
         speeds.push(medial);
     }
-    // Least friction slides fastest; 0.9 holds.
+    // The lowest friction gives the highest speed; a friction of 0.9 holds the body.
     assert!(speeds[2] > speeds[0] && speeds[1] > speeds[0] && speeds[3] < 0.05, "{speeds:?}");
 }
 
@@ -75,7 +75,7 @@ fn restitution_combines_by_every_rule() {
 }
 
 #[test]
-fn dominance_does_to_a_medial_body_what_it_does_to_rapiers_own() {
+fn dominance_acts_alike_on_medial_and_rapier_bodies() {
     for group in [-10, 0, 10] {
         let mut app = app();
         let still = spawn_both(&mut app, [Vec3::ZERO, Vec3::Y * 5.0], GravityScale(0.0));
@@ -92,7 +92,7 @@ fn dominance_does_to_a_medial_body_what_it_does_to_rapiers_own() {
 }
 
 #[test]
-fn a_light_box_holds_one_that_is_a_thousand_times_as_heavy() {
+fn a_light_box_carries_a_thousand_times_its_mass() {
     for half in [0.2, 0.23, 0.275, 0.3] {
         let mut app = app();
         spawn_ground(&mut app);
@@ -109,9 +109,9 @@ fn a_light_box_holds_one_that_is_a_thousand_times_as_heavy() {
     }
 }
 
-/// Rapier tells more than the weight of what lies perfectly still, of its own bodies as well.
+/// Rapier reports more than the weight of a body at rest, also for its own bodies.
 #[test]
-fn contact_forces_are_those_of_rapiers_own_bodies() {
+fn contact_forces_equal_those_of_rapier_bodies() {
     let loads = [false, true].map(|own| {
         let mut app = app();
         spawn_ground(&mut app);
@@ -136,7 +136,7 @@ fn contact_forces_are_those_of_rapiers_own_bodies() {
 }
 
 #[test]
-fn rapiers_own_events_start_and_stop_once() {
+fn collision_events_of_rapier_start_and_stop_once() {
     let mut app = app();
     spawn_ground(&mut app);
     let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.5, 0.0));
@@ -160,11 +160,11 @@ fn rapiers_own_events_start_and_stop_once() {
 }
 
 #[test]
-fn sleepers_wake_when_they_are_hit_or_lose_their_floor() {
+fn sleeping_bodies_wake_when_hit_or_without_floor() {
     let mut app = app();
     spawn_ground(&mut app);
     let plate = mesh(&mut app, MedialAxis::rounded_box(Vec3::new(1.0, 0.1, 1.0), 0.1).unwrap());
-    // Out of the way of what flies about.
+    // Outside the path of the flying ball.
     let at = |y: f32| Transform::from_xyz(0.0, y, 5.0);
     let floor = app.world_mut().spawn((RigidBody::Fixed, plate, at(1.0))).id();
     let above = spawn_body(&mut app, model("torus"), at(1.3));

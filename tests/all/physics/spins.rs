@@ -1,4 +1,4 @@
-//! Bodies that turn by whole turns in a step, about an axis that changes within it.
+//! Bodies that turn by whole turns in a step, about an axis that changes within the step.
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, plugin::MedialStep, scenes::Bullet};
@@ -6,15 +6,15 @@ use bevy_rapier3d::prelude::*;
 
 use crate::common::*;
 
-/// What is left over whole turns is then about any axis, and tells nothing of the way there.
+/// The remainder beyond whole turns may have any axis, so the end poses do not determine the motion.
 #[test]
-fn whole_turns_are_about_the_axis_that_a_body_spins_about() {
+fn whole_turns_are_about_the_axis_of_the_spin() {
     let (mut by_poses, mut by_spin) = (0, 0);
     for i in 0..60 {
         let mut app = app();
         let spin = Velocity::angular(Vec3::X * (450.0 + i as f32));
         let ball = spawn_flying(&mut app, MedialAxis::sphere(0.2).unwrap(), Transform::default(), spin);
-        // Some radians per second more in each step, across.
+        // The torque adds some radians per second in each step, about another axis.
         let torque = Vec3::Y * if i % 2 == 0 { 0.0 } else { 0.16 };
         app.world_mut().entity_mut(ball).insert((Bullet, ExternalForce { torque, ..default() }));
         run(&mut app, 1);
@@ -23,7 +23,7 @@ fn whole_turns_are_about_the_axis_that_a_body_spins_about() {
             let body = rigid(&mut app, ball);
             let sweep = app.world().resource::<MedialStep>().input.bodies[0].sweep;
             let turn = body.angvel() * DT;
-            // Rapier turns it by somewhat less.
+            // Rapier turns the body by slightly less.
             let astray = sweep.rotation.distance(turn);
             assert!(astray < 2.5, "{turn} but {}", sweep.rotation);
             assert!(body.position().rotation.angle_between(sweep.end.rotation) < 5e-3);

@@ -1,4 +1,4 @@
-//! Static boxes and static shapes, at any scale, moved and taken away at run time.
+//! Static boxes and static shapes at any scale, moved and removed at run time.
 
 use std::time::Duration;
 
@@ -19,16 +19,16 @@ fn plate() -> MedialAxis {
 }
 
 #[test]
-fn a_box_may_have_any_scale_and_change_it() {
+fn a_static_box_follows_its_scale() {
     let mut app = app();
     let turn = Quat::from_rotation_y(0.5);
     let scale = Vec3::new(6.0, 0.5, 3.0);
     let floor =
         app.world_mut().spawn((StaticObb::new(0.5, 1.0, 0.5), Transform::from_rotation(turn).with_scale(scale))).id();
-    // Within the scaled box only, on either wide axis.
+    // These positions are above the box only because of its scale, one along each wide axis.
     let bodies = [Vec3::new(2.5, 1.0, 0.0), Vec3::new(0.0, 1.0, 1.1)]
         .map(|at| spawn_body(&mut app, plate(), Transform::from_translation(turn * at).with_rotation(turn)));
-    // Beside the scaled box, yet within the largest extent.
+    // This position is beside the scaled box, but within its largest extent.
     let outside = spawn_body(&mut app, plate(), Transform::from_translation(turn * Vec3::new(0.0, 1.0, 2.2)));
     run(&mut app, 300);
     for body in bodies {
@@ -48,7 +48,7 @@ fn a_box_may_have_any_scale_and_change_it() {
     }
 }
 
-/// A static of each kind that has its top at the height of its entity.
+/// A static of the given kind. Its top is 0.5 m above its entity.
 fn spawn_static(app: &mut App, kind: &str, at: Vec3) -> Entity {
     let transform = Transform::from_translation(at);
     match kind {
@@ -62,21 +62,21 @@ fn spawn_static(app: &mut App, kind: &str, at: Vec3) -> Entity {
 }
 
 #[test]
-fn contacts_follow_a_static_that_is_moved() {
+fn contacts_follow_a_moved_static() {
     for kind in ["box", "shape", "rapier"] {
         let mut app = app();
         let floor = spawn_static(&mut app, kind, Vec3::ZERO);
         let body = spawn_body(&mut app, plate(), Transform::from_xyz(0.0, 0.7, 0.0));
         run(&mut app, 200);
         assert!(is_at_rest(&mut app, body) && (position(&mut app, body).y - 0.6).abs() < 2e-3, "{kind}");
-        // Down: it must wake up and follow. Up, by a little: it is pushed out.
+        // The static moves down, and the body must wake up and follow. Then it moves up a little and pushes the body out.
         for height in [-0.8, -0.75] {
             app.world_mut().get_mut::<Transform>(floor).unwrap().translation.y = height;
             run(&mut app, 300);
             let found = position(&mut app, body).y;
             assert!((found - (height + 0.6)).abs() < 2e-3, "{kind} {height}: {found}");
         }
-        // Away: it falls.
+        // The static moves away, and the body falls.
         app.world_mut().get_mut::<Transform>(floor).unwrap().translation.x = 50.0;
         run(&mut app, 60);
         assert!(position(&mut app, body).y < -3.0, "{kind}");
@@ -84,12 +84,12 @@ fn contacts_follow_a_static_that_is_moved() {
 }
 
 #[test]
-fn a_fast_body_stops_at_a_static_where_it_is_now() {
+fn a_fast_body_stops_at_the_current_pose_of_a_static() {
     for kind in ["box", "shape"] {
         let mut app = app();
         let wall = spawn_static(&mut app, kind, Vec3::new(0.0, 0.0, 5.0));
         run(&mut app, 10);
-        // Into the way, in the very frame in which the body comes.
+        // The wall moves into the path in the same frame in which the body is spawned.
         app.world_mut().get_mut::<Transform>(wall).unwrap().translation.z = 0.0;
         let velocity = Velocity::linear(Vec3::X * 300.0);
         let body = spawn_flying(&mut app, ball(), Transform::from_xyz(-4.0, 0.0, 0.0), velocity);
@@ -100,7 +100,7 @@ fn a_fast_body_stops_at_a_static_where_it_is_now() {
     }
 }
 
-/// Shoots a ball along the x axis at what is around the origin, in line with it; true if it is stopped before `x = 0`.
+/// Shoots a ball along the x axis through the origin. Returns true if it stops before `x = 0`.
 fn is_shot_stopped(app: &mut App) -> bool {
     let body = spawn_flying(app, ball(), Transform::from_xyz(-4.0, 0.0, 0.0), Velocity::linear(Vec3::X * 300.0));
     run(app, 10);
@@ -117,7 +117,7 @@ fn a_despawned_or_disabled_static_stops_nothing() {
         let wall = spawn_static(&mut app, kind, Vec3::ZERO);
         run(&mut app, 10);
         assert!(is_shot_stopped(&mut app), "{kind}");
-        // Each change is looked at in the very frame it is made in.
+        // Each change must take effect in the same frame.
         app.world_mut().entity_mut(wall).insert(ColliderDisabled);
         assert!(!is_shot_stopped(&mut app), "{kind}: disabled");
         app.world_mut().entity_mut(wall).remove::<ColliderDisabled>();
@@ -140,7 +140,7 @@ fn a_despawned_or_disabled_static_stops_nothing() {
 }
 
 #[test]
-fn what_loses_its_shape_loses_its_collider() {
+fn removing_a_shape_removes_its_collider() {
     let mut app = app();
     let wall = app.world_mut().spawn((StaticObb::new(1.0, 1.0, 1.0), Transform::from_xyz(0.0, -1.0, 0.0))).id();
     let body = spawn_body(&mut app, MedialAxis::sphere(0.2).unwrap(), Transform::from_xyz(0.0, 0.4, 0.0));
@@ -148,16 +148,16 @@ fn what_loses_its_shape_loses_its_collider() {
     assert!((position(&mut app, body).y - 0.2).abs() < 5e-3);
     app.world_mut().entity_mut(wall).remove::<StaticObb>();
     run(&mut app, 60);
-    assert!(app.world().get::<Collider>(wall).is_none(), "the box is still there");
-    assert!(app.world().get::<RigidBody>(wall).is_none(), "its body is still there");
-    assert!(position(&mut app, body).y < -1.0, "it still stands on nothing");
+    assert!(app.world().get::<Collider>(wall).is_none(), "the box still has a collider");
+    assert!(app.world().get::<RigidBody>(wall).is_none(), "the box still has a body");
+    assert!(position(&mut app, body).y < -1.0, "the ball does not fall");
     app.world_mut().entity_mut(body).remove::<MedialMesh>();
     run(&mut app, 2);
-    assert!(app.world().get::<Collider>(body).is_none(), "the shape is still there");
+    assert!(app.world().get::<Collider>(body).is_none(), "the ball still has a collider");
 }
 
 #[test]
-fn a_shape_that_goes_between_steps_takes_its_collider_and_no_other() {
+fn a_shape_removed_between_steps_removes_only_its_collider() {
     let mut app = app_with(MedialPhysicsPlugin::default().in_fixed_schedule(), &assets());
     app.insert_resource(Time::<Fixed>::from_duration(Duration::from_secs_f32(8.0 * DT)));
     let wall = app.world_mut().spawn((StaticObb::default(), Transform::default())).id();
@@ -178,7 +178,7 @@ fn a_shape_that_goes_between_steps_takes_its_collider_and_no_other() {
     app.world_mut().entity_mut(swapped).remove::<MedialMesh>().insert(own());
     run(&mut app, 30);
     for entity in [wall, body] {
-        assert!(app.world().get::<Collider>(entity).is_none(), "{entity} has its collider still");
+        assert!(app.world().get::<Collider>(entity).is_none(), "{entity} still has its collider");
     }
     for entity in [replaced, swapped] {
         let radius = app.world().get::<Collider>(entity).and_then(Collider::as_ball).map(|ball| ball.radius());
@@ -187,7 +187,7 @@ fn a_shape_that_goes_between_steps_takes_its_collider_and_no_other() {
 }
 
 #[test]
-fn a_mirrored_box_is_a_box() {
+fn a_mirrored_box_collides_like_a_box() {
     let mut app = app();
     let mirror = app.world_mut().spawn(Transform::from_scale(Vec3::new(1.0, 1.0, -1.0))).id();
     let at = |x: f32, scale: Vec3| (StaticObb::new(2.0, 0.5, 2.0), Transform::from_xyz(x, -0.5, 0.0).with_scale(scale));
@@ -201,7 +201,7 @@ fn a_mirrored_box_is_a_box() {
     app.world_mut().entity_mut(mirror).add_child(floors[2]);
     let bodies = [0.0, 10.0, 20.0, 30.0].map(|x| spawn_body(&mut app, plate(), Transform::from_xyz(x, 0.3, 0.0)));
     let stand = |app: &mut App| {
-        // From the first step on.
+        // The colliders are valid from the first step on.
         run(app, 1);
         for floor in floors {
             let half = app.world().get::<Collider>(floor).unwrap().as_cuboid().unwrap().half_extents();
@@ -213,7 +213,7 @@ fn a_mirrored_box_is_a_box() {
         }
     };
     stand(&mut app);
-    // And back, and again.
+    // Mirror both boxes back and forth.
     for sign in [1.0, -1.0] {
         app.world_mut().get_mut::<Transform>(floors[0]).unwrap().scale = Vec3::new(sign, 1.0, 1.0);
         app.world_mut().get_mut::<Transform>(mirror).unwrap().scale = Vec3::new(1.0, 1.0, sign);
@@ -221,9 +221,9 @@ fn a_mirrored_box_is_a_box() {
     }
 }
 
-/// As sheared hierarchies of transforms make them.
+/// Sheared hierarchies of transforms produce such statics.
 #[test]
-fn touches_of_a_static_without_a_proper_rotation_have_a_normal() {
+fn touches_of_a_sheared_static_have_valid_normals() {
     for stretch in [0.8, 1.3] {
         let mut app = app();
         let turned = Transform::from_rotation(Quat::from_rotation_x(0.3));
@@ -231,7 +231,7 @@ fn touches_of_a_static_without_a_proper_rotation_have_a_normal() {
         app.world_mut().spawn(Transform::from_scale(Vec3::new(1.0, stretch, 1.0))).add_child(floor);
         app.update();
         let rotation = app.world().get::<GlobalTransform>(floor).unwrap().rotation();
-        assert!(!rotation.is_normalized(), "{rotation} is a rotation");
+        assert!(!rotation.is_normalized(), "{rotation} is normalised");
         let mut record = Record::default();
         for speed in [0.0, 100.0] {
             let body = spawn_body(&mut app, plate(), Transform::from_xyz(0.01 * speed, 1.2, 0.0));

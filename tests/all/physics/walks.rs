@@ -1,4 +1,4 @@
-//! Random walks through all that a game does to bodies: after each step nothing is lost, nothing is told twice, nothing is not a number.
+//! Random walks through all operations of a game on bodies. After each step no body is lost, no message is repeated, and all values are finite.
 
 use std::collections::{BTreeSet, HashSet};
 
@@ -20,37 +20,39 @@ use bevy_rapier3d::{
 
 use crate::common::*;
 
-/// Half of the room's size, in metres. Its walls are as thick.
+/// Half of the room's size, in metres. Half of the thickness of its walls is the same.
 const ROOM: f32 = 3.0;
 
-/// Most entities at a time.
+/// Largest number of entities at a time.
 const CROWD: usize = 24;
 
-/// What observers were told in the last update.
+/// Pairs that observers received in the last update.
 #[derive(Resource, Default)]
 struct Told {
     started: Vec<(Entity, Entity)>,
     ended: Vec<(Entity, Entity)>,
 }
 
-/// What is walked through.
+/// State of a random walk.
 struct Walk {
     app: App,
     random: Random,
     record: Record,
     shapes: Vec<MedialMesh>,
     walls: Vec<Entity>,
-    /// What may be taken away.
+    /// Entities that may be despawned.
     things: Vec<Entity>,
-    /// Those that have been let through walls, and so may be anywhere.
+    /// Entities that could pass through walls, and so may be anywhere.
     strays: HashSet<Entity>,
     touching: BTreeSet<(Entity, Entity)>,
     paused: bool,
-    /// What was done, and to whom, for whoever looks into a failure.
+    /// Operations and their entities, printed after a failure.
     history: Vec<String>,
-    /// How often each operation was done, touches that started, entities that were spoiled at the end of a step.
+    /// Number of times that each operation was done.
     done: [usize; OPERATIONS.len()],
+    /// Number of touches that started.
     touches: usize,
+    /// Number of invalid transforms at the ends of all steps.
     spoiled: usize,
 }
 
@@ -192,7 +194,7 @@ impl Walk {
         }
     }
 
-    /// A place in the room, well off its walls.
+    /// A position in the room, well away from its walls.
     fn place(&mut self) -> Vec3 {
         self.random.in_ball() * (ROOM - 0.8)
     }
@@ -273,7 +275,7 @@ impl Walk {
         self.app.world_mut().entity_mut(entity).insert(component);
     }
 
-    /// Inserts the component or, where it is, removes it.
+    /// Inserts the component, or removes it if the entity has it.
     fn toggle<C: Component>(&mut self, entity: Entity, component: C) {
         let mut entity = self.app.world_mut().entity_mut(entity);
         if entity.contains::<C>() {
@@ -299,7 +301,7 @@ impl Walk {
         }
     }
 
-    /// Puts right what is spoiled or astray.
+    /// Repairs an entity that has an invalid value or has left the room.
     fn repair(&mut self) {
         let filter = |entity: EntityRef| {
             let transform = entity.get::<Transform>().unwrap();
@@ -409,7 +411,7 @@ impl Walk {
             if !self.paused
                 && let Some(handle) = handle
             {
-                // What is disabled says so.
+                // Disabled colliders have a component that states it.
                 let collider = &colliders.colliders[handle.0];
                 let body = collider.parent().map(|parent| bodies.rigid_body_entity(parent).unwrap());
                 let disabled = world.get::<ColliderDisabled>(entity).is_some()
@@ -438,7 +440,7 @@ impl Walk {
                 let shape = collider.shape().as_shape::<MedialShape>().expect("a medial shape");
                 assert!((shape.shape.scale / scale.x - 1.0).abs() < 1e-3, "{entity}: {scale}");
             }
-            // A shape that is swapped for one on its way stays until that is there.
+            // A shape stays until its replacement has loaded.
             let collider = handle.map(|handle| &colliders.colliders[handle.0]);
             let is_medial = |collider: &&RapierCollider| collider.shape().as_shape::<MedialShape>().is_some();
             medial += usize::from(collider.filter(is_medial).is_some_and(RapierCollider::is_enabled));
@@ -462,7 +464,7 @@ impl Walk {
         self.check_walls();
     }
 
-    /// What walls hold does not pass them, though others may press it in.
+    /// Asserts that bodies held by the walls stay within them. Other bodies may press them in.
     fn check_walls(&mut self) {
         let world = self.app.world();
         for &entity in &self.things {
@@ -498,7 +500,7 @@ fn walk(seed: u64, steps: usize) -> Walk {
             std::panic::resume_unwind(panic);
         }
     }
-    // All is taken away, and nothing is left.
+    // After all entities are despawned, no contact is left.
     while let Some(&entity) = walk.things.first() {
         walk.despawn(entity);
     }
@@ -524,18 +526,18 @@ fn walks(seeds: std::ops::Range<u64>, steps: usize) {
 }
 
 #[test]
-fn random_walks_lose_nothing_and_tell_everything_once() {
+fn random_walks_keep_all_bodies_and_repeat_no_message() {
     walks(0..6, 1000);
 }
 
 #[test]
 #[ignore = "exhaustive"]
-fn exhaustive_random_walks_lose_nothing_and_tell_everything_once() {
+fn exhaustive_random_walks_keep_all_bodies_and_repeat_no_message() {
     walks(100..150, 2000);
 }
 
 #[test]
-fn a_random_walk_goes_the_same_way_again() {
+fn a_random_walk_is_reproducible() {
     let hash = |seed| {
         let mut walk = Walk::new(seed);
         let mut text = String::new();

@@ -1,4 +1,4 @@
-//! Steps that go on in the same memory: they find the same, and allocate nothing.
+//! Steps that reuse a workspace have the same results and allocate no memory.
 
 use allocation_counter::measure;
 use bevy::tasks::TaskPoolBuilder;
@@ -16,7 +16,7 @@ use crate::{
     random_steps::{random_step, tally},
 };
 
-/// Steps of scenes, of few bodies and of many, one after the other, and random ones.
+/// Steps of scenes with few and with many bodies, and random steps.
 fn steps() -> Vec<(StepInput, Statics)> {
     let mut steps = Vec::new();
     for name in ["dinosaur", "tori", "bullets"] {
@@ -36,7 +36,7 @@ fn steps() -> Vec<(StepInput, Statics)> {
 }
 
 #[test]
-fn a_step_finds_the_same_wherever_others_have_been_and_allocates_nothing() {
+fn a_reused_workspace_changes_no_result_and_allocates_nothing() {
     let pool = TaskPoolBuilder::new().num_threads(0).build();
     let (mut workspace, mut output) = (Workspace::default(), StepOutput::default());
     let mut total = [0; 4];
@@ -56,11 +56,12 @@ fn a_step_finds_the_same_wherever_others_have_been_and_allocates_nothing() {
     });
     let [impacts, contacts, stops, _] = total;
     assert!(impacts > 5000 && contacts > 10_000 && stops > 3000, "{total:?}");
-    assert!(rounds[0] > 100, "{rounds:?}: nothing is counted");
+    assert!(rounds[0] > 100, "{rounds:?}: no allocations are counted");
     assert_eq!(rounds[1], 0);
 }
 
-/// Rings that move side by side, like coins in a roll, so far apart, in metres: bytes that a first step leaves, and the pairs of rings that are near each other.
+/// Rings that move side by side, `apart` metres from each other. Returns the bytes that remain allocated after a first step, and the number of pairs
+/// of rings that are near each other.
 fn bytes_of(rings: usize, apart: f32) -> (f64, usize) {
     let ring = Shape::new(MedialAxis::torus(0.2, 0.05, 12).unwrap());
     let body = |index: usize| {
@@ -72,12 +73,12 @@ fn bytes_of(rings: usize, apart: f32) -> (f64, usize) {
     let pool = TaskPoolBuilder::new().num_threads(0).build();
     let statics = Statics::default();
     let counted = measure(|| workspace.step(&input, &statics, |_, _| Meeting::Stopping, &pool, &mut output));
-    assert!(output.pairs.is_empty(), "some touch");
+    assert!(output.pairs.is_empty(), "some rings touch");
     (counted.bytes_current as f64, output.counts.body_pairs)
 }
 
 #[test]
-fn a_body_takes_half_a_kilobyte_and_a_near_pair_less() {
+fn a_body_takes_512_bytes_and_a_near_pair_96_at_most() {
     let more = |apart: f32| {
         let [(less, _), (more, pairs)] = [1024, 4096].map(|rings| bytes_of(rings, apart));
         ((more - less) / 3072.0, pairs)
@@ -85,7 +86,7 @@ fn a_body_takes_half_a_kilobyte_and_a_near_pair_less() {
     let ((alone, none), (near, some)) = (more(1.0), more(0.4));
     assert_eq!((none, some), (0, 4095));
     let body = size_of::<Body>() as f64 + alone;
-    assert!(body > 300.0 && body <= 512.0, "{body} bytes of a body");
+    assert!(body > 300.0 && body <= 512.0, "{body} bytes per body");
     let pair = near - alone;
-    assert!(pair > 50.0 && pair <= 96.0, "{pair} bytes of a pair");
+    assert!(pair > 50.0 && pair <= 96.0, "{pair} bytes per pair");
 }

@@ -1,4 +1,4 @@
-//! Several rapier contexts, and every way in which their time goes.
+//! Several rapier contexts, and every mode of time.
 
 use std::time::Duration;
 
@@ -16,12 +16,12 @@ fn ball() -> MedialAxis {
 }
 
 #[test]
-fn bodies_of_two_contexts_do_not_meet() {
+fn bodies_of_two_contexts_do_not_collide() {
     let mut app = app();
     app.update();
     let second = app.world_mut().spawn(RapierContextSimulation::default()).id();
     let link = RapierContextEntityLink(second);
-    // In the first a floor at 0, in the second one at -1.
+    // The first context has a floor at height 0, the second one at height -1.
     spawn_ground(&mut app);
     let floor = (StaticObb::new(10.0, 1.0, 10.0), Transform::from_xyz(0.0, -2.0, 0.0), link);
     let floor = app.world_mut().spawn(floor).id();
@@ -38,7 +38,7 @@ fn bodies_of_two_contexts_do_not_meet() {
     }
     assert_eq!(record.counts(here, there), [0, 0]);
     assert!(position_of(&app, fast).x > 100.0);
-    // Its bodies go first: rapier asks for that.
+    // Rapier requires that the bodies of a context are despawned first.
     app.world_mut().despawn(there);
     app.world_mut().despawn(fast);
     app.world_mut().despawn(floor);
@@ -88,7 +88,7 @@ fn a_spinning_shot_stops_at_a_thin_wall_in_every_mode_of_time() {
 }
 
 #[test]
-fn a_fast_hit_stays_fine_in_a_world_that_rests_while_another_goes_on() {
+fn a_paused_context_keeps_its_additional_iterations() {
     let mut app = app();
     app.update();
     let second = app.world_mut().spawn(RapierContextSimulation::default()).id();
@@ -113,7 +113,7 @@ fn a_fast_hit_stays_fine_in_a_world_that_rests_while_another_goes_on() {
         }
     }
     let hit = finer(&app);
-    assert!(hit[0] > 0, "they do not hit each other");
+    assert!(hit[0] > 0, "the rods do not hit each other");
     app.world_mut().get_mut::<RapierConfiguration>(second).unwrap().physics_pipeline_active = false;
     run(&mut app, 5);
     assert_eq!(finer(&app), hit);
@@ -123,7 +123,7 @@ fn a_fast_hit_stays_fine_in_a_world_that_rests_while_another_goes_on() {
 }
 
 #[test]
-fn a_shot_that_stops_early_in_a_frame_of_several_steps_is_shown_before_the_wall() {
+fn a_stopped_shot_is_drawn_in_front_of_the_wall() {
     let mut app = app();
     app.insert_resource(TimestepMode::Interpolated { dt: DT, time_scale: 1.0, substeps: 1 });
     app.world_mut().spawn((StaticObb::new(0.01, 2.0, 2.0), Transform::from_xyz(3.0, 0.0, 0.0)));
@@ -138,5 +138,5 @@ fn a_shot_that_stops_early_in_a_frame_of_several_steps_is_shown_before_the_wall(
         let x = position_of(&app, shot).x;
         assert!(x < 2.8, "frame {frame}: shown at {x}");
     }
-    assert!(early > 0, "it does not stop in the first step of a frame");
+    assert!(early > 0, "the shot does not stop in the first step of a frame");
 }

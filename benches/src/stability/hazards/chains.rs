@@ -1,4 +1,4 @@
-//! Rings that are linked stay linked.
+//! Linked rings, which have to stay linked.
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
@@ -14,14 +14,14 @@ use crate::{
 pub const HAZARDS: &[Hazard] = &[
     Hazard {
         name: "linked tori, thrown",
-        criterion: "of two linked tori one is thrown at 5 to 20 m/s: they are linked in every step of 5 s, and no energy is gained",
+        criterion: "One of two linked tori is thrown at 5 to 20 m/s. They are linked in every step of 5 s, and energy does not grow",
         seeds: [3, 6],
         run: thrown,
     },
     Hazard {
         name: "chain under load",
-        criterion: "six rings hang from a fixed one, the last with twenty times the mass: for 10 s each is linked with the next, and in the end \
-            none overlaps more than five times what is allowed",
+        criterion: "Six rings hang from a fixed ring. The last one has twenty times the mass of the others. For 10 s each ring is linked with the next, and at the \
+            end no overlap is deeper than five times the allowed depth",
         seeds: [1, 2],
         run: chain,
     },
@@ -31,7 +31,7 @@ pub const HAZARDS: &[Hazard] = &[
 const MAJOR: f32 = 0.25;
 const MINOR: f32 = 0.05;
 
-/// Whether the middle line of one ring passes through the other.
+/// True if the middle line of one ring passes through the other.
 fn are_linked(world: &World, one: usize, other: usize) -> bool {
     let to_one = world.state(one).pose.inv_mul(&world.state(other).pose);
     let point = |i: usize| {
@@ -68,7 +68,7 @@ fn chain(method: &Method, seed: u64) -> Result<(), String> {
     let mut random = Random(seed);
     let mut world = World::new(method, Setup::default())?;
     let ring = Form::torus(MAJOR, MINOR);
-    // Each hangs in the one above it, a centimetre from touching.
+    // Each ring hangs in the one above it. They are 1 cm apart.
     let pitch = 2.0 * (MAJOR - MINOR) - 0.01;
     let upright = Quat::from_rotation_x(FRAC_PI_2);
     let mut rings = vec![world.add(Body::fixed(ring.clone()).turned(upright))?];

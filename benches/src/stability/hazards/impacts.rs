@@ -1,4 +1,4 @@
-//! Fast impacts: at thin walls, of one body against another, of bodies that spin.
+//! Fast impacts: of bodies at thin walls, of two bodies, and of spinning bodies.
 
 use std::f32::consts::TAU;
 
@@ -15,11 +15,11 @@ use crate::{
 };
 
 const WALL: &str =
-    "no sphere of the body is ever behind the middle of a wall of 5 cm, and in the end it flies no farther into it";
-const TRANSFER: &str = "at least half of the impulse of the first touch after Newton is transferred, the momentum is kept to 1 %, \
-    no energy is gained, and in the end they overlap no more than allowed";
-const SPIN: &str = "a rod that turns by 720 degrees a step meets what stands in its way: its velocity or what it hits changes by 1 m/s, \
-    momentum is kept to 1 %, no energy is gained";
+    "No sphere centre of the body ever passes the middle of a wall of 5 cm. At the end the body does not fly into it";
+const TRANSFER: &str = "At least half of the impulse of a frictionless impact without restitution is transferred. Momentum is kept to 1 %, \
+    energy does not grow, and at the end the overlap is no deeper than allowed";
+const SPIN: &str = "A rod that turns by 720 degrees per step hits a ball or a post. The velocity of the ball, or of the rod at a post, changes by 1 m/s. \
+    Momentum is kept to 1 %, and energy does not grow";
 
 pub const HAZARDS: &[Hazard] = &[
     Hazard { name: "thin wall, 1 m/s", criterion: WALL, seeds: [4, 8], run: |m, s| thin_wall(m, s, 1.0) },
@@ -39,7 +39,7 @@ pub const HAZARDS: &[Hazard] = &[
     Hazard { name: "spin of 720° a step", criterion: SPIN, seeds: [4, 8], run: spin },
 ];
 
-/// A ball, a rod, a box and a torus in turn.
+/// A ball, a rod, a box or a torus, by the seed.
 fn bullet(seed: u64) -> Body {
     Body::dynamic(match seed % 4 {
         0 => Form::ball(0.2),
@@ -98,7 +98,7 @@ fn meet(method: &Method, seed: u64, speed: f32, head_on: bool) -> Result<(), Str
         let touch = first_touch(&first, &second, 2.0 * away / speed);
         let Some(touch) = touch else { continue };
         let impulse = impulse(&first, &second, touch);
-        // Grazes transfer little, and that little may be lost to rounding.
+        // Grazes are left out, because their small impulse may be lost to rounding.
         if impulse > 0.25 * speed * first.mass().volume {
             break (first, second, impulse * touch.2, touch.0);
         }
@@ -151,5 +151,5 @@ fn spin(method: &Method, seed: u64) -> Result<(), String> {
         ensure(momentum < 0.01, || format!("momentum: changes by {:.0} %", 100.0 * momentum))?;
         return ensure(ball > 1.0, || "through: the ball stays where it is".into());
     }
-    ensure(hit > 1.0, || "through: the post changes nothing".into())
+    ensure(hit > 1.0, || "through: the post does not change the velocity of the rod".into())
 }

@@ -13,20 +13,20 @@ use crate::{
 pub const HAZARDS: &[Hazard] = &[
     Hazard {
         name: "teleport",
-        criterion: "a body that lies in contact is put to the other side of a wall and of a resting body: what is between does not move by 7 mm, \
-            and it lies still there within 3 s, in place to 7 mm",
+        criterion: "A body in contact is moved to the other side of a wall and of a resting body. The resting body does not move by 7 mm. \
+            Within 3 s the moved body rests at its new place, to 7 mm",
         seeds: [2, 4],
         run: teleport,
     },
     Hazard {
         name: "despawn in contact",
-        criterion: "the middle one of three bodies on each other, asleep, is taken away: the upper one falls, and lies still on the lower within 3 s",
+        criterion: "The middle body of a stack of three is removed. The upper body falls, and rests on the lower one within 3 s",
         seeds: [2, 4],
         run: despawn,
     },
     Hazard {
         name: "scale in contact",
-        criterion: "the lower one of two bodies grows by half: within 3 s both lie still at their new heights, to 15 mm, and neither is ever faster than 5 m/s",
+        criterion: "The lower body of a stack of two grows by half. Within 3 s both rest at their new heights, to 15 mm. Neither is ever faster than 5 m/s",
         seeds: [2, 4],
         run: scale,
     },
@@ -55,9 +55,9 @@ fn teleport(method: &Method, seed: u64) -> Result<(), String> {
     world.teleport(body, Pose3::from_translation(place));
     world.run(3.0)?;
     let pushed = world.center(between).distance(before);
-    ensure(pushed < 7e-3, || format!("hits: what lies between is pushed by {:.0} mm", 1000.0 * pushed))?;
+    ensure(pushed < 7e-3, || format!("hits: the body between is pushed by {:.0} mm", 1000.0 * pushed))?;
     let off = world.center(body).distance(place);
-    ensure(off < 7e-3, || format!("misplaced: is {off:.2} m from where it was put"))?;
+    ensure(off < 7e-3, || format!("misplaced: is {off:.2} m from its new place"))?;
     world.check_rest(2.0)
 }
 
@@ -81,7 +81,7 @@ fn despawn(method: &Method, seed: u64) -> Result<(), String> {
 }
 
 fn scale(method: &Method, seed: u64) -> Result<(), String> {
-    // A ring would fall into a larger one.
+    // No torus, because a ring would fall into a larger one.
     let half = Vec3::new(0.3, 0.1 + 0.1 * Random(seed + 50).unit(), 0.3);
     let form = (Form::rounded(half, 0.03), half.y);
     let (mut world, [lower, middle, upper], half) = three(method, seed, form)?;

@@ -1,4 +1,4 @@
-//! Near misses: bodies that pass each other by 2 cm are to pass each other.
+//! Near misses: bodies that pass each other by 2 cm, which must not affect their flight.
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -11,7 +11,7 @@ use crate::{
     stability::{judge::World, methods::Method},
 };
 
-const MISS: &str = "bodies that pass each other by 2 cm by construction keep their velocities to 0.1 % and are where free flight takes them, \
+const MISS: &str = "Two bodies pass each other by 2 cm by construction. They keep their velocities to 0.1 %, and their places are those of free flight, \
     to 1 % of their size";
 
 /// Clearance in metres.
@@ -61,7 +61,7 @@ fn miss(method: &Method, seed: u64, speed: f32) -> Result<(), String> {
     let setup = Setup::weightless();
     let mut world = World::new(method, setup)?;
     let [mut first, mut second] = flights(seed, speed);
-    // They pass within a step, at any time of it.
+    // The bodies pass each other within a step, at a random time.
     let steps = (3.0 / (speed * setup.dt)).ceil();
     let before = (steps + Random(seed + 100).unit()) * setup.dt;
     for body in [&mut first, &mut second] {
@@ -77,9 +77,9 @@ fn miss(method: &Method, seed: u64, speed: f32) -> Result<(), String> {
         ensure(change < 1e-3, || format!("ghost: a velocity changes by {:.1} %", 100.0 * change))?;
         let place = flyer.pose.translation + flyer.linear * (count as f32 * setup.dt);
         let off = state.pose.translation.distance(place);
-        // Steps are added up in f32.
+        // Rounding of a sum of steps in f32.
         let rounding = 1e-5 * flyer.linear.length() * count as f32 * setup.dt + 1e-4;
-        ensure(off < 0.01 * flyer.size() + rounding, || format!("held up: {:.2} m from where it would be", off))?;
+        ensure(off < 0.01 * flyer.size() + rounding, || format!("held up: {:.2} m off its free flight", off))?;
     }
     Ok(())
 }

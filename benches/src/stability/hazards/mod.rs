@@ -1,4 +1,4 @@
-//! The hazards, a file for each family.
+//! The hazards, with a file for each family.
 
 mod chains;
 mod impacts;
@@ -17,15 +17,15 @@ use crate::stability::methods::Method;
 #[derive(Clone, Copy)]
 pub struct Hazard {
     pub name: &'static str,
-    /// The criterion in a sentence.
+    /// The criterion, without the full stop at its end.
     pub criterion: &'static str,
     /// Number of seeds in a quick run and in a full one.
     pub seeds: [u64; 2],
-    /// Runs it; what went wrong, if anything did.
+    /// Runs the hazard. An error describes the fault.
     pub run: fn(&Method, u64) -> Result<(), String>,
 }
 
-/// All of them.
+/// All hazards.
 pub fn all() -> Vec<Hazard> {
     let families = [
         impacts::HAZARDS,
@@ -42,7 +42,7 @@ pub fn all() -> Vec<Hazard> {
     families.concat()
 }
 
-/// An error unless something holds.
+/// Returns the fault as an error if a condition does not hold.
 fn ensure(holds: bool, fault: impl FnOnce() -> String) -> Result<(), String> {
     if holds { Ok(()) } else { Err(fault()) }
 }

@@ -1,4 +1,4 @@
-//! A pile for a minute.
+//! Piles of tori, for up to a minute.
 
 use bevy_medial::random::Random;
 use glam::Vec3;
@@ -9,9 +9,9 @@ use crate::{
     stability::{judge::World, methods::Method},
 };
 
-const FEW: &str = "12 tori fall in a heap; none sinks into the floor or leaves it; after 12 s none drifts by 1 % of its size until 20 s are over, \
-    none moves at 0.1 m/s, none overlaps more than twice what is allowed";
-const MANY: &str = "the same of 51 tori, settled after 30 s, until 60 s are over";
+const FEW: &str = "12 tori fall in a heap. No torus sinks into the floor or leaves it. From 12 s to 20 s, no torus drifts by 1 % of its size or moves at \
+    0.1 m/s. At the end no overlap is deeper than twice the allowed depth";
+const MANY: &str = "The same with 51 tori, from 30 s to 60 s";
 
 pub const HAZARDS: &[Hazard] = &[
     Hazard { name: "12 tori for 20 s", criterion: FEW, seeds: [1, 2], run: |m, s| pile(m, s, 12, [12.0, 8.0]) },

@@ -1,4 +1,4 @@
-//! Rest: stacks, degenerate contacts, bodies that start within each other, bodies that are squeezed.
+//! Rest: stacks, degenerate contacts, bodies that overlap at the start, and squeezed bodies.
 
 use std::f32::consts::FRAC_PI_2;
 
@@ -11,16 +11,16 @@ use crate::{
     stability::{judge::World, methods::Method},
 };
 
-const REST: &str = "after some seconds everything lies still for 5 s: no body drifts or turns by 1 % of its size, none moves at 0.1 m/s, \
-    none overlaps more than allowed (6 mm and 1 % of its size)";
+const REST: &str = "After 5 s all bodies rest for 5 s: no body drifts or turns by 1 % of its size, or moves at 0.1 m/s. At the end no overlap \
+    is deeper than allowed (6 mm and 2 % of the smaller body's size)";
 
 pub const HAZARDS: &[Hazard] = &[
     Hazard { name: "parallel cones", criterion: REST, seeds: [1, 2], run: parallel },
     Hazard { name: "coplanar slabs", criterion: REST, seeds: [1, 2], run: coplanar },
     Hazard {
         name: "deep overlap at start",
-        criterion: "two bodies that start within each other by half, on a floor, come apart to what is allowed within 5 s, without ever being faster \
-            than 5 m/s or higher than twice their size over where they began",
+        criterion: "Two bodies on a floor overlap by half at the start. Within 5 s their overlap shrinks to the allowed depth. They are never faster than \
+            5 m/s, or higher than twice their size above their start",
         seeds: [3, 6],
         run: deep,
     },
@@ -28,15 +28,15 @@ pub const HAZARDS: &[Hazard] = &[
     Hazard { name: "stack of ten tori", criterion: STACK, seeds: [1, 2], run: |m, s| stack(m, s, true) },
     Hazard {
         name: "squeezed",
-        criterion: "a body that two moving walls squeeze to 95 % of its thickness is not behind a wall afterwards, nor ever faster than 5 m/s",
+        criterion: "Two moving walls squeeze a body to 95 % of its thickness. It is never behind a wall, and never faster than 5 m/s",
         seeds: [3, 6],
         run: squeezed,
     },
 ];
 
-const STACK: &str = "the stack stands: after 10 s each body is within 5 mm and 1 % of its size per layer of its height, and all lies still for 5 s";
+const STACK: &str = "The stack stands: after 10 s the height of each body is exact to 5 mm and 1 % of its thickness per layer, and all bodies rest for 5 s";
 
-/// Capsules and tapered ones side by side, and one in the groove on top of them.
+/// Two capsules side by side between walls, and one in the groove on top of them.
 fn parallel(method: &Method, seed: u64) -> Result<(), String> {
     let mut random = Random(seed);
     let mut world = World::new(method, Setup::default())?;
@@ -55,7 +55,7 @@ fn parallel(method: &Method, seed: u64) -> Result<(), String> {
     world.check_rest(5.0)
 }
 
-/// Plates of two slabs side by side, others flush on top of them, and one across.
+/// Two plates of two slabs each side by side, two more flush on top of them, and one on top across the gap.
 fn coplanar(method: &Method, seed: u64) -> Result<(), String> {
     let mut random = Random(seed);
     let mut world = World::new(method, Setup::default())?;
@@ -137,7 +137,7 @@ fn squeezed(method: &Method, seed: u64) -> Result<(), String> {
     let body = world.add(Body::dynamic(form).at(Vec3::Y * (if seed % 3 == 2 { 0.1 } else { half })))?;
     let walls = [-1.0, 1.0].map(|side| {
         let wall = Body::kinematic(Form::Cuboid(Vec3::new(thickness, 0.5, 0.5)));
-        // Until they have squeezed it to 95 %, in a second.
+        // At this speed the walls squeeze the body to 95 % in one second.
         let speed = gap + 0.05 * half;
         world.add(wall.at(Vec3::new(side * (half + gap + thickness), 0.5, 0.0)).moving(Vec3::X * -side * speed))
     });

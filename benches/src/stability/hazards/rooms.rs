@@ -1,4 +1,4 @@
-//! A room with thin walls, bodies thrown about in it, and steps of all lengths.
+//! Bodies that fly about in a room with thin walls, with steps of several lengths.
 
 use bevy_medial::random::Random;
 use glam::Vec3;
@@ -10,8 +10,8 @@ use crate::{
 };
 use bevy_medial::geometry::Sphere;
 
-const ROOM: &str = "six bodies thrown about at 5 to 15 m/s in a room with walls of 5 cm stay in it for 10 s, never have more energy than at first, \
-    and in the end lie still (0.1 J/kg) and overlap no more than twice what is allowed";
+const ROOM: &str = "Six bodies thrown at 5 to 15 m/s in a room with walls of 5 cm stay in it for 10 s, and their energy never exceeds the initial one. \
+    At the end they rest (0.1 J/kg), and no overlap is deeper than twice the allowed depth";
 
 /// Half of the room's size in metres.
 const HALF: Vec3 = Vec3::new(2.0, 1.5, 2.0);

@@ -1,4 +1,4 @@
-//! Ratios of mass and size, the very small, the very large, the very far.
+//! Large ratios of mass and size, very small and very large bodies, and bodies far from the origin.
 
 use bevy_medial::random::Random;
 use glam::Vec3;
@@ -9,21 +9,21 @@ use crate::{
     stability::{judge::World, methods::Method},
 };
 
-const SCALED: &str = "three boxes on each other, a torus and a capsule, of that size, fall by half their size, and lie still on the floor for 5 s: \
-    no drift by 1 %, no overlap beyond what is allowed; all engines are told the unit of length, with which gravity \
-    goes for small ones";
+const SCALED: &str = "Three stacked boxes, a torus and a capsule of this size fall by half their size. They rest on the floor for 5 s: \
+    no body drifts by 1 %, and no overlap is deeper than allowed. All engines get the unit of length, and gravity is proportional to it \
+    for small bodies";
 
 pub const HAZARDS: &[Hazard] = &[
     Hazard {
         name: "mass ratio 1:1000",
-        criterion: "a box that is a thousand times as heavy as the one that it stands on comes to rest on it, and presses it flat by no more than twice what is \
-            allowed; a heavy ball sweeps a light one along at its own speed, to 2 %",
+        criterion: "A box comes to rest on a box of a thousandth of its mass, and their overlap is no deeper than twice the allowed depth. \
+            A heavy ball carries a light one along at its own speed, to 2 %",
         seeds: [2, 4],
         run: masses,
     },
     Hazard {
         name: "size ratio 1:1000",
-        criterion: "balls, boxes and tori of 2 cm that fall on a box of 20 m at 5 to 30 m/s come to rest on it, in or over it by no more than 6 mm",
+        criterion: "Balls, boxes and tori of 2 cm fall on a box of 20 m at 5 to 30 m/s. They come to rest at most 6 mm inside or above its surface",
         seeds: [6, 12],
         run: sizes,
     },
@@ -31,7 +31,7 @@ pub const HAZARDS: &[Hazard] = &[
     Hazard { name: "bodies of 1 km", criterion: SCALED, seeds: [1, 2], run: |m, s| scaled(m, s, 1e3, Vec3::ZERO) },
     Hazard {
         name: "10 km from the origin",
-        criterion: "the same of bodies of half a metre 10 km from the origin, where a coordinate is exact to half a millimetre",
+        criterion: "The same with bodies of half a metre at 10 km from the origin, where coordinates are exact to half a millimetre",
         seeds: [1, 2],
         run: |m, s| scaled(m, s, 0.5, Vec3::new(7000.0, 0.0, -7000.0)),
     },
@@ -49,7 +49,7 @@ fn masses(method: &Method, seed: u64) -> Result<(), String> {
         let heavy = world.add(heavy)?;
         world.run(8.0)?;
         let height = world.center(heavy).y;
-        ensure(height > 2.5 * half.y, || "falls: the heavy box is off or in the light one".into())?;
+        ensure(height > 2.5 * half.y, || "falls: the heavy box is beside or inside the light one".into())?;
         return world.check_overlaps(2.0);
     }
     let mut world = World::new(method, Setup::weightless())?;
@@ -77,7 +77,7 @@ fn sizes(method: &Method, seed: u64) -> Result<(), String> {
         1 => Form::rounded(Vec3::splat(0.01), 1e-3),
         _ => Form::torus(8e-3, 2e-3),
     };
-    // So far from the edges that none bounces over them.
+    // The place is so far from the edges that no body bounces over them.
     let place = Vec3::new(2.0 * random.signed(), 20.2, 2.0 * random.signed());
     let small = Body::dynamic(form).at(place).turned(random.rotation()).damped().fast();
     let small = world.add(small.moving(Vec3::Y * -(5.0 + 25.0 * random.unit())))?;
@@ -93,14 +93,14 @@ fn sizes(method: &Method, seed: u64) -> Result<(), String> {
     ensure(speed < 0.1, || format!("unrest: still moves at {speed:.2} m/s"))
 }
 
-/// Bodies of some size in metres, at a place.
+/// Bodies of a size in metres, near `origin`.
 fn scaled(method: &Method, seed: u64, size: f32, origin: Vec3) -> Result<(), String> {
     let mut random = Random(seed);
     let unit = if origin == Vec3::ZERO { size } else { 1.0 };
-    // In true gravity a step is so long for millimetres as one of half a second for metres: no engine lets them lie still.
+    // In true gravity, a step is as long for bodies of 1 mm as half a second for bodies of 1 m. No engine keeps them at rest.
     let gravity = Setup::default().gravity * unit.min(1.0);
     let mut world = World::new(method, Setup { unit, gravity, ..Setup::default() })?;
-    // As thick as it is long: this is not about falling through.
+    // The floor is as thick as it is long, because this hazard does not test tunnelling.
     let ground = Vec3::splat(20.0) * size;
     world.add(Body::fixed(Form::Cuboid(ground)).at(origin - Vec3::Y * ground.y))?;
     let half = 0.5 * size;
@@ -113,7 +113,7 @@ fn scaled(method: &Method, seed: u64, size: f32, origin: Vec3) -> Result<(), Str
     }
     add(Form::torus(0.75 * half, 0.25 * half), Vec3::new(3.0, 0.6, 0.0))?;
     add(Form::capsule(0.7 * half, 0.3 * half), Vec3::new(-3.0, 0.6, 0.0))?;
-    // Larger ones fall longer.
+    // Larger bodies fall longer.
     world.run(5.0 + 3.0 * size.sqrt().min(10.0))?;
     for body in world.dynamic() {
         let center = world.center(body) - origin;

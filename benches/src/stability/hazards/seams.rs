@@ -1,4 +1,4 @@
-//! Seams: floors of many parts are floors of one piece.
+//! Seams: floors of many parts, which have to behave like floors of one piece.
 
 use bevy_medial::geometry::{Primitive, Sphere};
 use bevy_medial::random::Random;
@@ -10,9 +10,9 @@ use crate::{
     stability::{judge::World, methods::Method},
 };
 
-const SLIDE: &str = "a body that slides without friction at 1 to 10 m/s for a second loses no more than 1 % of its speed a metre, and 1 % of its way, \
+const SLIDE: &str = "A body slides without friction at 1 to 10 m/s for a second. It loses no more than 1 % of its speed per metre and 1 % of its path, \
     and does not hop by 5 mm";
-const ROLL: &str = "a ball that rolls at 2 to 5 m/s for 2 s is where it would be on one piece, to a tenth of its way, and does not hop by 5 mm";
+const ROLL: &str = "A ball rolls at 2 to 5 m/s for 2 s. Its path is as long as on a floor of one piece, to 10 %, and it does not hop by 5 mm";
 
 pub const HAZARDS: &[Hazard] = &[
     Hazard { name: "sliding over triangles", criterion: SLIDE, seeds: [5, 10], run: |m, s| slide(m, s, false) },
@@ -52,11 +52,11 @@ fn slide(method: &Method, seed: u64, slabs: bool) -> Result<(), String> {
         3 => (Form::rounded(half, 0.0), 0.1),
         _ => (Form::torus(0.3, 0.08), 0.08),
     };
-    // Not along the grid.
+    // The direction is not along the grid.
     let forward = Quat::from_rotation_y(0.05 * random.signed());
     let body = Body::dynamic(form).slippery().turned(forward).at(Vec3::new(-1.0 + 0.3 * random.unit(), height, 0.019));
     let body = world.add(body)?;
-    // The overlap that an engine allows is no seam.
+    // The body settles first, because the overlap that an engine allows is not an effect of seams.
     world.run(0.5)?;
     let [speed, start] = [Vec3::new([1.0, 3.0, 10.0][seed as usize / 5 % 3], 0.0, 0.0), world.center(body)];
     let velocity = forward * speed;

@@ -1,4 +1,4 @@
-//! Shapes that are hard on kernels: sharp, degenerate, nearly so.
+//! Shapes that are difficult for kernels: sharp, degenerate and nearly degenerate ones.
 
 use bevy_medial::geometry::{Primitive, Sphere};
 use bevy_medial::random::Random;
@@ -13,21 +13,21 @@ use crate::{
 pub const HAZARDS: &[Hazard] = &[
     Hazard {
         name: "sharp features",
-        criterion: "boxes and spikes of radius 0 that fall on their corners and tips at 3 to 10 m/s do not sink into the floor by more than a twentieth \
-            of their size, and lie still in the end",
+        criterion: "Boxes and spikes of radius 0 fall on their corners and tips at 3 to 10 m/s. They do not sink into the floor by more than 5 % \
+            of their size, and rest at the end",
         seeds: [4, 8],
         run: sharp,
     },
     Hazard {
         name: "degenerate shapes",
-        criterion: "shapes that are none or nearly none (a cone of two equal balls, a slab on a line, slivers, needles, balls within balls) \
-            fall, do not sink into the floor by more than a twentieth of their size, and lie still in the end",
+        criterion: "Degenerate and nearly degenerate shapes (a cone of two equal balls, a slab on a line, slivers, needles, balls within balls) \
+            fall. They do not sink into the floor by more than 5 % of their size, and rest at the end",
         seeds: [6, 6],
         run: degenerate,
     },
 ];
 
-/// Lets a body fall, and looks whether it comes to rest on the floor.
+/// Lets a body fall, and checks that it comes to rest on the floor.
 fn falls_and_rests(world: &mut World, body: usize) -> Result<(), String> {
     for _ in 0..480 {
         world.step(1)?;
@@ -70,11 +70,11 @@ fn degenerate(method: &Method, seed: u64) -> Result<(), String> {
         1 => slab([ball(-0.3, 0.0, 0.0, 0.1), ball(0.0, 0.0, 0.0, 0.1), ball(0.3, 0.0, 0.0, 0.1)]),
         // A sliver.
         2 => slab([ball(-0.3, 0.0, 0.0, 0.05), ball(0.3, 0.0, 0.0, 0.05), ball(0.1, 0.0, 1e-5, 0.05)]),
-        // One ball as good as within the other.
+        // One ball is almost within the other.
         3 => Form::cone(ball(0.0, 0.0, 0.0, 0.2), ball(0.1 + 1e-6, 0.0, 0.0, 0.1)),
         // A needle.
         4 => Form::cone(ball(-0.5, 0.0, 0.0, 1e-3), ball(0.5, 0.0, 0.0, 1e-3)),
-        // The same ball many times over.
+        // Several copies of the same ball.
         _ => Form::medial(
             vec![
                 ball(-0.2, 0.0, 0.0, 0.1),
