@@ -58,7 +58,7 @@ pub(super) struct Limits {
     pub faces: usize,
 }
 
-/// Largest distance by which the cone of two spheres protrudes from the solid.
+/// Largest distance that the cone of two spheres protrudes from the solid.
 fn protrusion(solid: &Solid, complex: &Complex, [i, j]: [u32; 2]) -> f64 {
     const STEPS: usize = 6;
     let hull = Hull::Cone(Cone::new(complex.balls[i as usize], complex.balls[j as usize]));

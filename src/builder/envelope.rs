@@ -153,7 +153,7 @@ impl Envelope {
         self.distances_among(points, &self.all())
     }
 
-    /// The same to the nearest of the given primitives, infinite if there are none.
+    /// The same to the nearest of the given primitives, infinite for an empty list.
     pub fn distances_among(&self, points: &Points, among: &[u32]) -> Vec<f64> {
         self.nearest(points, among, f32::INFINITY, |_, _, distance| f64::from(distance))
     }

@@ -86,7 +86,7 @@ impl Edit {
 
 const STEPS: usize = 4;
 
-/// Factor by which points of the envelope are farther apart in a trial.
+/// Ratio of the distance between points of the envelope in a trial to the usual distance.
 const COARSER: f64 = 1.3;
 
 /// Tries an edit: applies it to a copy and runs a descent of the spheres around it.

@@ -152,9 +152,9 @@ impl MedialLevels {
             return Err(MedialLevelsError::Damaged("the checksum does not match"));
         }
         let (stored, rest) = postcard::take_from_bytes::<Vec<Stored>>(body)
-            .map_err(|_| MedialLevelsError::Damaged("the lists have the wrong length"))?;
+            .map_err(|_| MedialLevelsError::Damaged("the lists do not have the expected length"))?;
         if !rest.is_empty() {
-            return Err(MedialLevelsError::Damaged("there are bytes after the last level"));
+            return Err(MedialLevelsError::Damaged("bytes follow the last level"));
         }
         if stored.is_empty() {
             return Err(MedialLevelsError::Empty);
@@ -244,12 +244,12 @@ mod tests {
         assert_eq!(error(&newer), "it has version 2 of the format, not 1; build it again");
         let damaged = "it is damaged: the checksum does not match; copy or build it again";
         assert_eq!(error(&good[..good.len() - 1]), damaged);
-        assert_eq!(error(&sealed(&[])), "it is damaged: the lists have the wrong length; copy or build it again");
-        let more: Vec<u8> = good[HEADER..].iter().copied().chain([0]).collect();
         assert_eq!(
-            error(&sealed(&more)),
-            "it is damaged: there are bytes after the last level; copy or build it again"
+            error(&sealed(&[])),
+            "it is damaged: the lists do not have the expected length; copy or build it again"
         );
+        let more: Vec<u8> = good[HEADER..].iter().copied().chain([0]).collect();
+        assert_eq!(error(&sealed(&more)), "it is damaged: bytes follow the last level; copy or build it again");
         assert_eq!(error(&sealed(&[0])), "it has no levels; build it again");
         let stored = |cones| Stored { spheres: vec![[0.0, 0.0, 0.0, 1.0]], cones, slabs: vec![], error: [0.0; 5] };
         let wild = postcard::to_allocvec(&vec![stored(vec![]), stored(vec![[0, 7]])]).unwrap();

@@ -10,8 +10,8 @@ pub const MAX_MESH_SIZE: usize = 1 << 24;
 
 /// A surface made of triangles, in metres, in the shape's own frame.
 ///
-/// Triangles of a closed surface are counter-clockwise as seen from outside. [`new`](Self::new) checks the lists; the functions that take a
-/// mesh rely on what it checks.
+/// Triangles of a closed surface are counter-clockwise as seen from outside. [`new`](Self::new) checks the lists; functions that take a
+/// mesh rely on these checks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TriangleMesh {
     /// Vertices.
@@ -20,7 +20,7 @@ pub struct TriangleMesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Why lists are no surface.
+/// Reasons why lists do not describe a surface.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum MeshError {
     /// There is no triangle.
@@ -31,7 +31,7 @@ pub enum MeshError {
     TooLarge {
         /// `vertices` or `triangles`.
         what: &'static str,
-        /// How many.
+        /// Number of vertices or triangles.
         count: usize,
     },
     /// A coordinate is NaN, infinite or beyond [`MAX_EXTENT`].
@@ -39,7 +39,7 @@ pub enum MeshError {
     NotFinite {
         /// Index of the vertex.
         vertex: usize,
-        /// The offending coordinate.
+        /// The invalid coordinate.
         value: f32,
     },
     /// A triangle refers to a vertex that does not exist.
@@ -47,7 +47,7 @@ pub enum MeshError {
     IndexOutOfRange {
         /// Index of the triangle.
         triangle: usize,
-        /// The offending index.
+        /// The invalid index.
         index: u32,
         /// Number of vertices.
         vertices: usize,
@@ -55,18 +55,18 @@ pub enum MeshError {
     /// All triangles lie in one point.
     #[error("the mesh has no size: all of its triangles lie in one point")]
     NoSize,
-    /// A Bevy mesh is not made of triangles, or lies on the GPU only.
+    /// A Bevy mesh does not consist of triangles, or its data is on the GPU only.
     #[cfg(feature = "bevy_mesh")]
-    #[error("the Bevy mesh gives no triangles: {0}; a triangle list or strip with f32 positions in main memory does")]
+    #[error("the Bevy mesh has no triangles: {0}; use a triangle list or strip with f32 positions in main memory")]
     Bevy(String),
 }
 
 impl TriangleMesh {
-    /// A mesh from its lists.
+    /// Creates a mesh from its lists.
     ///
     /// # Errors
     /// If there is no triangle, if there are too many, if a coordinate is not finite or too large, if an index is out of range, or if
-    /// all triangles lie in one point. Flaws of a surface that has a size are no errors: see [`MeshReport`](super::MeshReport).
+    /// all triangles lie in one point. Other flaws of a surface are not errors: see [`MeshReport`](super::MeshReport).
     pub fn new(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
         if triangles.is_empty() {
             return Err(MeshError::Empty);
@@ -77,7 +77,7 @@ impl TriangleMesh {
             }
         }
         for (vertex, position) in positions.iter().enumerate() {
-            // NaN is in no range.
+            // NaN is not contained in any range.
             if let Some(&value) = position.to_array().iter().find(|v| !(-MAX_EXTENT..=MAX_EXTENT).contains(*v)) {
                 return Err(MeshError::NotFinite { vertex, value });
             }
@@ -92,10 +92,10 @@ impl TriangleMesh {
         if mesh.diagonal() > 0.0 { Ok(mesh) } else { Err(MeshError::NoSize) }
     }
 
-    /// A Bevy mesh, with vertices at equal places made one: normals and texture coordinates that differ do not cut the surface.
+    /// Converts a Bevy mesh. Vertices at equal positions are merged, so that different normals and texture coordinates do not split the surface.
     ///
     /// # Errors
-    /// If it is no triangle list or strip, has no f32 positions or lies on the GPU only; otherwise as for [`new`](Self::new).
+    /// If it is not a triangle list or strip, has no f32 positions or is on the GPU only; otherwise the errors of [`new`](Self::new).
     #[cfg(feature = "bevy_mesh")]
     pub fn from_bevy(mesh: &bevy::mesh::Mesh) -> Result<Self, MeshError> {
         use bevy::mesh::{Mesh, PrimitiveTopology};
@@ -104,7 +104,7 @@ impl TriangleMesh {
         let positions = mesh.try_attribute(Mesh::ATTRIBUTE_POSITION).map_err(|error| refused(&error))?;
         let positions = positions.as_float3().ok_or_else(|| refused(&"its positions are not three f32 each"))?;
         let indices: Vec<u32> = match mesh.try_indices_option().map_err(|error| refused(&error))? {
-            // No index exceeds u32.
+            // The cast is lossless, because indices are at most u32.
             Some(indices) => indices.iter().map(|i| i as u32).collect(),
             None => (0..positions.len() as u32).collect(),
         };
@@ -116,7 +116,7 @@ impl TriangleMesh {
         Ok(Self::new(positions.iter().copied().map(Vec3::from).collect(), triangles)?.welded())
     }
 
-    /// The Bevy mesh of these triangles, without normals.
+    /// Converts the triangles to a Bevy mesh, without normals.
     #[cfg(feature = "bevy_mesh")]
     pub fn to_bevy(&self) -> bevy::mesh::Mesh {
         use bevy::mesh::{Indices, Mesh, PrimitiveTopology};
@@ -138,26 +138,26 @@ impl TriangleMesh {
         corners.fold(Aabb::EMPTY, |aabb, p| aabb.merge(Aabb { min: p, max: p }))
     }
 
-    /// Length in metres of the diagonal of the box around the triangles: the unit of errors, as is usual for meshes of any size.
+    /// Length of the diagonal of the bounding box in metres. Errors are given relative to it, as is usual for meshes of any size.
     pub fn diagonal(&self) -> f32 {
         let Aabb { min, max } = self.aabb();
         min.as_dvec3().distance(max.as_dvec3()) as f32
     }
 
-    /// The vertices, with the middle of the box at the origin and its diagonal as the unit.
+    /// The vertices in coordinates with the centre of the bounding box as origin and its diagonal as unit.
     pub(super) fn unit_places(&self) -> Vec<DVec3> {
         let (middle, diagonal) = (self.aabb().center().as_dvec3(), f64::from(self.diagonal()));
         self.positions.iter().map(|p| (p.as_dvec3() - middle) / diagonal).collect()
     }
 
-    /// The same triangles with one vertex at each place, and none that no triangle uses, in the order of first use.
+    /// The same triangles with one vertex per position and without unused vertices, in the order of first use.
     #[must_use]
     pub fn welded(&self) -> Self {
         let mut number = HashMap::with_capacity(self.positions.len());
         let mut positions = Vec::new();
         let triangles = self.triangles.iter().map(|triangle| {
             self.corners(*triangle).map(|position| {
-                // Adding 0 turns -0 into 0, which equals it.
+                // Adding 0 turns -0 into 0, so both get the same key.
                 let key = position.to_array().map(|x| (x + 0.0).to_bits());
                 *number.entry(key).or_insert_with(|| {
                     positions.push(position);
@@ -169,8 +169,8 @@ impl TriangleMesh {
         Self { positions, triangles }
     }
 
-    /// The triangles of each connected piece, pieces and triangles in ascending order. Triangles hang together if they share a vertex of
-    /// the list: weld first.
+    /// The triangles of each connected piece; pieces and triangles are in ascending order. Triangles are connected if they share a vertex of
+    /// the list, so the mesh should be welded first.
     pub fn components(&self) -> Vec<Vec<u32>> {
         let (pieces, count) = pieces(self.positions.len(), &self.triangles);
         let mut components = vec![Vec::new(); count];
@@ -181,8 +181,8 @@ impl TriangleMesh {
     }
 }
 
-/// For each edge, the lesser vertex first, how many triangles run along it from the lesser to the greater one, and how many back. A triangle that repeats a
-/// vertex has none.
+/// For each edge with the smaller vertex first, the number of triangles that run along it from the smaller to the larger vertex, and the number that run
+/// back. Triangles with a repeated vertex are ignored.
 pub(super) fn edge_uses(triangles: &[[u32; 3]]) -> HashMap<[u32; 2], [u32; 2]> {
     let mut uses = HashMap::<[u32; 2], [u32; 2]>::with_capacity(2 * triangles.len());
     for &[a, b, c] in triangles.iter().filter(|triangle| is_proper(triangle)) {
@@ -193,18 +193,18 @@ pub(super) fn edge_uses(triangles: &[[u32; 3]]) -> HashMap<[u32; 2], [u32; 2]> {
     uses
 }
 
-/// True for triangles that do not repeat a vertex.
+/// True for triangles without a repeated vertex.
 fn is_proper([a, b, c]: &[u32; 3]) -> bool {
     a != b && b != c && c != a
 }
 
-/// True for triangles whose height is less than a part of their longest side.
+/// True for triangles with a height of at most the fraction `part` of their longest side.
 pub(super) fn is_flat([a, b, c]: &[DVec3; 3], part: f64) -> bool {
     let longest = a.distance_squared(*b).max(b.distance_squared(*c)).max(c.distance_squared(*a));
     (b - a).cross(c - a).length() <= part * longest
 }
 
-/// The connected piece of each triangle, counted in the order of their first triangles, and how many there are.
+/// The connected piece of each triangle, and the number of pieces. Pieces are numbered in the order of their first triangles.
 pub(super) fn pieces(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usize) {
     let mut sets = DisjointSets::new(vertices);
     for &[a, b, c] in triangles {
@@ -219,13 +219,13 @@ pub(super) fn pieces(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, usiz
     (of_triangle.collect(), numbers.len())
 }
 
-/// Triangles of three indices each; what is left over is no triangle.
+/// Triangles of three indices each. One or two remaining indices are ignored.
 #[cfg(any(feature = "bevy_mesh", feature = "mesh_files"))]
 pub(super) fn list(indices: &[u32]) -> Vec<[u32; 3]> {
     indices.as_chunks().0.to_vec()
 }
 
-/// Triangles of a strip: each index makes one with the two before it, every other one the other way round. An index that comes twice only leads on.
+/// Triangles of a strip: each index forms one with the two indices before it, with alternating winding. Triangles with a repeated index are omitted.
 #[cfg(any(feature = "bevy_mesh", feature = "mesh_files"))]
 pub(super) fn strip(indices: &[u32]) -> Vec<[u32; 3]> {
     let turned = |(at, w): (usize, &[u32])| if at % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] };
@@ -237,7 +237,7 @@ pub(super) mod tests {
     use super::*;
     use crate::medial_axis::{MedialAxis, triangulate};
 
-    /// The surfaces of a shape's primitives, with what of them lies inside others.
+    /// The surfaces of a shape's primitives, including the parts inside other primitives.
     pub fn triangulated(axis: &MedialAxis, segments: u32) -> TriangleMesh {
         let surface = triangulate(axis.spheres(), axis.primitives(), segments);
         let positions = surface.positions.into_iter().map(Vec3::from).collect();
@@ -280,7 +280,7 @@ pub(super) mod tests {
     #[test]
     fn welding_joins_equal_places_and_drops_unused_ones() {
         let good = tetrahedron();
-        // Every triangle with vertices of its own, one of them at -0, and a vertex that nothing uses.
+        // Each triangle has its own vertices, one of them at -0, and one vertex is unused.
         let mut positions = vec![Vec3::splat(9.0)];
         positions.extend(good.triangles.iter().flat_map(|t| good.corners(*t)));
         positions[1] = -Vec3::ZERO;
@@ -291,7 +291,7 @@ pub(super) mod tests {
         for (a, b) in welded.triangles.iter().zip(&good.triangles) {
             assert_eq!(welded.corners(*a), good.corners(*b));
         }
-        assert_eq!(soup.diagonal(), 3f32.sqrt(), "the unused vertex counts");
+        assert_eq!(soup.diagonal(), 3f32.sqrt(), "the unused vertex is counted");
     }
 
     #[cfg(feature = "bevy_mesh")]

@@ -1,14 +1,14 @@
-//! From triangle meshes to medial meshes: reading, judging, building and measuring.
+//! From triangle meshes to medial meshes: reading, checking, building and measuring.
 //!
 //! ```text
-//! file --load--> TriangleMesh --MeshReport--> what is wrong with it
+//! file --load--> TriangleMesh --MeshReport--> flaws of the mesh
 //!                     |
 //!                     +-- fit --> MedialLevels: medial meshes with their errors, finest first
 //!                     |    |
-//!                     |    +-- build: --solid--> checked, closed, turned, in a tree --some searches, judge--> the best --> Built
+//!                     |    +-- build: --solid--> checked, closed, oriented, in a tree --some searches, judge--> the best --> Built
 //!                     |          search: --surface_samples--> points, normals, medial balls --clusters--> spheres
-//!                     |                  --connect--> edges, faces --refine--> spheres that fit --mend--> at their worst places, too
-//!          refine: merge --> exchange, rejoin --> descent, again and again
+//!                     |                  --connect--> edges, faces --refine--> fitted spheres --mend--> better worst places
+//!          refine: merge --> exchange, rejoin --> descent, repeated
 //!                     |
 //!                     +-- measure(mesh, axis) --> two-sided error of a medial mesh
 //! ```

@@ -1,4 +1,4 @@
-//! The least squares problem of a round of descent: a 4x4 block for each sphere and each edge.
+//! The least squares problem of one step of a descent: a 4x4 block for each sphere and each edge.
 
 use glam::DVec4;
 
@@ -61,7 +61,7 @@ impl Block {
 
 pub(super) struct NormalEquations {
     diagonal: Vec<Block>,
-    /// Blocks of the edges.
+    /// Off-diagonal blocks of the edges.
     pairs: Vec<([usize; 2], Block)>,
     downhill: Vec<DVec4>,
 }
@@ -117,7 +117,7 @@ impl NormalEquations {
             let slope = anchor.out.extend(anchor.out.dot(anchor.normal));
             add(anchor.primitive, &anchor.weights, slope, error, anchor.weight);
         }
-        // What does not move is as if infinitely heavy.
+        // Frozen spheres do not move: their diagonal block is the identity and their right-hand side is zero.
         if let Some(rest) = &target.rest {
             for i in (0..rest.frozen.len()).filter(|&i| rest.frozen[i]) {
                 this.diagonal[i] = Block([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0]);
@@ -128,7 +128,7 @@ impl NormalEquations {
         this
     }
 
-    /// The damped step, by conjugate gradients.
+    /// Solves for the damped step by conjugate gradients.
     pub fn solve(&self, damping: f64) -> Vec<DVec4> {
         const FLOOR: f64 = 1e-6;
         const TOLERANCE: f64 = 1e-6;

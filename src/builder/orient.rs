@@ -1,13 +1,13 @@
-//! Pieces of a mesh that are inside out, as mirrored parts often are, are turned: where they overlap others, they would cut into them.
+//! Turns pieces of a mesh that are inside out, as mirrored parts often are. Where they overlap with others, they would cut into them.
 
 use glam::DVec3;
 
 use super::{TriangleMesh, mesh::pieces, solid::tree_of};
 
-/// Volumes of less than this part of the cube of the diagonal have no sign but for rounding.
+/// Smaller volumes, relative to the cube of the diagonal, have an unreliable sign because of rounding.
 const LEAST_VOLUME: f64 = 1e-9;
 
-/// Turns the pieces of a welded mesh that face the other way than the whole, but for cavities: those lie within other pieces.
+/// Turns the pieces of a welded mesh that face the opposite way of the whole mesh, except cavities, which lie inside other pieces.
 pub(super) fn oriented(mut mesh: TriangleMesh) -> TriangleMesh {
     let (piece_of, count) = pieces(mesh.positions.len(), &mesh.triangles);
     let places = mesh.unit_places();
@@ -21,7 +21,7 @@ pub(super) fn oriented(mut mesh: TriangleMesh) -> TriangleMesh {
     if !turned.contains(&true) {
         return mesh;
     }
-    // Of each of these how often the others wind round it, times its area, and that area.
+    // For each of these pieces: the winding number of the other pieces around it, integrated over its area, and its area.
     let mut around = vec![[0.0; 2]; count];
     let tree = tree_of(corners.iter().copied());
     for (&piece, [a, b, c]) in piece_of.iter().zip(&corners).filter(|(piece, _)| turned[**piece as usize]) {
@@ -29,7 +29,7 @@ pub(super) fn oriented(mut mesh: TriangleMesh) -> TriangleMesh {
         let normal = (b - a).cross(c - a);
         let (area, off) = (normal.length(), normal.normalize_or_zero() * OFF);
         let middle = (a + b + c) / 3.0;
-        // On one side of its own surface it winds round once, on the other it does not.
+        // The winding number of the piece itself is 0 on one side of its surface and plus or minus 1 on the other. Its mean is cancelled by 0.5 below.
         let all = 0.5 * (tree.winding(middle - off) + tree.winding(middle + off));
         let [sum, whole_area] = &mut around[piece as usize];
         *sum += area * (whole * all + 0.5);
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
     use crate::builder::mesh::tests::tetrahedron;
 
-    /// Tetrahedra of a size and at a place each, inside out where the size is negative.
+    /// Tetrahedra with a size and a position each, inside out for negative sizes.
     fn tetrahedra(each: &[(f32, Vec3)]) -> TriangleMesh {
         let one = tetrahedron();
         let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
@@ -76,7 +76,7 @@ mod tests {
             (&[(1.0, Vec3::ZERO), (-0.5, across)], &[1.0, 0.5]),
             (&[(1.0, Vec3::ZERO), (-0.2, within)], &[1.0, -0.2]),
             (&[(1.0, Vec3::ZERO), (-0.5, beside), (-0.2, within)], &[1.0, 0.5, -0.2]),
-            // All of it is inside out: one within another is a cavity as well.
+            // The whole mesh is inside out. A piece inside another one is a cavity as well.
             (&[(-1.0, Vec3::ZERO), (0.2, within), (0.5, across)], &[-1.0, 0.2, -0.5]),
         ] {
             let at = |i: usize| each[i].1;

@@ -1,20 +1,20 @@
-//! Loops on all cores whose results do not depend on their number.
+//! Parallel loops with results that do not depend on the number of cores.
 
 use std::{cell::Cell, ops::Range};
 
 use bevy::tasks::{ComputeTaskPool, TaskPool};
 
 thread_local! {
-    /// Whether this thread runs an item of a loop: loops within loops run where they are.
+    /// True while this thread runs an item of a loop. Nested loops run on the same thread.
     static WITHIN: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Tasks per thread: items differ in what they take.
+/// Tasks per thread. There are several, because items take different times.
 const TASKS: usize = 12;
 
-/// Runs a function with its loops where it is, so that the other cores are free for what is in more of a hurry.
+/// Runs a function and its loops on this thread, so that the other cores are free for more urgent work.
 pub(crate) fn on_this_thread<R>(function: impl FnOnce() -> R) -> R {
-    /// Of a panic as well.
+    /// Restores the flag, also after a panic.
     struct Outer(bool);
     impl Drop for Outer {
         fn drop(&mut self) {
@@ -25,7 +25,7 @@ pub(crate) fn on_this_thread<R>(function: impl FnOnce() -> R) -> R {
     function()
 }
 
-/// `function` of each of `0..count`, in order.
+/// The results of `function` for each of `0..count`, in order.
 pub(super) fn map<R: Send + 'static>(
     count: usize,
     least_per_task: usize,
@@ -34,7 +34,7 @@ pub(super) fn map<R: Send + 'static>(
     flat_map(count, least_per_task, |i, results| results.push(function(i)))
 }
 
-/// What `function` adds to a list for each of `0..count`, in order.
+/// The items that `function` adds to a list for each of `0..count`, in order.
 pub(super) fn flat_map<R: Send + 'static>(
     count: usize,
     least_per_task: usize,

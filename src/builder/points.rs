@@ -1,4 +1,4 @@
-//! Many points in blocks, for their distances to primitives.
+//! Many points in blocks, to compute their distances from primitives.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use super::{
     vectors::ROUNDING,
 };
 
-/// Points in an order in which neighbours are near, cut into blocks, and these into groups.
+/// Points in a list whose neighbours are near each other, split into blocks, and the blocks into groups.
 #[derive(Clone, Default)]
 pub(super) struct Points {
     pub positions: Vec<DVec3>,
@@ -19,20 +19,20 @@ pub(super) struct Points {
     pub group_middles: Vec<Block>,
 }
 
-/// Some points that follow one another.
+/// Some consecutive points.
 #[derive(Clone)]
 pub(super) struct PointBlock {
     pub points: Block,
-    /// Their greatest distance from their middle, and more than distances in f32 are off.
+    /// Largest distance of the points from their middle, plus an allowance for the rounding of f32 distances.
     pub radius: f32,
 }
 
-/// As many blocks as a block has points.
+/// `BLOCK` consecutive blocks.
 #[derive(Clone)]
 pub(super) struct Group {
     /// Middles of the blocks.
     pub middles: Block,
-    /// As for a block.
+    /// The same as for a block.
     pub radius: f32,
 }
 
@@ -50,23 +50,23 @@ impl Points {
         }
     }
 
-    /// The places of the points of a block.
+    /// Indices of the points of a block.
     pub fn range(&self, block: usize) -> Range<usize> {
         block * BLOCK..self.positions.len().min((block + 1) * BLOCK)
     }
 
-    /// The blocks of a group.
+    /// Indices of the blocks of a group.
     pub fn blocks_of(&self, group: usize) -> Range<usize> {
         group * BLOCK..self.blocks.len().min((group + 1) * BLOCK)
     }
 
-    /// Least signed distance from a primitive that a point of each block may have.
+    /// For each block, a lower bound of the signed distances of its points from a primitive.
     pub fn gaps(&self, hull: &Hull) -> impl Iterator<Item = f32> {
         let of_groups = self.groups.iter().flat_map(|group| hull.distances(&group.middles));
         of_groups.zip(&self.blocks).map(|(gap, block)| gap - block.radius)
     }
 
-    /// Signed distances from a primitive, up to the rounding of an f32, of the points of those blocks that pass.
+    /// Signed distances of points from a primitive, up to the rounding of an f32, for the blocks that pass `passes`.
     pub fn distances(
         &self,
         hull: &Hull,
@@ -80,13 +80,13 @@ impl Points {
     }
 }
 
-/// The last block is filled up with its last point.
+/// A block of the points. The last block is filled with copies of its last point.
 fn block(points: &[DVec3]) -> Block {
     let at = |i: usize| points[i.min(points.len() - 1)];
     Block::new(std::array::from_fn(at))
 }
 
-/// Middles of so many points each, and radii: their greatest distance from it, and more than distances in f32 are off.
+/// Middles and radii of groups of `count` points: the largest distance from the middle, plus an allowance for the rounding of f32 distances.
 fn bounds(points: &[DVec3], count: usize) -> (Vec<DVec3>, Vec<f32>) {
     let bound = |points: &[DVec3]| {
         let around = |(lo, hi): (DVec3, DVec3), &p: &DVec3| (lo.min(p), hi.max(p));

@@ -1,14 +1,14 @@
-//! How far the work has come.
+//! Progress reports and cancellation.
 
 use std::{
     ops::ControlFlow,
     sync::{Mutex, PoisonError},
 };
 
-/// Is told the part of the work that is done, from 0 to 1, and may break it off.
+/// A callback for the completed part of the work, from 0 to 1, which may cancel the work.
 pub(super) type Progress<'a> = dyn Fn(f32) -> ControlFlow<()> + Sync + 'a;
 
-/// The progress of a piece of work that is the part of another between two parts of it.
+/// The progress of a task that is the part from `from` to `to` of another task.
 pub(super) fn between<'a>(
     progress: &'a Progress<'a>,
     from: f32,
@@ -17,14 +17,14 @@ pub(super) fn between<'a>(
     move |part| progress(from + part * (to - from))
 }
 
-/// The progress of several pieces of work side by side, as that of one.
+/// Combines the progress of several parallel tasks to that of one.
 pub(super) struct Shares<'a> {
     progress: &'a Progress<'a>,
     state: Mutex<State>,
 }
 
 struct State {
-    /// The part of each piece that is done.
+    /// The completed part of each task.
     parts: Vec<f32>,
     broken: bool,
 }
@@ -34,7 +34,7 @@ impl<'a> Shares<'a> {
         Self { progress, state: Mutex::new(State { parts: vec![0.0; count], broken: false }) }
     }
 
-    /// Takes note of one piece's progress; breaks if any was broken off. What is told never falls, as nothing is told at the same time.
+    /// Records the progress of one task. Breaks if the work was cancelled. Reported values never decrease, because reports are serialized by the lock.
     pub fn report(&self, piece: usize, part: f32) -> ControlFlow<()> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         state.parts[piece] = part;
@@ -43,7 +43,7 @@ impl<'a> Shares<'a> {
         if state.broken { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
-    /// Whether the work was broken off.
+    /// True if the work was cancelled.
     pub fn broken(&self) -> bool {
         self.state.lock().unwrap_or_else(PoisonError::into_inner).broken
     }

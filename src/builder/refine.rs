@@ -1,4 +1,4 @@
-//! Spheres go where they are needed: out where little is lost, in where the error is largest.
+//! Moves spheres where they are needed: removes them where the cost increases little, and inserts them where the error is largest.
 
 use std::ops::ControlFlow;
 
@@ -15,7 +15,7 @@ use super::{
     target::{Anchor, Penalty, Target},
 };
 
-/// A shape with what is known of its error.
+/// A shape with the errors at its samples.
 pub(super) struct State {
     pub envelope: Envelope,
     pub hits: Vec<Hit>,
@@ -30,7 +30,7 @@ impl State {
         Self { envelope, hits, anchors }
     }
 
-    /// Samples of each primitive.
+    /// The samples that each primitive is nearest to.
     pub fn samples_of_primitives(&self) -> Vec<Vec<u32>> {
         let mut samples = vec![vec![]; self.envelope.primitives.len()];
         for (i, hit) in self.hits.iter().enumerate() {
@@ -39,7 +39,7 @@ impl State {
         samples
     }
 
-    /// The sphere that a point of a primitive is nearest to.
+    /// The sphere of a primitive with the largest weight at a point.
     pub fn sphere(&self, primitive: u32, weights: &[f64; 3]) -> u32 {
         let indices = self.envelope.primitives[primitive as usize].indices();
         let heaviest = (0..indices.len()).max_by(|&a, &b| weights[a].total_cmp(&weights[b]).then(b.cmp(&a)));
@@ -47,29 +47,29 @@ impl State {
     }
 }
 
-/// How far to go.
+/// Limits and effort of a search.
 #[derive(Clone, Copy)]
 pub(super) struct Plan {
-    /// Largest numbers.
+    /// Largest numbers of spheres, edges and faces.
     pub spheres: usize,
     pub edges: usize,
     pub faces: usize,
-    /// Rounds of exchanges.
+    /// Number of iterations with exchanges.
     pub rounds: usize,
-    /// Rounds about the worst places.
+    /// Number of iterations for the worst places.
     pub mends: usize,
-    /// Steps of a descent within a round.
+    /// Number of steps of a descent within an iteration.
     pub steps: usize,
-    /// Whether the last descent is a short one, and the only one.
+    /// True if the last descent is a short one, and the only one.
     pub hurried: bool,
-    /// Distance of points of the envelope.
+    /// Distance between points of the envelope.
     pub spacing: f64,
 }
 
 impl Plan {
     pub const MOST_ROUNDS: usize = 18;
 
-    /// Rounds that the time allows which a mesh of this size may take.
+    /// Number of iterations within the time that a mesh of this size may take.
     pub fn rounds(triangles: usize, spheres: usize) -> usize {
         const TRIANGLES_PER_ROUND: usize = 5000;
         let least = if is_quick(triangles, spheres) { 9 } else { 3 };
@@ -80,27 +80,27 @@ impl Plan {
         Limits { edges: self.edges, faces: self.faces }
     }
 
-    /// How many spheres a round may exchange, at most.
+    /// Largest number of spheres that an iteration may exchange.
     pub fn most_exchanged(&self) -> usize {
         self.spheres.div_ceil(6)
     }
 }
 
-/// True for few spheres for few triangles, as of low-poly models: to seek them more thoroughly takes no long time either.
+/// True for few spheres and few triangles, as in low-poly models: even a more thorough search is fast.
 pub(super) fn is_quick(triangles: usize, spheres: usize) -> bool {
     const TRIANGLES: usize = 2000;
     const SPHERES: usize = 60;
     triangles < TRIANGLES && spheres <= SPHERES
 }
 
-/// True for so few triangles a sphere that the time which suits the mesh does not allow for all.
+/// True for so few triangles per sphere that the time allowed for the mesh does not suffice for a full search.
 pub(super) fn is_hurried(triangles: usize, spheres: usize) -> bool {
     const TRIANGLES_PER_SPHERE: usize = 100;
     triangles < TRIANGLES_PER_SPHERE * spheres && !is_quick(triangles, spheres)
 }
 
-/// How much a sample outside of the envelope counts beside one within while spheres are sought: it stands for the way back as well, which is
-/// longer in a crease.
+/// Weight of a sample outside the envelope, relative to one inside, during the search for spheres. It also stands for the opposite direction, which
+/// is longer in a crease.
 const UNCOVERED: f64 = 1.5;
 
 pub(super) fn target<'a>(solid: &'a Solid, samples: &'a Samples, penalty: Penalty, spacing: f64) -> Target<'a> {
@@ -118,23 +118,23 @@ pub(super) fn target<'a>(solid: &'a Solid, samples: &'a Samples, penalty: Penalt
     }
 }
 
-/// The target with the penalty that suits the errors of a shape.
+/// The target with a penalty that suits the errors of a shape.
 pub(super) fn target_for<'a>(complex: &Complex, solid: &'a Solid, samples: &'a Samples, spacing: f64) -> Target<'a> {
     let distances = complex.envelope().distances(&samples.points);
     let squares = distances.iter().zip(&samples.weights).map(|(d, w)| w * d * d);
     target(solid, samples, Penalty::new(squares.sum()), spacing)
 }
 
-/// What a round changes.
+/// The change of one iteration.
 pub(super) enum Change {
-    /// Exchanges up to so many spheres.
+    /// Exchanges up to this many spheres.
     Spheres(usize),
-    /// Edges and faces anew.
+    /// Chooses edges and faces again.
     Connectivity,
 }
 
 impl Change {
-    /// Makes the change, for better or worse, and lets spheres descend. Returns the cost.
+    /// Makes the change, even if the cost increases, and runs a descent. Returns the cost.
     pub fn make(
         self,
         complex: &mut Complex,
@@ -154,13 +154,13 @@ impl Change {
     }
 }
 
-/// Of so many rounds the last is about edges and faces, the others about spheres.
+/// Iterations of a cycle. The last one changes edges and faces, the others change spheres.
 const CYCLE: usize = 3;
 
-/// Rounds of a cycle that leave more than this part of the cost end the search.
+/// The search ends after a cycle that leaves more than this part of the cost.
 const ENOUGH: f64 = 0.97;
 
-/// The whole: first fewer spheres, then better ones.
+/// The whole refinement: first reduces the number of spheres, then improves them.
 pub(super) fn refine(
     complex: &mut Complex,
     parts: &mut Vec<u32>,
@@ -184,7 +184,7 @@ pub(super) fn refine(
     let target = target_for(complex, solid, samples, plan.spacing);
     let limits = plan.limits();
     if complex.edges.len() > limits.edges || complex.faces.len() > limits.faces {
-        // Those of a finer shape, less those that merged: some of them are chosen.
+        // The edges and faces are those of a finer shape, after merging: a part of them is chosen.
         let touching = complex.edges.iter().copied().collect();
         connect::connect(complex, parts, &touching, connect::candidates(&touching), samples, limits, &target);
     }

@@ -1,4 +1,4 @@
-//! Edges and faces anew: what does little good goes, and what the limits leave is spent where it helps most.
+//! Chooses edges and faces again: removes those of little use, and adds others within the limits where they reduce the cost most.
 
 use glam::DVec3;
 
@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{disjoint_sets::DisjointSets, geometry::Primitive};
 
-/// Drops edges and faces that keep nothing together and do little good.
+/// Removes edges and faces of little use, except edges that connect the shape.
 pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, target: &Target) {
     let buckets = state.samples_of_primitives();
     let mut harms = vec![0.0; buckets.len()];
@@ -47,7 +47,7 @@ pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, tar
             break;
         }
         match primitive {
-            // A face fills creases besides.
+            // A face fills creases as well, so it is removed only if that reduces the cost.
             Primitive::Slab(f) if loss < 0.0 => complex.faces.retain(|g| *g != f),
             Primitive::Slab(_) => {}
             Primitive::Cone(e) => {
@@ -64,7 +64,7 @@ pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, tar
     }
 }
 
-/// Spends what the limits leave on edges and faces.
+/// Adds edges and faces within the limits.
 pub(super) fn respend(
     complex: &mut Complex,
     parts: &[u32],

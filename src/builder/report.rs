@@ -5,23 +5,23 @@ use super::{
     mesh::{edge_uses, is_flat},
 };
 
-/// A triangle lower than this, relative to its longest side, has no area but for rounding.
+/// A triangle with a smaller height, relative to its longest side, counts as having no area, because of rounding.
 const FLAT: f64 = 1.0e-6;
 
-/// What a user should know about a mesh before a shape is made of it.
+/// Properties and flaws of a mesh that matter before a shape is built from it.
 ///
-/// Vertices at equal places count as one. The text form names each flaw with its effect and remedy.
+/// Vertices at equal positions count as one. The text form lists each flaw with its effect and remedy.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshReport {
     /// Number of triangles.
     pub triangles: usize,
-    /// Number of vertices at different places that triangles use.
+    /// Number of different positions of vertices that triangles use.
     pub vertices: usize,
     /// Number of connected pieces.
     pub components: usize,
-    /// Edges of one triangle only: the rims of holes and of sheets.
+    /// Edges with only one triangle: the rims of holes and of sheets.
     pub boundary_edges: usize,
-    /// Edges of three or more triangles.
+    /// Edges with three or more triangles.
     pub non_manifold_edges: usize,
     /// Edges whose two triangles face opposite ways.
     pub flipped_edges: usize,
@@ -31,7 +31,7 @@ pub struct MeshReport {
     pub zero_area_faces: usize,
     /// Vertices of the list that no triangle uses.
     pub unused_vertices: usize,
-    /// Enclosed volume in cubic metres: negative if the triangles face inwards, without meaning unless the surface
+    /// Enclosed volume in cubic metres. Negative if the triangles face inwards, meaningless unless the surface
     /// [is closed](Self::is_closed).
     pub volume: f64,
     /// Area in square metres.
@@ -41,7 +41,7 @@ pub struct MeshReport {
 }
 
 impl MeshReport {
-    /// Looks at a mesh.
+    /// Examines a mesh.
     pub fn new(mesh: &TriangleMesh) -> Self {
         let mut used = vec![false; mesh.positions.len()];
         mesh.triangles.iter().flatten().for_each(|&i| used[i as usize] = true);
@@ -86,13 +86,13 @@ impl MeshReport {
         self.boundary_edges + self.non_manifold_edges + self.flipped_edges == 0
     }
 
-    /// A line for each flaw, with its effect and remedy. None for a clean, closed, outward surface.
+    /// One line per flaw, with its effect and remedy. Empty for a clean, closed, outward surface.
     pub fn flaws(&self) -> Vec<String> {
         let inwards = usize::from(self.is_closed() && self.volume < 0.0);
         let mut flaws: Vec<String> = [
             (
                 self.boundary_edges,
-                "boundary edges: the surface has holes or sheets; holes are closed flat, close them if that is not their shape",
+                "boundary edges: the surface has holes or sheets; a build closes holes with flat caps, close them yourself if they are not flat",
             ),
             (self.non_manifold_edges, "edges of more than two triangles: pieces touch or cross there; separate them"),
             (self.flipped_edges, "edges between triangles that face opposite ways: make normals consistent"),
@@ -165,7 +165,7 @@ mod tests {
                 &["2 boundary edges", "1 edges of more than two triangles", "1 triangles without area"],
             ),
             (|m| m.triangles.push([2, 2, 2]), &["1 triangles without area"]),
-            // What is left of the pole of a sphere.
+            // A triangle with a repeated vertex, as at the pole of a sphere.
             (|m| m.triangles.push([0, 1, 1]), &["1 triangles without area"]),
             (|m| m.positions.push(Vec3::ONE), &["1 unused vertices"]),
         ];

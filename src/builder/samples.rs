@@ -11,13 +11,13 @@ use crate::{
     medial_axis::face_normals,
 };
 
-/// Least number of points on a patch with curvature, so that small ones are seen from all sides.
+/// Smallest number of points on a curved patch, so that small patches are sampled on all sides.
 const LEAST: f32 = 32.0;
 
-/// Steps of the sequence that fills a square evenly however long it gets (Roberts 2018): powers of the plastic number.
+/// Steps of a sequence that fills a square evenly for any number of points (Roberts 2018): inverse powers of the plastic number.
 const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
-/// By how much a sphere must reach beyond a tangent plane, relative to the size of all, to count.
+/// Smallest extent of a sphere beyond a tangent plane that hides a point, relative to the size of the whole.
 const BEYOND: f32 = 1.0e-6;
 
 /// A simple piece of surface.
@@ -25,14 +25,14 @@ const BEYOND: f32 = 1.0e-6;
 pub(super) enum Patch {
     /// A triangle.
     Triangle([Vec3; 3]),
-    /// A sphere, and those that share a primitive with it.
+    /// A sphere, and the spheres that share a primitive with it.
     Ball(Sphere, Vec<Sphere>),
     /// The conical part of a medial cone, and the spheres that share a slab with it.
     Mantle([Sphere; 2], Vec<Sphere>),
 }
 
 impl Patch {
-    /// The patches of which the envelope of clean primitives is made. What other primitives hide is among them.
+    /// The patches of the envelope of clean primitives, including those hidden by other primitives.
     pub fn of(spheres: &[Sphere], primitives: &[Primitive]) -> Vec<Self> {
         let mut patches = Vec::new();
         let mut balls = BTreeMap::<u32, BTreeSet<u32>>::new();
@@ -57,7 +57,7 @@ impl Patch {
         patches
     }
 
-    /// Area.
+    /// Area of the whole patch, including hidden parts.
     pub fn area(&self) -> f32 {
         match *self {
             Self::Triangle([a, b, c]) => (b - a).cross(c - a).length() * 0.5,
@@ -71,17 +71,17 @@ impl Patch {
         }
     }
 
-    /// Calls `visit` with points about `spacing` apart, each with the area it stands for. Points inside the patch's own primitives are
-    /// left out.
+    /// Calls `visit` with points about `spacing` apart, each with the area that it represents. Points inside the patch's own primitives are
+    /// omitted.
     pub fn sample(&self, spacing: f32, mut visit: impl FnMut(Vec3, f32)) {
         let area = self.area();
         let wanted = (area / (spacing * spacing)).ceil();
-        // A hull reaches beyond each of its points but those at which it stays behind the tangent plane.
+        // A point is hidden by a hull of its own primitives if a sphere of the hull extends beyond the tangent plane at the point.
         let hidden = |point: Vec3, normal: Vec3, hiders: &[Sphere]| {
             hiders.iter().any(|by| normal.dot(by.center - point) + by.radius > BEYOND)
         };
         match self {
-            // A triangle without area, or an area that is no number, is one point.
+            // A triangle with zero or NaN area gets one point.
             &Self::Triangle([a, b, c]) => {
                 let count = wanted.max(1.0);
                 for [u, v] in square(count as u32, 1.0 / 3.0) {
@@ -109,7 +109,7 @@ impl Patch {
                 let (side, up) = axis.any_orthonormal_pair();
                 let count = wanted.max(LEAST);
                 for [u, v] in square(count as u32, 0.5) {
-                    // Where the part `u` of the area lies before.
+                    // Position along the axis that has the fraction `u` of the area before it.
                     let radius = (a.radius * a.radius * (1.0 - u) + b.radius * b.radius * u).sqrt();
                     let sum = a.radius + radius;
                     let t = if sum > 0.0 { u * (a.radius + b.radius) / sum } else { u };
@@ -126,7 +126,7 @@ impl Patch {
     }
 }
 
-/// Points that fill the unit square evenly, the first at `start` along both sides.
+/// Points that fill the unit square evenly. The first one is at `start` along both sides.
 fn square(count: u32, start: f64) -> impl Iterator<Item = [f32; 2]> {
     (0..count).map(move |i| STEPS.map(|step| (start + f64::from(i) * step).fract() as f32))
 }
@@ -156,10 +156,10 @@ mod tests {
     #[test]
     fn points_are_spread_evenly() {
         let [a, b] = [Sphere::new(Vec3::ZERO, 0.5), Sphere::new(Vec3::X * 2.0, 1.0)];
-        // Slope: sin of the mantle's angle to the axis is a quarter.
+        // Slope: the sine of the mantle's angle to the axis is a quarter.
         let sin_squared = 1.0 - 1.0 / 16.0f32;
         let mantle = PI * 1.5 * 2.0 * sin_squared;
-        // Ends along the axis at -r cos, and the middle of area between them.
+        // The ends along the axis are at -r cos. The centroid of the area lies between them.
         let [from, to] = [-0.125, 2.0 - 0.25];
         let middle = from + (to - from) * (0.5 + 2.0 * 1.0) / (3.0 * 1.5);
         let triangle = [Vec3::ZERO, Vec3::X * 3.0, Vec3::Y * 3.0];
@@ -176,7 +176,7 @@ mod tests {
             let least = moments(&patch, 1e3).0;
             assert_eq!(least, if matches!(patch, Patch::Triangle(_)) { 1 } else { LEAST as u32 });
         }
-        assert_eq!(moments(&Patch::Triangle(triangle), 1e3).2, Vec3::new(1.0, 1.0, 0.0), "one point is the middle");
+        assert_eq!(moments(&Patch::Triangle(triangle), 1e3).2, Vec3::new(1.0, 1.0, 0.0), "one point is the centroid");
     }
 
     #[test]
@@ -184,7 +184,7 @@ mod tests {
         let spheres = [[0.0, 0.5], [2.0, 0.5]].map(|[x, radius]| Sphere::new(Vec3::X * x, radius));
         let patches = Patch::of(&spheres, &[Primitive::Cone([0, 1])]);
         let area: f32 = patches.iter().map(|patch| moments(patch, 0.05).1).sum();
-        // Of each ball one half.
+        // One half of each ball is visible.
         assert_eq!(patches.len(), 3);
         assert!((area / (PI + 2.0 * PI) - 1.0).abs() < 0.01, "{area}");
     }

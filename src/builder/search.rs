@@ -1,4 +1,4 @@
-//! One search for a medial mesh: the stages from samples to spheres that fit.
+//! One search for a medial mesh: the stages from samples to fitted spheres.
 
 use std::{collections::BTreeSet, sync::Arc};
 
@@ -22,40 +22,40 @@ use crate::{
     medial_axis::{MAX_SPHERES, MedialAxis},
 };
 
-/// Samples of the area per sphere while spheres are sought, and vertices beside them.
+/// Samples of the area per sphere during the search for spheres, and additional vertices per sphere.
 const COARSE: [usize; 2] = [60, 12];
 
-/// The same in a hurry.
+/// The same for a hurried search.
 const COARSER: [usize; 2] = [36, 7];
 
 /// The same for the last descent.
 const FINE: [usize; 2] = [150, 75];
 
-/// Least and greatest number of coarse samples of the area.
+/// Smallest and largest number of coarse samples of the area.
 const SAMPLES: [usize; 2] = [3000, 20_000];
 
-/// Distance of points of the envelope, as a part of the diagonal: coarse and fine.
+/// Distance between points of the envelope, as a part of the diagonal: coarse and fine.
 pub(super) const SPACING: [f64; 2] = [0.02, 0.012];
 
-/// Steps of the last descents, one by an even penalty, and one by a steeper one that sees creases.
+/// Steps of the two last descents: one with the normal penalty, and one with a steeper penalty that includes creases.
 const LAST_STEPS: [usize; 2] = [16, 10];
 
-/// Steps of the only one in a hurry.
+/// Steps of the only last descent of a hurried search.
 const HURRIED_STEPS: usize = 8;
 
-/// From how much lesser errors on that penalty is steep.
+/// Ratio of the errors above which the normal and the steeper penalty are steep.
 const STEEPER: f64 = 2.2;
 
-/// How deep within the solid the bottoms of those creases may lie, as a part of the diagonal.
+/// Largest depth of the bottoms of these creases inside the solid, as a part of the diagonal.
 pub(super) const CREASES: f64 = 0.02;
 
-/// How many more spheres there are at first.
+/// Ratio of the initial to the final number of spheres.
 const SURPLUS: f64 = 1.7;
 
-/// Edges beyond the number of spheres, and faces, per sphere of a body without limbs.
+/// Number of edges beyond the number of spheres, and number of faces, per sphere of a body without limbs.
 const EXTRA: f64 = 0.95;
 
-/// Cycles per cluster of the graph of those that touch on the surface: of limbs, where they fork, and of a body without any (Euler's formula).
+/// Cycles per cluster in the graph of touching clusters: for limbs, which have cycles at forks, and for a body without limbs (Euler's formula).
 const CYCLES: [f64; 2] = [0.27, 2.0];
 
 #[derive(Clone)]
@@ -66,11 +66,11 @@ pub(super) struct Search {
     /// Component of each sphere.
     parts: Vec<u32>,
     plan: Plan,
-    /// What the judge says of the shape.
+    /// The judge's verdict on the shape.
     pub verdict: Verdict,
 }
 
-/// How much of a solid is no limbs, from 0 to 1: the mean over the clusters of its components.
+/// Fraction of a solid that is not limbs, from 0 to 1: the mean of its components, weighted by their clusters.
 fn body(parts: &[u32], touching: &BTreeSet<[u32; 2]>, part_count: usize) -> f64 {
     let mut counts = vec![[0usize; 2]; part_count];
     parts.iter().for_each(|&part| counts[part as usize][0] += 1);
@@ -82,7 +82,7 @@ fn body(parts: &[u32], touching: &BTreeSet<[u32; 2]>, part_count: usize) -> f64 
     bodies.sum::<f64>() / parts.len() as f64
 }
 
-/// How many there are.
+/// Number of distinct values.
 fn distinct(parts: &[u32]) -> usize {
     let mut parts = parts.to_vec();
     parts.sort_unstable();
@@ -91,7 +91,7 @@ fn distinct(parts: &[u32]) -> usize {
 }
 
 impl Search {
-    /// Spheres to start with.
+    /// Starts a search with spheres from samples.
     pub fn new(
         solid: &Solid,
         options: &BuildOptions,
@@ -102,7 +102,7 @@ impl Search {
         let report = |part: f32| if progress(part).is_break() { Err(BuildError::Cancelled) } else { Ok(()) };
         report(0.0)?;
         let spheres = options.spheres.clamp(1, MAX_SPHERES);
-        // Who says how often to seek has the time.
+        // A caller that sets the number of searches accepts the time that they take.
         let hurried = options.searches.is_none() && refine::is_hurried(triangles, spheres);
         let count = |per_sphere: [usize; 2], factor: usize| {
             let area = (spheres * per_sphere[0]).clamp(SAMPLES[0] * factor, SAMPLES[1] * factor);
@@ -112,7 +112,7 @@ impl Search {
         let ((area, vertices), (fine_area, fine_vertices)) = (count(per_sphere, 1), count(FINE, 2));
         let coarse = Samples::new(solid, area, vertices, seed).turned_outward(solid);
         let fine = Samples::new(solid, fine_area, fine_vertices, seed);
-        // Every second sample of a part that bounds it has a ball, so that no part goes without.
+        // Every second bounding sample of a part gets a ball, starting with the first one, so that no part goes without.
         let mut has_ball = vec![false; solid.part_count];
         let chosen: Vec<bool> = (coarse.normals.iter().zip(&coarse.parts))
             .map(|(normal, &part)| {
@@ -147,7 +147,7 @@ impl Search {
             hurried,
             spacing: SPACING[0],
         };
-        // Until the first descent an error of some thousandths is usual.
+        // Before the first descent, errors of some thousandths of the diagonal are usual.
         let target = refine::target(solid, &coarse, Penalty::new(1e-5), plan.spacing);
         let surplus = complex.balls.len().saturating_sub(spheres);
         let limits = Limits { edges: plan.edges.saturating_add(surplus), faces: plan.faces };
@@ -158,22 +158,22 @@ impl Search {
         Ok(Self { coarse, fine, complex, parts, plan, verdict })
     }
 
-    /// Components that have a sphere.
+    /// Number of components with a sphere.
     pub fn full_components(&self) -> usize {
         distinct(&self.parts)
     }
 
-    /// Most spheres.
+    /// Largest allowed number of spheres.
     pub fn spheres(&self) -> usize {
         self.plan.spheres
     }
 
-    /// Spheres that there are: fewer if the samples bound no more.
+    /// Number of spheres. It is smaller than the limit if the samples yield no more.
     pub fn balls(&self) -> usize {
         self.complex.balls.len()
     }
 
-    /// The search for a shape of fewer spheres that starts from this one, with about their share of edges and faces.
+    /// A search for a shape with fewer spheres that starts from this shape, with about a proportional number of edges and faces.
     pub fn coarser(&self, spheres: usize) -> Self {
         let share = |limit: usize| limit.saturating_mul(spheres) / self.plan.spheres;
         let (edges, faces) = (share(self.plan.edges), share(self.plan.faces));
@@ -191,12 +191,12 @@ impl Search {
         let target = refine::target_for(complex, solid, fine, SPACING[1]);
         let even = Target { uncovered: 1.0, creases: 0.0, ..target };
         if plan.hurried {
-            // It is not judged, as there is nothing to compare it with.
+            // A hurried shape is not judged, because there is no other shape to compare it with.
             descent::descend(complex, &even, HURRIED_STEPS, 0.1 * descent::ROUGH);
             return if progress(1.0).is_break() { Err(BuildError::Cancelled) } else { Ok(()) };
         }
         let steep = Target { penalty: even.penalty.steeper(STEEPER), creases: CREASES, rest: None, ..even };
-        // Either may turn out better.
+        // Either of the two descents may give the better shape.
         let mut other = complex.clone();
         descent::descend(complex, &even, LAST_STEPS[0], 0.1 * descent::ROUGH);
         descent::descend(&mut other, &steep, LAST_STEPS[1], descent::ROUGH);
@@ -209,7 +209,7 @@ impl Search {
         if mended.is_break() { Err(BuildError::Cancelled) } else { Ok(()) }
     }
 
-    /// The shape as it is.
+    /// The current shape with its report.
     pub fn built(&self, solid: &Solid) -> Result<Built, BuildError> {
         let Self { complex, fine, .. } = self;
         let spheres = complex.balls.iter().map(|ball| {
@@ -258,7 +258,7 @@ mod tests {
             assert!(!calm.plan.hurried);
             assert!(calm.coarse.len() >= hurried.coarse.len());
         }
-        assert!(!hurried.coarser(20).plan.hurried, "the levels are few spheres");
+        assert!(!hurried.coarser(20).plan.hurried, "coarser levels are not hurried");
         let mut search = hurried;
         search.refine(&Judge::new(&solid, 1), &|_| ControlFlow::Continue(())).unwrap();
         let axis = search.built(&solid).unwrap().axis;

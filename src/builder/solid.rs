@@ -1,4 +1,4 @@
-//! The input, checked and normalised: what every later stage reads.
+//! The checked and normalized input of all later stages.
 
 use glam::DVec3;
 
@@ -9,7 +9,7 @@ use super::{
     tree::TriangleTree,
 };
 
-/// The proper triangles of a mesh and of the caps over its holes, moved and scaled so that the diagonal of their bounding box is 1.
+/// The proper triangles of a mesh and of the caps over its holes, translated and scaled so that the diagonal of their bounding box is 1.
 pub(super) struct Solid {
     /// The mesh with its holes closed, and its pieces turned the same way.
     pub mesh: TriangleMesh,
@@ -17,23 +17,23 @@ pub(super) struct Solid {
     /// Part of each triangle, in the order of the tree.
     pub parts: Vec<u32>,
     pub part_count: usize,
-    /// Half of the diagonal of the box around each part, or a hair more.
+    /// Half of the diagonal of the box around each part, rounded up.
     pub part_radii: Vec<f64>,
-    /// Which edges of each triangle, 01, 12 and 20, have no other triangle.
+    /// For each triangle, true for those of its edges 01, 12 and 20 that have no other triangle.
     pub open_edges: Vec<[bool; 3]>,
-    /// Used vertices, each after the first triangle in the order of the tree that uses it.
+    /// For each triangle in the order of the tree, its vertices that no earlier triangle uses.
     pub vertices: Vec<Vec<DVec3>>,
     /// Middle of the bounding box and length of its diagonal, in the units of the mesh.
     pub origin: DVec3,
     pub diagonal: f64,
 }
 
-/// The tree of triangles, but for those whose height is next to nothing beside their longest side.
+/// The tree of the triangles, except those with almost no height relative to their longest side.
 pub(super) fn tree_of(triangles: impl Iterator<Item = [DVec3; 3]>) -> TriangleTree {
     TriangleTree::new(&triangles.filter(|triangle| !is_flat(triangle, FLAT)).collect::<Vec<_>>())
 }
 
-/// Triangles whose height is less than this part of their longest side are left out.
+/// Triangles with a height of less than this part of their longest side are omitted.
 const FLAT: f64 = 1e-9;
 
 impl Solid {
@@ -84,7 +84,7 @@ impl Solid {
 }
 
 impl Solid {
-    /// The nearest point of the surface, unless it lies on the rim of a hole: there the surface that `point` belongs to is missing.
+    /// The nearest point of the surface, or `None` if it lies on the rim of a hole. There the part of the surface that belongs to `point` is missing.
     ///
     /// `near`: a triangle that may be nearby, for speed. Returns the triangle of the point as well, in the order of the tree.
     pub fn closest_off_rims(&self, point: DVec3, near: Option<u32>) -> Option<(DVec3, u32)> {
@@ -101,7 +101,7 @@ impl Solid {
 
     /// True if a point of an envelope, `away` from the nearest point of the surface, is outside of the solid.
     ///
-    /// Mostly the normal of the envelope tells: within the solid it leads to the surface.
+    /// In most cases the normal of the envelope decides: inside the solid it points towards the surface.
     pub fn is_out(&self, point: DVec3, away: DVec3, normal: DVec3) -> bool {
         const SURE: f64 = 0.5;
         let along = away.dot(normal);
@@ -109,7 +109,7 @@ impl Solid {
     }
 }
 
-/// Which edges of some triangles are those of no other one of all: what has no area closes a hole that has none.
+/// For each edge of the triangles `of`, true if no other triangle of `all` has it. `all` contains triangles without area, which close gaps without area.
 fn open_edges(all: &[[u32; 3]], of: &[[u32; 3]]) -> Vec<[bool; 3]> {
     let uses = edge_uses(all);
     let is_open = |[i, j]: [u32; 2]| uses[&[i.min(j), i.max(j)]].iter().sum::<u32>() == 1;

@@ -1,4 +1,4 @@
-//! Points on the surface of the input that stand for it.
+//! Points on the surface of the input that represent it.
 
 use glam::DVec3;
 
@@ -9,30 +9,30 @@ use crate::random::Random;
 #[derive(Clone)]
 pub(super) struct Samples {
     pub points: Points,
-    /// Unit normals, whichever way the triangles turn them; after [`turned_outward`](Self::turned_outward) out of the solid, and zero where
-    /// the surface is no boundary of it.
+    /// Unit normals, with the orientation of the triangles. After [`turned_outward`](Self::turned_outward) they point out of the solid, and are zero where
+    /// the surface does not bound it.
     pub normals: Vec<DVec3>,
-    /// Share of each sample in the area, which is 1 in all.
+    /// Share of each sample in the area. The sum is 1.
     pub weights: Vec<f64>,
     /// Part of the solid on which the sample lies.
     pub parts: Vec<u32>,
     /// Area of the surface.
     pub area: f64,
-    /// Mean distance of neighbours.
+    /// Mean distance between neighbours.
     pub spacing: f64,
 }
 
-/// How much a vertex counts beside a sample of the area.
+/// Weight of a vertex relative to a sample of the area.
 const VERTEX_WEIGHT: f64 = 0.1;
 
-/// Fewest samples of the area of a part, where there are not too many parts, and where there are.
+/// Minimum number of samples of the area per part, and its lower limit for many parts.
 const LEAST_OF_PART: [usize; 2] = [24, 2];
 
-/// How far from the surface the inside is looked for: nearer to it where the solid is too thin for the first.
+/// Distances from the surface at which the inside is probed. The second one is for solids that are too thin for the first.
 const PROBES: [f64; 2] = [1e-4, 1e-5];
 
 impl Samples {
-    /// About `count` samples of the area, and up to `vertices` vertices. A part that is too small for its share has some more.
+    /// About `count` samples of the area, and up to `vertices` vertices. Parts that are too small for their share get additional samples.
     pub fn new(solid: &Solid, count: usize, vertices: usize, seed: u64) -> Self {
         let triangles = solid.tree.triangles();
         let area_vectors: Vec<DVec3> = triangles.iter().map(|[a, b, c]| (b - a).cross(c - a) * 0.5).collect();
@@ -100,7 +100,7 @@ impl Samples {
     }
 }
 
-/// The normal or its opposite, whichever leads out of the solid, or zero.
+/// The normal or its opposite, the one that points out of the solid. Zero if neither does.
 fn outward(solid: &Solid, point: DVec3, normal: DVec3) -> DVec3 {
     for probe in PROBES.map(|probe| normal * probe) {
         match [point - probe, point + probe].map(|place| solid.tree.is_inside(place)) {
@@ -113,24 +113,24 @@ fn outward(solid: &Solid, point: DVec3, normal: DVec3) -> DVec3 {
     DVec3::ZERO
 }
 
-/// A point of a triangle, uniform by area.
+/// A random point of a triangle, uniform by area.
 fn point_of_triangle(random: &mut Random, [a, b, c]: &[DVec3; 3]) -> DVec3 {
     let (s, t) = (random.unit_f64().sqrt(), random.unit_f64());
     a * (1.0 - s) + b * (s * (1.0 - t)) + c * (s * t)
 }
 
-/// Rounds of shrinking; each at least halves what is left, or stops.
+/// Largest number of iterations of shrinking.
 const ROUNDS: usize = 24;
 
-/// By what part of its radius a ball may leave the solid.
+/// Largest distance that a ball may protrude from the solid, as a part of its radius.
 const OVERLAP: f64 = 0.01;
 
-/// Balls whose two contacts are seen from the centre under a lesser angle than that of this cosine come of facets and noise.
+/// Cosine of the smallest angle between a ball's two contacts, as seen from its centre. Balls with smaller angles result from facets and noise.
 const LEAST_SEPARATION: f64 = 0.75;
 
-/// The largest ball within the solid that touches the surface at `point`, from the side that `normal` leaves.
+/// The largest ball inside the solid that touches the surface at `point`, on the side opposite to `normal`.
 ///
-/// It starts as large as its part, and shrinks to the nearest point of the surface until none is within.
+/// It starts with the size of its part, and shrinks to touch the nearest point of the surface until no point of the surface is inside.
 pub(super) fn medial_ball(solid: &Solid, part: u32, point: DVec3, normal: DVec3) -> Ball {
     let mut radius = solid.part_radii[part as usize];
     for _ in 0..ROUNDS {

@@ -1,4 +1,4 @@
-//! What a shape is to fit: samples of the surface, points of the envelope, and what their errors cost.
+//! The target of a fit: samples of the surface, points of the envelope, and the costs of their errors.
 
 use glam::DVec3;
 
@@ -9,34 +9,34 @@ use super::{
     solid::Solid,
 };
 
-/// What an error costs: its square, and more where it is large beside the others, so that the largest come down.
+/// Cost of an error: its square, and more if it is large relative to the others, so that the largest errors decrease.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Penalty {
-    /// Square of the error from which on the cost is steep.
+    /// Square of the error above which the cost is steep.
     steep: f64,
-    /// Whether the cost grows as the fourth power of the square there, instead of the second.
+    /// True if the cost there grows as the fourth power of the square instead of the second.
     walled: bool,
 }
 
 impl Penalty {
-    /// Errors of this many times their root mean square are large.
+    /// Errors larger than this multiple of their root mean square are large.
     const LARGE: f64 = 2.5;
-    /// Beyond this, in squares of large ones, the cost grows as the square again: one bad place does not hide all others.
+    /// Limit of the steep part, in squares of large errors. Beyond it the cost grows as the square again, so that one bad place does not hide all others.
     const STEEPEST: f64 = 9.0;
-    /// Errors of this many times large ones are at the wall: nearer, and means pay for the greatest error; farther, and it comes down less.
+    /// Position of the wall, as a multiple of large errors. A smaller value reduces the largest error more, at the expense of the mean.
     const FAR: f64 = 1.4;
 
-    /// Suited to a mean square of errors.
+    /// A penalty for errors with a given mean square.
     pub fn new(mean_square: f64) -> Self {
         Self { steep: Self::LARGE * Self::LARGE * mean_square.max(1e-12), walled: false }
     }
 
-    /// The same, steep from lesser errors on by a factor.
+    /// The same, but steep from errors smaller by `factor`.
     pub fn steeper(self, factor: f64) -> Self {
         Self { steep: self.steep / (factor * factor), ..self }
     }
 
-    /// The same with a wall: only errors far beyond the others cost more than their square, and those very much.
+    /// The same with a wall: only errors far beyond the others cost more than their square, but then very much more.
     pub fn walled(self) -> Self {
         Self { walled: true, ..self.steeper(1.0 / Self::FAR) }
     }
@@ -47,13 +47,13 @@ impl Penalty {
         self.steep * (bent * (1.0 + self.rise(bent)) + (square - bent) * self.slope(bent))
     }
 
-    /// Slope of the cost over twice the error: the weight of a least squares residual that pulls as the cost does.
+    /// Derivative of the cost, divided by twice the error: the weight of a least squares residual with the same gradient.
     pub fn pull(&self, error: f64) -> f64 {
         self.slope((error * error / self.steep).min(Self::STEEPEST))
     }
 
-    /// The weight of that residual in the matrix: at the wall the curvature of the cost, as a step by the pull alone would go far beyond; else
-    /// the pull, whose longer steps get farther.
+    /// Weight of that residual in the matrix. At the wall it is the curvature of the cost, because a step by the gradient's weight would overshoot. Elsewhere
+    /// it is that weight, because its longer steps make more progress.
     pub fn stiffness(&self, error: f64) -> f64 {
         let square = error * error / self.steep;
         if self.walled && square < Self::STEEPEST {
@@ -63,12 +63,12 @@ impl Penalty {
         }
     }
 
-    /// Of the square.
+    /// Exponent of the square in the steep part of the cost.
     fn power(&self) -> f64 {
         if self.walled { 4.0 } else { 2.0 }
     }
 
-    /// The square to that power, over the square.
+    /// The square to that power, divided by the square.
     fn rise(&self, square: f64) -> f64 {
         if self.walled { square * square * square } else { square }
     }
@@ -78,18 +78,18 @@ impl Penalty {
     }
 }
 
-/// How much the way from the envelope to the surface counts beside the other.
+/// Weight of distances from the envelope to the surface, relative to the opposite direction.
 const OUTWARD: f64 = 1.0;
 
-/// How deep a point of the envelope sinks into other primitives until it counts no more, in spacings.
+/// Depth inside other primitives, in spacings, at which a point of the envelope does not count.
 const FADE: f64 = 0.3;
 
-/// Points of the envelope this deep within the solid may come out of it in a descent, as a part of the diagonal.
+/// Points of the envelope up to this deep inside the solid may leave it during a descent. As a part of the diagonal.
 pub(super) const NEARLY_OUTSIDE: f64 = 0.004;
 
-/// A point of the envelope and the point of the surface that it should be at.
+/// A point of the envelope, and the point of the surface that it should coincide with.
 pub(super) struct Anchor {
-    /// Index of its place.
+    /// Index of the point's place in the list of places.
     pub place: usize,
     pub primitive: u32,
     pub weights: [f64; 3],
@@ -97,7 +97,7 @@ pub(super) struct Anchor {
     pub target: DVec3,
     /// The triangle of the target, in the order of the tree.
     pub triangle: u32,
-    /// Unit direction from the target to the point when it was taken.
+    /// Unit direction from the target to the point, at the time when the anchor was created.
     pub out: DVec3,
     pub weight: f64,
 }
@@ -112,7 +112,7 @@ impl Anchor {
     }
 }
 
-/// What a shape is to fit.
+/// The target of a fit.
 pub(super) struct Target<'a> {
     pub solid: &'a Solid,
     pub points: &'a Points,
@@ -121,40 +121,40 @@ pub(super) struct Target<'a> {
     /// Area of the whole surface.
     pub area: f64,
     pub penalty: Penalty,
-    /// Distance of points of the envelope.
+    /// Distance between points of the envelope.
     pub spacing: f64,
-    /// How much a sample outside of the envelope counts beside one within.
+    /// Weight of a sample outside the envelope, relative to one inside.
     pub uncovered: f64,
-    /// How deep within the solid points of the envelope count in a descent, as at the bottom of a crease, as a part of the diagonal.
+    /// Largest depth inside the solid at which points of the envelope count in a descent, as at the bottom of a crease. As a part of the diagonal.
     pub creases: f64,
-    /// Places of the envelope around which there are points close to each other as well, so that what is there counts more.
+    /// Places of the envelope with additional, closely spaced points around them, so that their errors count more.
     pub worst: &'a [DVec3],
-    /// What else there is that does not move, if the shape is a part of one.
+    /// The other part of the shape, which does not move, if only a part is fitted.
     pub rest: Option<Rest<'a>>,
 }
 
 /// The part of a shape that does not move.
 pub(super) struct Rest<'a> {
     pub envelope: &'a Envelope,
-    /// The primitives of the envelope that count.
+    /// The primitives of the envelope that belong to the rest.
     pub primitives: Vec<u32>,
     /// Their distances to the target's points.
     pub distances: Vec<f64>,
-    /// Which spheres of the moving part do not move either.
+    /// True for spheres of the moving part that do not move either.
     pub frozen: Vec<bool>,
 }
 
-/// Stands for the primitives of the rest.
+/// Index that stands for the primitives of the rest.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// How far around the worst places points of the envelope are close, as a part of the diagonal.
+/// Distance from the worst places within which points of the envelope are closely spaced, as a part of the diagonal.
 pub(super) const CLOSE_WITHIN: f64 = 0.03;
 
-/// Their distance there.
+/// Distance between these points, as a part of the diagonal.
 pub(super) const CLOSE_SPACING: f64 = 0.005;
 
 impl Target<'_> {
-    /// Points of the envelope, be they visible or not.
+    /// Points of the envelope, including hidden ones.
     pub fn places(&self, envelope: &Envelope) -> Vec<SurfacePoint> {
         let mut places = envelope.surface(self.spacing);
         if !self.worst.is_empty() {
@@ -180,7 +180,7 @@ impl Target<'_> {
         nearest
     }
 
-    /// What the nearest primitives are to the points, and the weights of these, but for the rest.
+    /// The hits of the points on their nearest primitives, with the points' weights. Points nearest to the rest are omitted.
     pub fn hits(&self, envelope: &Envelope, nearest: &[(u32, f64)]) -> Vec<(Hit, f64)> {
         let moving: Vec<usize> = (0..nearest.len()).filter(|&i| nearest[i].0 != NONE).collect();
         parallel::map(moving.len(), 64, |at| {
@@ -189,12 +189,12 @@ impl Target<'_> {
         })
     }
 
-    /// Visible points of the envelope with their nearest points of the surface.
+    /// Visible points of the envelope, with their nearest points of the surface.
     pub fn anchors(&self, envelope: &Envelope) -> Vec<Anchor> {
         self.anchors_at(envelope, &self.places(envelope), &[], 0.0)
     }
 
-    /// Visible points of the envelope that lie within the solid, as at the bottom of a crease, and what each costs.
+    /// Visible points of the envelope that lie inside the solid, as at the bottom of a crease, with the cost of each.
     pub fn creases(&self, envelope: &Envelope) -> Vec<(DVec3, f64)> {
         let mut creases = vec![];
         for anchor in self.anchors_at(envelope, &self.places(envelope), &[], f64::INFINITY) {
@@ -206,8 +206,8 @@ impl Target<'_> {
         creases
     }
 
-    /// The same at given places; those that lie no deeper within the solid than `depth_limit` count as well. A place fades as it
-    /// sinks into other primitives. `near`: for each place a triangle that may be nearby, or none at all.
+    /// Anchors at given places. Places up to `depth_limit` deep inside the solid count as well. The weight of a place decreases with its depth inside
+    /// other primitives. `near`: a nearby triangle for each place, or empty.
     pub fn anchors_at(
         &self,
         envelope: &Envelope,
@@ -215,7 +215,7 @@ impl Target<'_> {
         near: &[u32],
         depth_limit: f64,
     ) -> Vec<Anchor> {
-        // While places are sought, so do those that may come to light.
+        // Without `near`, places are being selected: those that may become visible count as well.
         let margin = if near.is_empty() { depth_limit.min(NEARLY_OUTSIDE) } else { 0.0 };
         let fade = FADE * self.spacing + margin;
         let points = Points::new(places.iter().map(|s| envelope.point(s)).collect());
@@ -230,12 +230,12 @@ impl Target<'_> {
         parallel::flat_map(visible.len(), 32, |at, anchors| {
             let (i, weight) = visible[at];
             let (s, point) = (&places[i], points.positions[i]);
-            // Places follow one another.
+            // Consecutive places are near each other.
             let near = near.get(i).copied().or(anchors.last().map(|anchor: &Anchor| anchor.triangle));
             let Some((target, triangle)) = self.solid.closest_off_rims(point, near) else { return };
             let away = point - target;
             let out = if away.length() > 1e-9 { away.normalize() } else { s.normal };
-            // Where the envelope lies within the solid, the samples above see it, and without its jumps at creases.
+            // Deep inside the solid, the samples above measure the same error, without the jumps of the envelope at creases.
             if away.length() > depth_limit && !self.solid.is_out(point, away, s.normal) {
                 return;
             }
@@ -257,7 +257,7 @@ impl Target<'_> {
         if distance > 0.0 { self.uncovered } else { 1.0 }
     }
 
-    /// What the distance of a sample to the envelope costs.
+    /// Cost of the distance of a sample from the envelope.
     pub fn cost_of(&self, distance: f64) -> f64 {
         self.side(distance) * self.penalty.of(distance)
     }

@@ -1,6 +1,6 @@
-//! The triangles of the input in a hierarchy: closest points and winding numbers.
+//! A hierarchy of the triangles of the input, for closest points and winding numbers.
 //!
-//! The eight children of a node, and the eight triangles of a leaf, are looked at in one go.
+//! The eight children of a node, and the eight triangles of a leaf, are processed in SIMD lanes.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -9,31 +9,31 @@ use glam::DVec3;
 
 use super::vectors::{ROUNDING, Vectors, splat};
 
-/// Children of a node, and triangles of a leaf.
+/// Number of children of a node, and of triangles of a leaf.
 const WIDTH: usize = 8;
 use crate::query::number::Vector;
 
-/// Eight children, each with triangles that follow one another.
+/// Eight children. The triangles of each child are consecutive.
 struct Node {
-    /// Nodes, or from [`LEAF`] on leaves; the same as the last where there are fewer.
+    /// Indices of nodes, or of leaves from [`LEAF`] on. Lanes without a child are 0 and are never visited.
     children: [u32; WIDTH],
-    /// Boxes; where there is no child, one that is infinitely far.
+    /// Boxes of the children. Lanes without a child have an infinitely distant box.
     min: Vectors<WIDTH>,
     max: Vectors<WIDTH>,
-    /// Seen from afar the triangles of a child are a dipole: the sum of their area vectors, at their mean place.
+    /// Dipoles that approximate the triangles of a child from afar: the sum of their area vectors, at their mean position.
     dipole: Vectors<WIDTH>,
     middle: Vectors<WIDTH>,
-    /// Beyond this distance from the middle the dipole stands for the triangles.
+    /// Squared distance from the middle above which the dipole replaces the triangles.
     far_squared: [f32; WIDTH],
 }
 
-/// Where leaves begin in the numbers of children.
+/// First index of leaves among the indices of children.
 const LEAF: u32 = 1 << 31;
 
-/// Eight triangles, the last one again where there are fewer.
+/// Eight triangles. Missing ones are copies of the last.
 struct Leaf {
     corners: [Vectors<WIDTH>; 3],
-    /// Unit vectors in the plane, out of the edges 01, 12 and 20.
+    /// Unit vectors in the plane that point outwards from the edges 01, 12 and 20.
     outward: [Vectors<WIDTH>; 3],
     inverse_lengths_squared: [[f32; WIDTH]; 3],
     normal: Vectors<WIDTH>,
@@ -42,17 +42,17 @@ struct Leaf {
 /// Triangles, sorted so that neighbours in the list are neighbours in space.
 pub(super) struct TriangleTree {
     nodes: Vec<Node>,
-    /// Each holds the next eight triangles.
+    /// The leaves, each with the next eight triangles.
     leaves: Vec<Leaf>,
     triangles: Vec<[DVec3; 3]>,
-    /// Place of each triangle in the list that the tree was made from.
+    /// Index of each triangle in the list that the tree was built from.
     order: Vec<u32>,
 }
 
-/// How many radii of a child away its dipole is exact enough.
+/// Distance, in radii of a child, above which its dipole is accurate enough.
 const FAR: f64 = 2.0;
 
-/// Deep enough for any tree of `u32::MAX` triangles: seven children of each level wait.
+/// Stack size for any tree of up to `u32::MAX` triangles: at most seven children per level are pending.
 const STACK: usize = 80;
 
 impl TriangleTree {
@@ -69,7 +69,7 @@ impl TriangleTree {
         tree
     }
 
-    /// Adds the node of `items`, which start at `from` of the sorted list, and those below it; returns its number.
+    /// Adds the node of `items`, which start at `from` in the sorted list, and the nodes below it. Returns its index.
     fn add_node(&mut self, source: &[[DVec3; 3]], centers: &[DVec3], items: &mut [u32], from: usize) -> u32 {
         let number = self.nodes.len();
         let mut parts = vec![items];
@@ -104,12 +104,12 @@ impl TriangleTree {
         &self.order
     }
 
-    /// The point of the triangles that is nearest to `point`, if one is nearer than `limit`.
+    /// The point of the triangles that is nearest to `point`, if it is nearer than `limit`.
     pub fn closest(&self, point: DVec3, limit: f64) -> Option<DVec3> {
         self.nearest(point, limit).map(|(triangle, _)| self.closest_on(triangle, point))
     }
 
-    /// The nearest point with the place of its triangle in the order of the tree. `near`: a triangle that may be nearby, for speed.
+    /// The nearest point, and the index of its triangle in the order of the tree. `near`: a triangle that may be nearby, for speed.
     pub fn closest_with_triangle(&self, point: DVec3, near: Option<u32>) -> Option<(DVec3, u32)> {
         let from = |triangle| self.closest_on(triangle, point).distance(point) + f64::from(ROUNDING);
         let limit = near.map_or(f64::INFINITY, from);
@@ -120,7 +120,7 @@ impl TriangleTree {
         closest_on_triangle(point, &self.triangles[triangle as usize])
     }
 
-    /// The distance of the nearest triangle, be it degenerate or not, up to the rounding of an f32.
+    /// The distance of the nearest triangle, degenerate or not, up to the rounding of an f32.
     pub fn distance(&self, point: DVec3) -> f32 {
         self.nearest(point, f64::INFINITY).map_or(f32::INFINITY, |(_, squared)| squared.sqrt())
     }
@@ -152,7 +152,7 @@ impl TriangleTree {
                 }
                 let node = &self.nodes[child as usize];
                 let gaps = node.gaps_squared(simd, wide);
-                // The nearest child is looked at first.
+                // The nearest child is visited first.
                 let bottom = top;
                 for lane in lanes(gaps.simd_lt(best).to_bitmask()) {
                     let mut at = top;
@@ -168,7 +168,7 @@ impl TriangleTree {
         found.map(|triangle| (triangle, best))
     }
 
-    /// How often the triangles wind round `point`: 1 within a closed surface, 0 outside, in between near a hole.
+    /// Winding number of the triangles around `point`: 1 inside a closed surface, 0 outside, a fraction near a hole.
     pub fn winding(&self, point: DVec3) -> f64 {
         dispatch!(Level::new(), simd => {
             let mut sum = f32x8::splat(simd, 0.0);
@@ -197,7 +197,7 @@ impl TriangleTree {
         })
     }
 
-    /// True within the solid, whichever way its triangles turn.
+    /// True inside the solid, for either orientation of its triangles.
     pub fn is_inside(&self, point: DVec3) -> bool {
         self.winding(point).abs() > 0.5
     }
@@ -216,7 +216,7 @@ fn lanes(mut bits: u64) -> impl Iterator<Item = usize> {
     )
 }
 
-/// Two halves along the widest axis, the left one with full leaves only.
+/// Splits items into two halves along the widest axis. All leaves of the left half are full.
 fn halves<'a>(centers: &[DVec3], items: &'a mut [u32]) -> (&'a mut [u32], &'a mut [u32]) {
     let half = (items.len() / 2).next_multiple_of(WIDTH).min(items.len());
     if half < items.len() {
@@ -230,7 +230,7 @@ fn halves<'a>(centers: &[DVec3], items: &'a mut [u32]) -> (&'a mut [u32], &'a mu
     items.split_at_mut(half)
 }
 
-/// What a node knows of a child.
+/// Data of a child that its node stores.
 struct Bounds {
     min: DVec3,
     max: DVec3,
@@ -240,7 +240,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    /// No child: infinitely far, and without an angle.
+    /// No child: infinitely distant, and with a zero dipole.
     const NONE: Self = Self {
         min: DVec3::INFINITY,
         max: DVec3::INFINITY,
@@ -267,7 +267,7 @@ impl Bounds {
 }
 
 impl Node {
-    /// A node whose children are named later.
+    /// A node without the indices of its children, which are set later.
     fn new(bounds: &[Bounds]) -> Self {
         let lanes = |of: fn(&Bounds) -> DVec3| {
             Vectors::new(std::array::from_fn(|lane| of(bounds.get(lane).unwrap_or(&Bounds::NONE))))
@@ -283,7 +283,7 @@ impl Node {
         }
     }
 
-    /// Squared distances of the boxes.
+    /// Squared distances of the children's boxes from `point`.
     #[inline(always)]
     fn gaps_squared<S: Simd>(&self, simd: S, point: Vector<f32x8<S>>) -> f32x8<S> {
         let (below, above) = (self.min.load(simd) - point, point - self.max.load(simd));
@@ -291,7 +291,7 @@ impl Node {
         Vector { x: x.max(0.0), y: y.max(0.0), z: z.max(0.0) }.length_squared()
     }
 
-    /// The angles under which the children are seen of which the dipole tells, and which those are.
+    /// Solid angles of the children's dipoles, zero for children that are too near, and a mask of the children that are far enough.
     #[inline(always)]
     fn dipoles<S: Simd>(&self, simd: S, point: Vector<f32x8<S>>) -> (f32x8<S>, mask32x8<S>) {
         let away = self.middle.load(simd) - point;
@@ -345,7 +345,7 @@ impl Leaf {
     }
 }
 
-/// By a polynomial, up to 1e-4.
+/// Polynomial approximation of `atan2`, accurate to 1e-4 rad.
 #[inline(always)]
 fn atan2<S: Simd>(y: f32x8<S>, x: f32x8<S>) -> f32x8<S> {
     let (ax, ay) = (x.abs(), y.abs());
@@ -357,7 +357,7 @@ fn atan2<S: Simd>(y: f32x8<S>, x: f32x8<S>) -> f32x8<S> {
     r.copysign(y)
 }
 
-/// By the region of the point among those of the triangle's corners, edges and inside.
+/// The nearest point of a triangle. The region of `p` decides: that of a corner, of an edge or of the inside.
 fn closest_on_triangle(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));

@@ -1,14 +1,14 @@
-//! Vectors in memory, coordinate by coordinate.
+//! Vectors in memory as a structure of arrays.
 
 use fearless_simd::{Simd, f32x8, f32x16, prelude::*};
 use glam::DVec3;
 
 use crate::query::number::Vector;
 
-/// More than distances of about 1 are off in f32.
+/// Upper bound of the rounding error of f32 distances of about 1.
 pub(super) const ROUNDING: f32 = 1e-5;
 
-/// So many vectors.
+/// `N` vectors.
 #[derive(Clone, Copy)]
 pub(super) struct Vectors<const N: usize>([[f32; N]; 3]);
 
@@ -21,7 +21,7 @@ impl<const N: usize> Vectors<N> {
 macro_rules! load {
     ($($n:literal, $lanes:ident;)*) => {$(
         impl Vectors<$n> {
-            /// All of them, side by side.
+            /// Loads all vectors, one per lane.
             #[inline(always)]
             pub fn load<S: Simd>(&self, simd: S) -> Vector<$lanes<S>> {
                 let [x, y, z] = self.0;
@@ -39,7 +39,7 @@ load! {
     16, f32x16;
 }
 
-/// A vector in each lane.
+/// The same vector in each lane.
 #[inline(always)]
 pub(super) fn splat<S: Simd, R: SimdBase<S, Element = f32>>(simd: S, vector: DVec3) -> Vector<R> {
     let [x, y, z] = vector.as_vec3().to_array();

@@ -130,7 +130,6 @@ fn drop_duplicates(primitives: &mut Vec<Primitive>, report: &mut CleanupReport) 
 ///
 /// No volume is lost, because no two primitives cover each other: no sphere of a proper primitive contains another sphere of it, and equal spheres
 /// are merged.
-/// primitives cover each other.
 fn drop_covered(spheres: &[Sphere], primitives: &mut Vec<Primitive>, report: &mut CleanupReport) {
     let boxes: Vec<Aabb> = spheres.iter().map(|&sphere| Aabb::from_spheres([sphere])).collect();
     let bvh = Bvh::new(&boxes);

@@ -46,8 +46,8 @@ pub const MAX_SPHERES: usize = 1 << 20;
 /// Invariants, established by every constructor:
 /// * there is at least one primitive, all indices are in range and no sphere is unused;
 /// * all values are finite, no radius is negative;
-/// * no primitive is degenerate or listed twice, and for no primitive does each sphere equal, or lie inside, a sphere
-///   of one other primitive: for example, the edges of a slab are not listed in addition to the slab;
+/// * no primitive is degenerate, listed twice or covered: a primitive is covered if each of its spheres equals, or lies
+///   inside, a sphere of one other primitive. For example, the edges of a slab are not listed in addition to the slab;
 /// * primitives are in ascending order (spheres, cones, slabs), as are the indices in each.
 ///
 /// Clones share all data.

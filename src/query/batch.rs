@@ -310,10 +310,10 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         )
     }
 
-    /// One iteration of conservative advancement, with bounds from both sides. The direction of least distance at `look` clears the time from `fraction` until
-    /// the first gap along it closes, if all gaps are open at `fraction`. The nearest spheres at `look` bound the first touch from above: the primitives touch
-    /// at the latest when these spheres do. If both times agree, that is the first touch. Otherwise the next iteration looks at the time when the spheres touch
-    /// or pass, because the direction at that time is close to the direction of the touch.
+    /// One iteration of conservative advancement, with bounds from both sides. The direction of minimum distance at `look` clears the time from `fraction`
+    /// until the first gap along it closes, if all gaps are open at `fraction`. The nearest spheres at `look` bound the first touch from above: the
+    /// primitives touch at the latest when these spheres do. If both times agree, that is the first touch. Otherwise the next iteration looks at the
+    /// time when the spheres touch or pass, because the direction at that time is close to the direction of the touch.
     #[inline(always)]
     fn advance<S: Simd, R: Lanes<S>>(&mut self, simd: S, max_fraction: f32) -> Ends {
         let [fraction, look, extent, rounds] = each(

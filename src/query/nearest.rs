@@ -89,8 +89,8 @@ impl<R: Number> Edge<R> {
     /// The nearest spheres of two edges, if they lie inside both edges.
     ///
     /// With `u`, `v` the axes and `alpha`, `beta` the growth of the radii along them, the unit direction `n` from the second
-    /// to the first satisfies `n . u = alpha`, `n . v = -beta` at an optimum inside both; its part in the plane of `u`
     /// to the first satisfies `n . u = alpha`, `n . v = -beta` at an optimum inside both. Its part in the plane of `u`
+    /// and `v` follows, and the distance between the axes' lines gives the rest.
     #[inline(always)]
     pub fn crossing(&self, other: &Self) -> Crossing<R> {
         let (u, v) = (self.axis, other.axis);

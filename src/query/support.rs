@@ -14,7 +14,7 @@ pub trait SupportShape {
     fn support(&self, direction: Vec3) -> Vec3;
 
     /// Nearest points of the hull of `spheres` and of the shape, and the unit direction from the first to the second. For an overlap it is the
-    /// direction of least depth. `None` if the method fails.
+    /// direction of minimum depth. `None` if the method fails.
     fn nearest(&self, spheres: &[Sphere]) -> Option<(Vec3, Vec3, Vec3)>;
 
     /// Calls `visit` with the corners of the face, edge or vertex that is farthest along `direction`. For a curved side it gets points around

@@ -348,12 +348,12 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
 
 /// First fraction in `[0, max_fraction]` at which a moving primitive touches another moving primitive or a box at rest.
 ///
-/// Let `n` be the direction of least distance at an instant. Along `n` the gap of the support planes over time is the
+/// Let `n` be the direction of minimum distance at an instant. Along `n` the gap of the support planes over time is the
 /// minimum of at most nine linear functions and never exceeds the distance, so the pair cannot touch before its first root.
 /// That root is the next instant. If the pair approaches steadily, a few iterations converge to the touch.
 ///
 /// A pair that grazes, or that tilts while its faces slide along each other, converges by ever smaller steps. After
-/// [`MAX_ADVANCES`] iterations the search takes trial steps instead. The directions of least distance at both ends of a step are interpolated: if the gap
+/// [`MAX_ADVANCES`] iterations the search takes trial steps instead. The directions of minimum distance at both ends of a step are interpolated: if the gap
 /// along the result stays open, the pair does not touch within the step. The length of the next step is extrapolated from the last one to a distance
 /// of zero, at most doubled. A failed step is shortened by interpolation, or halved.
 pub fn time_of_impact<const N: usize, B: MovingConvex>(

@@ -153,7 +153,7 @@ fn info_and_measure_list_each_level() {
     let text = prints(&["measure", &mesh, path]);
     assert!(text.contains("torus.medial level 0 ") && text.contains("torus.medial level 1 "), "{text}");
     fs::write(path, b"medial").unwrap();
-    assert!(fails(&["info", path], 1).contains("torus.medial: it is no .medial file"));
+    assert!(fails(&["info", path], 1).contains("torus.medial: it is not a .medial file"));
 }
 
 /// Builds by a number of spheres, with levels, and by a maximum error. A warning follows if the spheres are too few for that error.

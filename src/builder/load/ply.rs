@@ -132,7 +132,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
     Ok(TriangleMesh::new(positions, triangles)?)
 }
 
-/// End of the last line of the header, or the number of bytes if there is none.
+/// End of the last line of the header, or the number of bytes without such a line.
 fn end_of_header(bytes: &[u8]) -> usize {
     const LAST: &[u8] = b"\nend_header";
     let last = bytes.windows(LAST.len()).position(|bytes| bytes == LAST).map(|start| start + LAST.len());

@@ -130,7 +130,7 @@ mod tests {
             let mut triangles = Vec::new();
             triangulate(&corners, &positions, &mut triangles);
             let areas = areas(&triangles, &positions);
-            // This arrow head winds clockwise.
+            // Absolute values, because the winding of the arrow head does not matter.
             let (sum, least) = areas.fold((0.0, f32::INFINITY), |(sum, least), a| (sum + a, least.min(a.abs())));
             assert!((sum.abs() - 0.5).abs() < 1e-6 && (least - 0.25).abs() < 1e-6, "{triangles:?}");
         }

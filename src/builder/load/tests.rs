@@ -356,11 +356,7 @@ fn ply_strips_turn_to_and_fro_and_start_anew_at_negative_indices() {
                 0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 0 1\n";
     let read = |strip: &str| parse(MeshFormat::Ply, format!("{head}{strip}\n").as_bytes());
     assert_eq!(read("9 0 1 2 3 -1 0 2 1 4").unwrap().triangles, [[0, 1, 2], [2, 1, 3], [0, 2, 1], [1, 2, 4]]);
-    assert_eq!(
-        read("6 0 1 2 2 3 4").unwrap().triangles,
-        [[0, 1, 2], [3, 2, 4]],
-        "a repeated vertex continues the strip"
-    );
+    assert_eq!(read("6 0 1 2 2 3 4").unwrap().triangles, [[0, 1, 2], [3, 2, 4]], "a repeat continues the strip");
     assert_eq!(read("3 0 1 5").unwrap_err().to_string(), "strip 0: there is no vertex 5 among 5; export it again");
     assert!(read("5 0 1 -1 2 3").unwrap_err().to_string().contains("the mesh has no triangles"));
 }

@@ -40,7 +40,7 @@ fn solid_angle(point: DVec3, triangle: &[DVec3; 3]) -> f64 {
 fn the_nearest_triangle_is_found() {
     let mut random = Random(3);
     let mut beyond = 0;
-    // Numbers that fill leaves and nodes, and that do not.
+    // Numbers with which leaves and nodes are full, and others.
     for count in [1, 2, 7, 8, 9, 16, 17, 63, 64, 65, 500] {
         let source = soup(count, &mut random);
         let tree = TriangleTree::new(&source);
@@ -55,9 +55,9 @@ fn the_nearest_triangle_is_found() {
             assert!((found.distance(point) - expected).abs() < 1e-6, "{found} {expected} of {count}");
             assert!((distance(point, &tree.triangles()[triangle as usize]) - expected).abs() < 1e-6);
             assert!((f64::from(tree.distance(point)) - expected).abs() < 1e-6);
-            assert_eq!(tree.closest(point, expected + 1e-5), Some(found), "a bound changes nothing");
+            assert_eq!(tree.closest(point, expected + 1e-5), Some(found), "a limit does not change the result");
             let near = random.below(count) as u32;
-            assert_eq!(tree.closest_with_triangle(point, Some(near)).unwrap().0, found, "nor does a start");
+            assert_eq!(tree.closest_with_triangle(point, Some(near)).unwrap().0, found, "near is only a hint");
             beyond += usize::from(tree.closest(point, expected - 1e-5).is_none());
         }
     }
@@ -91,7 +91,7 @@ fn windings_are_sums_of_solid_angles() {
 
 #[test]
 fn the_inside_of_a_closed_surface_is_known() {
-    // A cube of two triangles a side, many times divided, from the middle of which corners are well inside.
+    // A cube of half size 1, with eight by eight quads per side.
     let mut triangles = vec![];
     for axis in 0..3 {
         for side in [-1.0, 1.0] {
