@@ -122,6 +122,11 @@ pub const DUPLICATE_CONTACT: f32 = 1.0e-3;
 /// Distance in length units at which two bodies begin to touch, for messages. Rapier leaves about as much overlap between resting bodies.
 pub const TOUCH_DISTANCE: f32 = 1.0e-3;
 
+/// Relative displacement of a pair, in length units, up to which it keeps its contacts from an earlier search. It is a quarter or less of the reach of
+/// slow pairs, so bodies touch nowhere that the search has not reached. With a larger value, more pairs keep their contacts; with a smaller one,
+/// distances are more accurate.
+pub const RECYCLE_DISTANCE: f32 = 1.0e-3;
+
 /// Margin of the contact search beyond the displacement of a pair in a step, in prediction distances. It allows for accelerations by the solver and
 /// by gravity. With a larger value, more contacts are found that carry no load; with a smaller one, bodies stop for one step at surfaces without a
 /// contact in the solver.

@@ -82,6 +82,17 @@ impl Manifold {
     pub fn contacts(&self) -> &[Contact] {
         &self.points[..usize::from(self.len)]
     }
+
+    /// Returns the manifold with the same points on both bodies at another relative pose.
+    pub(super) fn at(&self, pose12: &Pose3) -> Self {
+        let mut points = self.points;
+        let points = &mut points[..usize::from(self.len)];
+        for contact in points.iter_mut() {
+            contact.distance = (pose12.transform_point(contact.point2) - contact.point1).dot(contact.normal1);
+        }
+        points.sort_unstable_by(Contact::order);
+        Self::new(points)
+    }
 }
 
 /// Buffers that are kept from pair to pair to avoid allocations.

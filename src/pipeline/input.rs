@@ -117,6 +117,8 @@ pub struct Body {
     pub sweep: Sweep,
     /// Index in the order of all bodies and statics, which fixes the rounding of relative poses: see [`relative_pose`].
     pub order: u32,
+    /// Identity of the body in successive steps, unique among all bodies and statics. Pairs without it keep no [contacts](super::ContactCache).
+    pub id: Option<u64>,
     /// Collision groups.
     pub groups: Groups,
     /// Type of the body, and the types that it collides with. A pair collides if at least one body accepts the type of the other.
@@ -154,6 +156,7 @@ impl Body {
             solid: solid.into(),
             sweep,
             order: 0,
+            id: None,
             groups: Groups::ALL,
             types: Groups::ALL,
             stop_groups: Groups::ALL,
@@ -192,6 +195,8 @@ pub struct StaticBody {
     pub pose: Pose3,
     /// Index in the order of all bodies and statics, which fixes the rounding of relative poses: see [`relative_pose`].
     pub order: u32,
+    /// Identity of the body in successive steps, as [`Body::id`].
+    pub id: Option<u64>,
     /// The rigid body that this shape belongs to.
     pub owner: Option<u64>,
     /// Collision groups.
@@ -214,7 +219,8 @@ impl StaticBody {
         let all = Groups::ALL;
         let solid = solid.into();
         let (groups, types, stop_groups) = (all, all, all);
-        Self { solid, pose, order: 0, owner: None, groups, types, stop_groups, world: 0, passes: false, sensor: false }
+        let (order, world, id, owner) = (0, 0, None, None);
+        Self { solid, pose, order, id, owner, groups, types, stop_groups, world, passes: false, sensor: false }
     }
 
     /// Creates a box that collides with all bodies.
@@ -362,6 +368,14 @@ impl StepInput {
             self.bodies[body as usize].pace.map(|pace| pace.times(times))
         };
         way(sides, pace).map_or(reach, |way| reach.of_pair(way))
+    }
+
+    /// Returns the identity of a side in successive steps.
+    pub(super) fn id(&self, statics: &Statics, side: Side) -> Option<u64> {
+        match side {
+            Side::Body(body) => self.bodies[body as usize].id,
+            Side::Static(body) => statics.bodies[body as usize].id,
+        }
     }
 
     /// Returns the core depth of a side, per metre of the smaller body's bounding radius: 0 for a body without a medial mesh, because it has no core.

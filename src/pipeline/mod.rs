@@ -32,6 +32,7 @@ pub(crate) mod parallel;
 mod parting;
 mod parts;
 mod reach;
+mod recycle;
 mod reduce;
 mod respond;
 mod seams;
@@ -56,6 +57,7 @@ pub use input::{Body, Culling, Groups, Meeting, Side, Solid, StaticBody, Statics
 pub use output::{Candidates, Counts, Impact, Pair, StepOutput, Stop, Times};
 pub use parts::{ConvexParts, Core, Part, Parts};
 pub use reach::{Pace, Reach};
+pub use recycle::{CachedPair, ContactCache, ShapeId};
 pub(crate) use shape::with_spheres;
 pub use shape::{Hull, Shape};
 pub use workspace::Workspace;

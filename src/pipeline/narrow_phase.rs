@@ -4,7 +4,7 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Manifold, Pair, Reach, Scratch, Side, Statics, StepInput, StepOutput, contact,
+    CachedPair, ContactCache, Culling, Manifold, Pair, Reach, Scratch, Side, Statics, StepInput, StepOutput, contact,
     first_impact::{ImpactResult, Question, first_impact},
     laps,
     motion::PairMotion,
@@ -39,21 +39,51 @@ pub(super) fn impacts(
     });
 }
 
-/// Finds the manifolds of each pair at the final poses of its bodies. The numbers of manifolds are stored in the tasks' scratch buffers.
-pub(super) fn manifolds(
-    input: &StepInput,
-    statics: &Statics,
-    pairs: &[BodyPair],
-    courses: &Courses,
-    tasks: &Scratches<Scratch>,
-    manifolds: &mut Vec<Manifold>,
-    pool: &TaskPool,
-) {
-    parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
-        // Rapier needs no contacts between sleeping bodies that are not pushed.
-        if !pair.bodies().any(|body| input.bodies[body as usize].active || courses.leaves_path(body)) {
-            return;
-        }
+/// A pair whose contacts were searched or recycled.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found {
+    /// Index of the pair.
+    pub pair: usize,
+    /// Number of manifolds.
+    pub count: usize,
+    /// Reach of the search.
+    pub reach: Reach,
+    /// Pose of the second side in the frame of the first, to which the manifolds refer.
+    pub pose12: Pose3,
+    /// That pose when the contacts were searched.
+    pub searched: Pose3,
+}
+
+/// Data for the contacts of a step.
+pub(super) struct Ends<'a> {
+    pub input: &'a StepInput,
+    pub statics: &'a Statics,
+    /// Where bodies end the step.
+    pub courses: &'a Courses,
+    /// Contacts of the last step.
+    pub cache: &'a ContactCache,
+}
+
+impl Ends<'_> {
+    /// Finds the manifolds of each pair at the final poses of its bodies. The pairs are listed in the tasks' scratch buffers.
+    pub fn manifolds(
+        &self,
+        pairs: &[BodyPair],
+        tasks: &Scratches<Scratch>,
+        manifolds: &mut Vec<Manifold>,
+        pool: &TaskPool,
+    ) {
+        let Self { input, courses, .. } = *self;
+        parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
+            // Rapier needs no contacts between sleeping bodies that are not pushed.
+            if pair.bodies().any(|body| input.bodies[body as usize].active || courses.leaves_path(body)) {
+                self.manifolds_of(i, pair, scratch, manifolds);
+            }
+        });
+    }
+
+    fn manifolds_of(&self, index: usize, pair: &BodyPair, scratch: &mut Scratch, manifolds: &mut Vec<Manifold>) {
+        let Self { input, statics, courses, .. } = *self;
         let Scratch { contact: buffers, contacts, reduce, found, laps: [finding, reducing], .. } = scratch;
         let mut lap = laps();
         let sides = [pair.first, pair.second];
@@ -62,32 +92,62 @@ pub(super) fn manifolds(
             relative_pose(sides.map(|side| place(input, statics, side, |body| courses.final_pose(input, body))));
         let Some(shape1) = first.medial() else { return };
         let reach = input.reach(sides, |body| courses.moved_until(body));
-        contacts.clear();
-        contact::find_with(shape1, second.second(), &pose12, reach, input.culling, contacts, buffers);
-        *finding += lap();
-        if contacts.is_empty() {
-            return;
-        }
         let before = manifolds.len();
-        reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push(manifold));
-        found.push((i, manifolds.len() - before));
-        *reducing += lap();
-    });
+        let searched = if let Some((cached, known)) = self.cached(sides, reach, &pose12) {
+            manifolds.extend(known.iter().map(|manifold| manifold.at(&pose12)));
+            *finding += lap();
+            cached.searched
+        } else {
+            contacts.clear();
+            contact::find_with(shape1, second.second(), &pose12, reach, input.culling, contacts, buffers);
+            *finding += lap();
+            reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push(manifold));
+            *reducing += lap();
+            pose12
+        };
+        found.push(Found { pair: index, count: manifolds.len() - before, reach, pose12, searched });
+    }
+
+    /// Returns the contacts of a pair that are still valid.
+    fn cached(&self, sides: [Side; 2], reach: Reach, pose12: &Pose3) -> Option<(&CachedPair, &[Manifold])> {
+        let Self { input, statics, cache, .. } = *self;
+        if input.culling == Culling::None {
+            return None;
+        }
+        let [id1, id2] = sides.map(|side| input.id(statics, side));
+        let solids = sides.map(|side| input.side(statics, side).0);
+        cache.get([id1?, id2?], solids, reach, pose12)
+    }
+
+    /// Lists the contacts for the next step. `manifolds`: those of all pairs.
+    pub fn fill(&self, pairs: &[BodyPair], found: &[Found], manifolds: &[Manifold], cache: &mut ContactCache) {
+        let Self { input, statics, .. } = *self;
+        cache.clear();
+        let mut begin = 0;
+        for &Found { pair, count, reach, pose12, searched } in found {
+            let manifolds = &manifolds[begin..begin + count];
+            begin += count;
+            let sides = [pairs[pair].first, pairs[pair].second];
+            if let [Some(id1), Some(id2)] = sides.map(|side| input.id(statics, side)) {
+                let shapes = sides.map(|side| input.side(statics, side).0.id());
+                cache.push(CachedPair::new([id1, id2], shapes, reach, pose12, searched), manifolds);
+            }
+        }
+    }
 }
 
-/// Adds the pairs with manifolds or an impact to the output, whose manifolds are set. `found`: index of each pair with manifolds, and their number. `reach`:
-/// reach of the contact search of a pair.
+/// Adds the pairs with manifolds or an impact to the output, whose manifolds are set. `reach`: reach of the contact search of a pair.
 pub(super) fn tell(
     pairs: &[BodyPair],
     impacts: &[ImpactResult],
-    found: &[(usize, usize)],
+    found: &[Found],
     reach: impl Fn(&BodyPair) -> Reach,
     output: &mut StepOutput,
 ) {
     let mut found = found.iter().peekable();
     let mut begin = 0;
     for (i, (pair, ImpactResult { impact, .. })) in pairs.iter().zip(impacts).enumerate() {
-        let count = found.next_if(|(pair, _)| *pair == i).map_or(0, |(_, count)| *count);
+        let count = found.next_if(|found| found.pair == i).map_or(0, |found| found.count);
         let manifolds = begin..begin + count;
         begin = manifolds.end;
         if count > 0 || impact.is_some() {

@@ -5,11 +5,12 @@ use std::time::Duration;
 use bevy::tasks::TaskPool;
 
 use super::{
-    Candidates, Contact, Counts, Meeting, Side, Statics, StepInput, StepOutput, Stop, broad_phase, contact,
+    Candidates, Contact, ContactCache, Counts, Meeting, Side, Statics, StepInput, StepOutput, Stop, broad_phase,
+    contact,
     first_impact::{self, ImpactResult, Tally},
     laps,
     moving_boxes::BoxCache,
-    narrow_phase,
+    narrow_phase::{self, Ends, Found},
     pairs::{BodyPair, PrimitivePair},
     parallel::Scratches,
     reduce, respond,
@@ -23,8 +24,10 @@ pub struct Workspace {
     pairs: Vec<BodyPair>,
     impacts: Vec<ImpactResult>,
     respond: respond::Buffers,
-    /// Index of each pair with manifolds, and the number of its manifolds.
-    found: Vec<(usize, usize)>,
+    found: Vec<Found>,
+    contacts: ContactCache,
+    /// A buffer for the contacts of the next step.
+    next_contacts: ContactCache,
 }
 
 /// Buffers of a task, and the results that it keeps until all pairs are done.
@@ -37,8 +40,7 @@ pub(super) struct Scratch {
     pub reduce: reduce::Room,
     /// Candidates of each pair after culling, if they are part of the output.
     pub reported: Vec<(usize, Vec<PrimitivePair>)>,
-    /// Index of each pair with manifolds, and the number of its manifolds.
-    pub found: Vec<(usize, usize)>,
+    pub found: Vec<Found>,
     pub tally: Tally,
     /// Time spent on each of the two parts of the work of the stage.
     pub laps: [Duration; 2],
@@ -55,6 +57,21 @@ impl Scratch {
 }
 
 impl Workspace {
+    /// Returns the contacts of the last step. Pairs that hardly move keep them in the next one.
+    pub fn contacts(&self) -> &ContactCache {
+        &self.contacts
+    }
+
+    /// Removes the contacts of the last step, so that the next step searches all contacts.
+    pub fn clear_contacts(&mut self) {
+        self.contacts.clear();
+    }
+
+    /// Replaces the contacts of the last step, as part of a saved state.
+    pub fn set_contacts(&mut self, contacts: ContactCache) {
+        self.contacts = contacts;
+    }
+
     /// Runs stages 2 to 5 of a step. Calls the filter once for each pair that the broad phase finds, in order.
     ///
     /// On one thread, no memory is allocated once the buffers are large enough. Several threads allocate for each chunk of work, and so do pairs with a
@@ -108,7 +125,7 @@ impl Workspace {
         output: &mut StepOutput,
         pool: &TaskPool,
     ) {
-        let Self { tasks, pairs, impacts, respond, found, .. } = self;
+        let Self { tasks, pairs, impacts, respond, found, contacts: cache, next_contacts, .. } = self;
         tasks.iter_mut().for_each(Scratch::forget);
         let mut lap = laps();
         narrow_phase::impacts(input, statics, pairs, known, tasks, impacts, pool);
@@ -119,7 +136,8 @@ impl Workspace {
         output.times.stop = lap();
         let again = tally(tasks);
 
-        narrow_phase::manifolds(input, statics, pairs, courses, tasks, &mut output.manifolds, pool);
+        let ends = Ends { input, statics, courses, cache };
+        ends.manifolds(pairs, tasks, &mut output.manifolds, pool);
         let [contacts, reduction] = split(lap(), tasks);
         output.times.narrow += contacts;
 
@@ -148,8 +166,10 @@ impl Workspace {
         let reach = |pair: &BodyPair| input.reach([pair.first, pair.second], |body| courses.moved_until(body));
         found.clear();
         found.extend(tasks.iter_mut().flat_map(|scratch| scratch.found.drain(..)));
-        found.sort_unstable();
+        found.sort_unstable_by_key(|found| found.pair);
         narrow_phase::tell(pairs, impacts, found, reach, output);
+        ends.fill(pairs, found, &output.manifolds, next_contacts);
+        std::mem::swap(cache, next_contacts);
         output.times.reduce = reduction + lap();
     }
 }

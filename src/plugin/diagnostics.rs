@@ -17,7 +17,7 @@ pub mod paths {
     pub const SNAPSHOT: DiagnosticPath = DiagnosticPath::const_new("medial/snapshot_ms");
     /// Time to move bodies to their stops and to pass the manifolds to rapier, in milliseconds.
     #[cfg(feature = "rapier")]
-    pub const TABLE: DiagnosticPath = DiagnosticPath::const_new("medial/table_ms");
+    pub const MOVE: DiagnosticPath = DiagnosticPath::const_new("medial/move_ms");
     /// Time of the broad phase, in milliseconds.
     pub const BROAD: DiagnosticPath = DiagnosticPath::const_new("medial/broad_ms");
     /// Time of the mid phase, in milliseconds.
@@ -76,7 +76,7 @@ pub mod paths {
 
 const TIMES: [DiagnosticPath; 5] = [paths::BROAD, paths::MID, paths::NARROW, paths::STOP, paths::REDUCE];
 #[cfg(feature = "rapier")]
-const TIMES_AROUND: [DiagnosticPath; 2] = [paths::SNAPSHOT, paths::TABLE];
+const TIMES_AROUND: [DiagnosticPath; 2] = [paths::SNAPSHOT, paths::MOVE];
 const COUNTS: [DiagnosticPath; 7] = [
     paths::BODIES,
     paths::BODY_PAIRS,
@@ -127,7 +127,7 @@ pub(super) fn measure(
         diagnostics.add_measurement(path, || milliseconds(time));
     }
     #[cfg(feature = "rapier")]
-    for (path, time) in TIMES_AROUND.iter().zip([step.snapshot_time, step.table_time]) {
+    for (path, time) in TIMES_AROUND.iter().zip([step.snapshot_time, step.move_time]) {
         diagnostics.add_measurement(path, || milliseconds(time));
     }
     let counts = [

@@ -16,7 +16,8 @@ use crate::{
     constants::CORE_DEPTH,
     geometry::Pose3,
     pipeline::{
-        Candidates, Culling, Meeting, Pair, Side, Solid, Statics, StepInput, StepOutput, Workspace, relative_pose,
+        Candidates, ContactCache, Culling, Meeting, Pair, Side, Solid, Statics, StepInput, StepOutput, Workspace,
+        relative_pose,
     },
 };
 
@@ -147,12 +148,12 @@ pub struct MedialStep {
     pub(crate) worlds: Vec<Entity>,
     /// Length of the step in seconds. For several worlds it is that of the first.
     pub dt: f32,
-    /// Time to record the poses of bodies before rapier's step, and to gather the input after it.
+    /// Time to record the poses of bodies and to pass contacts to rapier before its step, and to gather the input after it.
     #[cfg(feature = "rapier")]
     pub snapshot_time: Duration,
-    /// Time to move bodies to their stops, and to pass the manifolds to rapier.
+    /// Time to move bodies to their stops.
     #[cfg(feature = "rapier")]
-    pub table_time: Duration,
+    pub move_time: Duration,
     #[cfg(feature = "gpu")]
     #[reflect(ignore)]
     pub(super) gpu: GpuBackend,
@@ -169,6 +170,16 @@ pub struct MedialStep {
 }
 
 impl MedialStep {
+    /// Returns the contacts of the last step. They are part of the state of a world, because pairs that hardly move keep them.
+    pub fn contacts(&self) -> &ContactCache {
+        self.workspace.contacts()
+    }
+
+    /// Restores the contacts of a saved state.
+    pub fn set_contacts(&mut self, contacts: ContactCache) {
+        self.workspace.set_contacts(contacts);
+    }
+
     /// Returns entity and motion of a side of a pair.
     pub fn info(&self, side: Side) -> &BodyInfo {
         match side {

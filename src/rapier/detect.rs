@@ -1,6 +1,6 @@
 //! Runs the pipeline around rapier's step: records the poses before it, sweeps bodies along the motion that rapier has solved, and applies the result.
 
-use std::{ops::Range, sync::Arc, time::Duration};
+use std::{sync::Arc, time::Duration};
 
 use bevy::{
     ecs::{
@@ -27,13 +27,13 @@ use super::{
     hooks,
     joints::{assemblies, kept_apart},
     motion::motion,
-    parts::is_known,
+    parts::solid,
     shape::MedialShape,
-    table::{ContactTable, PairKey, SecondKey},
+    table::{ContactTable, SecondKey},
 };
 use crate::{
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Groups, Meeting, Pace, Reach, Solid, StaticBody, Statics, Stop},
+    pipeline::{Body, Groups, Meeting, Pace, Reach, StaticBody, Statics, Stop},
     plugin::{BodyInfo, MedialCcd, MedialSettings, MedialStep},
 };
 
@@ -113,6 +113,7 @@ fn pace(collider: &RapierCollider, body: &RapierBody, dt: f32) -> Pace {
 
 pub(super) fn snapshot(
     mut snapshot: ResMut<Snapshot>,
+    step: Res<MedialStep>,
     table: Res<ContactTable>,
     mode: Res<TimestepMode>,
     time: Res<Time>,
@@ -149,7 +150,8 @@ pub(super) fn snapshot(
             snapshot.starts.insert((context.entity, handle), start);
         }
     }
-    table.prepare(paces, reach);
+    let colliders = contexts.iter().filter(|context| context.is_medial()).map(|context| context.colliders);
+    table.prepare(paces, reach, step.contacts(), colliders);
     snapshot.took = clock.elapsed();
 }
 
@@ -237,14 +239,6 @@ fn owner(world: u32, body: RigidBodyHandle) -> u64 {
     u64::from(world) << 32 | u64::from(body.into_raw_parts().0)
 }
 
-/// Converts a shape for the pipeline. Returns `None` for a custom shape without a support map.
-pub(super) fn solid(shape: &SharedShape) -> Option<Solid> {
-    match shape.as_shape::<MedialShape>() {
-        Some(medial) => Some(medial.shape.clone().into()),
-        None => is_known(&**shape).then(|| Solid::Parts(Arc::new(shape.clone()))),
-    }
-}
-
 /// A collider that does not move, with all properties that the pipeline uses.
 #[derive(Clone)]
 pub(super) struct Fixed {
@@ -278,7 +272,6 @@ fn sensors(fixed: &[Fixed]) -> impl Iterator<Item = &Fixed> {
 pub(super) fn detect<Hooks>(
     mut step: ResMut<MedialStep>,
     rapier: RapierStep,
-    table: Res<ContactTable>,
     ccd: Query<&MedialCcd>,
     settings: Res<MedialSettings>,
     mut contexts: Query<Context>,
@@ -376,6 +369,7 @@ pub(super) fn detect<Hooks>(
                 solid,
                 sweep,
                 order: order(handle),
+                id: Some(entity.to_bits()),
                 groups,
                 types,
                 stop_groups,
@@ -431,10 +425,7 @@ pub(super) fn detect<Hooks>(
             stop_bodies(step, &astray, world, *dt, context, &before, &mut owed.0);
         }
     }
-    let of_world = |entity| Some(table_entries(step, entity, contexts.get(entity).ok()?.colliders));
-    let pairs = worlds.iter().filter_map(|(entity, _)| of_world(*entity)).flatten();
-    table.fill(&step.output.manifolds, pairs);
-    step.table_time = clock.elapsed();
+    step.move_time = clock.elapsed();
 }
 
 /// Rebuilds the statics after one of them was added, removed or changed.
@@ -445,8 +436,8 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
         let Some(solid) = solid(&item.shape) else { continue };
         let [groups, stop_groups] = item.groups;
         let &Fixed { entity, collider, pose, owner, types, world, sensor, passes, .. } = item;
-        let order = order(collider);
-        bodies.push(StaticBody { solid, pose, order, owner, groups, types, stop_groups, world, passes, sensor });
+        let (order, id) = (order(collider), Some(entity.to_bits()));
+        bodies.push(StaticBody { solid, pose, order, id, owner, groups, types, stop_groups, world, passes, sensor });
         step.static_infos.push(BodyInfo { collider, sensor, ..BodyInfo::at_rest(entity) });
     }
     step.statics = Statics::new(bodies);
@@ -544,24 +535,4 @@ fn gained(body: &RapierBody, before: Vec3, fall: Vec3) -> Vec3 {
     let fall = free * fall * body.gravity_scale();
     let shown = (body.linvel() - before).dot(fall) / fall.length_squared();
     if shown > 0.0 { fall * shown.min(1.0) } else { Vec3::ZERO }
-}
-
-/// Returns the manifold ranges of a world's pairs, with the keys that the dispatcher uses.
-fn table_entries<'a>(
-    step: &'a MedialStep,
-    world: Entity,
-    colliders: &'a RapierContextColliders,
-) -> impl Iterator<Item = (PairKey, Range<usize>)> + 'a {
-    let pairs = step.output.pairs.iter().filter(move |pair| step.context(pair.first) == world);
-    pairs.filter_map(|pair| {
-        let [shape1, shape2] = [pair.first, pair.second].map(|side| {
-            let collider = colliders.colliders.get(step.info(side).collider);
-            collider.map(RapierCollider::shape)
-        });
-        let first = shape1?.as_shape::<MedialShape>()?;
-        let second = SecondKey::of(shape2?);
-        let pose12 = step.final_pose12(pair);
-        let key = PairKey::new(first.key, second, &pose12, pair.reach);
-        Some((key, pair.manifolds.clone()))
-    })
 }

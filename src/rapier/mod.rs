@@ -28,6 +28,7 @@
 //! - the fields `islands`, `broad_phase`, `narrow_phase` and `ccd_solver` of `RapierContextSimulation`, which is not `Clone`;
 //! - the `Transform` and `Velocity` of each body;
 //! - the resource [`OwedTime`];
+//! - [`MedialStep::contacts`](crate::plugin::MedialStep::contacts);
 //! - the context's `SimulationToRenderTime`, for `TimestepMode::Interpolated`.
 //!
 //! Put the clones back together with a new `PhysicsPipeline`. No entity with a body may have been spawned or despawned in between. Messages of touches

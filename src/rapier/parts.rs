@@ -13,7 +13,7 @@ use glam::{Quat, Vec3};
 use super::shape::MedialShape;
 use crate::{
     geometry::{Aabb, Pose3, Sphere},
-    pipeline::{ConvexParts, Core, Hull, Part, Parts},
+    pipeline::{ConvexParts, Core, Hull, Part, Parts, Solid},
     query::SupportShape,
 };
 
@@ -72,6 +72,14 @@ impl ConvexParts for SharedShape {
     /// Clones have the same address.
     fn address(&self) -> usize {
         Arc::as_ptr(&self.0).addr()
+    }
+}
+
+/// Converts a shape for the pipeline. Returns `None` for a custom shape without a support map.
+pub(super) fn solid(shape: &SharedShape) -> Option<Solid> {
+    match shape.as_shape::<MedialShape>() {
+        Some(medial) => Some(medial.shape.clone().into()),
+        None => is_known(&**shape).then(|| Solid::Parts(Arc::new(shape.clone()))),
     }
 }
 

@@ -4,12 +4,12 @@ use std::{
 };
 
 use bevy::{platform::collections::HashMap, prelude::*};
-use bevy_rapier3d::parry::shape::Shape;
+use bevy_rapier3d::{parry::shape::Shape, plugin::context::RapierContextColliders};
 
-use super::shape::MedialShape;
+use super::{parts::solid, shape::MedialShape};
 use crate::{
     geometry::Pose3,
-    pipeline::{Manifold, Pace, Reach},
+    pipeline::{CachedPair, ContactCache, Manifold, Pace, Reach},
 };
 
 /// The manifolds of the last step, by pair and relative pose, and the displacements of the bodies in the next step. The dispatcher reads it.
@@ -76,6 +76,17 @@ impl PairKey {
     }
 }
 
+/// Returns the key of a pair. `None` if the pair is in another world, or if one of its shapes has been replaced since the contacts were searched.
+fn key(pair: &CachedPair, colliders: &RapierContextColliders) -> Option<PairKey> {
+    let [first, second] = std::array::from_fn(|side| {
+        let entity = Entity::try_from_bits(pair.ids[side])?;
+        let collider = colliders.colliders.get(*colliders.entity2collider().get(&entity)?)?;
+        (solid(collider.shared_shape())?.id() == pair.shapes[side]).then(|| collider.shape())
+    });
+    let first = first?.as_shape::<MedialShape>()?;
+    Some(PairKey::new(first.key, SecondKey::of(second?), &pair.pose12, pair.reach))
+}
+
 impl ContactTable {
     /// Locks the table for reading. Ignores poisoning, because the next step replaces the content.
     fn read(&self) -> RwLockReadGuard<'_, Entries> {
@@ -86,30 +97,34 @@ impl ContactTable {
         self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Replaces all entries.
-    pub(super) fn fill(&self, manifolds: &[Manifold], pairs: impl Iterator<Item = (PairKey, Range<usize>)>) {
-        let mut table = self.write();
-        table.pairs.clear();
-        table.pairs.extend(pairs);
-        table.manifolds.clear();
-        table.manifolds.extend_from_slice(manifolds);
-    }
-
     /// Returns the manifolds of a pair if the table has an entry for exactly this pose.
     pub(super) fn get(&self, key: &PairKey) -> Option<Vec<Manifold>> {
         let table = self.read();
         table.pairs.get(key).map(|range| table.manifolds[range.clone()].to_vec())
     }
 
-    /// Sets the motion of all moving colliders in the next step, the prediction distance and the length unit. Clears the manifolds if the length unit has
-    /// changed.
-    pub(super) fn prepare(&self, paces: HashMap<SecondKey, Pace>, Reach { prediction, length_unit, .. }: Reach) {
+    /// Replaces all content: the motion of all moving colliders in the next step, the prediction distance, the length unit, and the contacts of the last step.
+    pub(super) fn prepare<'a>(
+        &self,
+        paces: HashMap<SecondKey, Pace>,
+        Reach { prediction, length_unit, .. }: Reach,
+        contacts: &ContactCache,
+        worlds: impl Iterator<Item = &'a RapierContextColliders>,
+    ) {
         let mut table = self.write();
-        table.paces = paces;
-        table.prediction = prediction;
-        if std::mem::replace(&mut table.length_unit, length_unit) != length_unit {
-            table.pairs.clear();
+        let Entries { pairs, manifolds, .. } = &mut *table;
+        pairs.clear();
+        manifolds.clear();
+        for colliders in worlds {
+            for pair in contacts.pairs().iter().filter(|pair| pair.reach.length_unit == length_unit) {
+                if let Some(key) = key(pair, colliders) {
+                    let begin = manifolds.len();
+                    manifolds.extend_from_slice(contacts.manifolds(pair));
+                    pairs.insert(key, begin..manifolds.len());
+                }
+            }
         }
+        (table.paces, table.prediction, table.length_unit) = (paces, prediction, length_unit);
     }
 
     /// Returns the length unit in metres.

@@ -8,7 +8,7 @@ use bevy::{
 };
 use bevy_medial::{
     medial_axis::MedialAxis,
-    pipeline::{Body, Side, Statics, StepInput, StepOutput, step},
+    pipeline::{Body, ContactCache, Side, Statics, StepInput, StepOutput, step},
     plugin::MedialStep,
     rapier::OwedTime,
     scenes::{SCENES, Scene, SceneEntity},
@@ -273,6 +273,7 @@ struct Saved {
     ccd_solver: CCDSolver,
     components: Vec<(Entity, Transform, Option<Velocity>)>,
     owed: OwedTime,
+    contacts: ContactCache,
 }
 
 fn save(app: &mut App) -> Saved {
@@ -293,6 +294,7 @@ fn save(app: &mut App) -> Saved {
         ccd_solver: simulation.ccd_solver.clone(),
         components,
         owed: app.world().resource::<OwedTime>().clone(),
+        contacts: app.world().resource::<MedialStep>().contacts().clone(),
     }
 }
 
@@ -314,6 +316,7 @@ fn restore(app: &mut App, saved: &Saved) {
     simulation.ccd_solver = saved.ccd_solver.clone();
     simulation.pipeline = PhysicsPipeline::new();
     world.insert_resource(saved.owed.clone());
+    world.resource_mut::<MedialStep>().set_contacts(saved.contacts.clone());
     for &(entity, transform, velocity) in &saved.components {
         let mut entity = world.entity_mut(entity);
         entity.insert(transform);

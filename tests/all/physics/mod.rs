@@ -24,6 +24,7 @@ mod projectile;
 mod pushing;
 mod quarantine;
 mod queries;
+mod recycling;
 mod rolling;
 mod routes;
 mod scaled;
