@@ -1,7 +1,5 @@
 //! Every tolerance and limit, with its unit, its reason and the effect of a change.
 
-use glam::Vec3;
-
 /// Rounding allowance of the f32 kernels, per metre of a pair's extent. Gaps below it count as contact.
 ///
 /// A gap is a sum of a few products of coordinates, which are as large as the pair. Each product has a relative rounding error of 6e-8. With a
@@ -115,17 +113,13 @@ pub const MANIFOLD_NORMAL_COSINE: f32 = 0.996;
 /// Largest number of manifolds of a body pair. A body that is wedged between many others still has one or two manifolds per neighbour.
 pub const MAX_MANIFOLDS: usize = 8;
 
-/// Contacts nearer to each other than this count as one. In length units, like all lengths here that do not depend on a shape: metres, unless rapier
-/// has another unit (`IntegrationParameters::length_unit`).
-pub const DUPLICATE_CONTACT: f32 = 1.0e-3;
-
-/// Distance in length units at which two bodies begin to touch, for messages. Rapier leaves about as much overlap between resting bodies.
-pub const TOUCH_DISTANCE: f32 = 1.0e-3;
-
-/// Relative displacement of a pair, in length units, up to which it keeps its contacts from an earlier search. It is a quarter or less of the reach of
-/// slow pairs, so bodies touch nowhere that the search has not reached. With a larger value, more pairs keep their contacts; with a smaller one,
-/// distances are more accurate.
-pub const RECYCLE_DISTANCE: f32 = 1.0e-3;
+/// Unit of small lengths, in length units: metres, unless rapier has another unit (`IntegrationParameters::length_unit`). It is the overlap that
+/// rapier's solver leaves at resting contacts.
+///
+/// Bodies within this distance touch. Contacts nearer to each other count as one. A pair that has moved by less keeps its contacts; that is at most a
+/// quarter of the reach of slow pairs, so bodies touch nowhere that the search has not reached. With a larger value, piles cost less; with a smaller
+/// one, distances of contacts at rest are more accurate.
+pub const LINEAR_SLOP: f32 = 1.0e-3;
 
 /// Margin of the contact search beyond the displacement of a pair in a step, in prediction distances. It allows for accelerations by the solver and
 /// by gravity. With a larger value, more contacts are found that carry no load; with a smaller one, bodies stop for one step at surfaces without a
@@ -141,9 +135,6 @@ pub const CORE_FRACTION: f32 = 0.3;
 /// more; with a smaller one, more of them stop within the step.
 pub const CORE_DEPTH: f32 = 0.0075;
 
-/// Unit of small lengths, in length units: the overlap that rapier's solver leaves at resting contacts.
-pub const LINEAR_SLOP: f32 = 1.0e-3;
-
 /// Upper limit of [`LINEAR_SLOP`] for small bodies, per metre of the smaller body's bounding radius.
 pub const SLOP_OF_SIZE: f32 = 0.02;
 
@@ -152,22 +143,12 @@ pub const SLOP_OF_SIZE: f32 = 0.02;
 /// smaller one, bodies in piles and hoppers stop in step after step.
 pub const KNOWN_OVERLAP: f32 = 0.02;
 
-/// Contacts within this many length units of the deepest contact, or of half of its depth, carry the body. They go to the solver before contacts farther off.
-pub const CARRYING_DEPTH: f32 = 2.0e-3;
-
-/// Weight of depth when the outermost contacts are chosen: metres farther out that equal one metre of depth. Depth beyond [`TOUCH_DISTANCE`] does not
+/// Weight of depth when the outermost contacts are chosen: metres farther out that equal one metre of depth. Depth beyond [`LINEAR_SLOP`] does not
 /// count. With a larger value, rounding chooses among the contacts of a body at rest; with a smaller one, a deeper contact may be left out.
 pub const DEPTH_WEIGHT: f32 = 50.0;
 
-/// Smallest difference in depth to the outermost contacts, in length units, at which a deeper contact replaces one of them. With a smaller value, a
-/// pile changes its supports from step to step.
-pub const DEEPER: f32 = 2.0e-3;
-
 /// Contacts nearer to each other than this fraction of the extent of all contacts carry a body as one contact.
 pub const CLOSE_CONTACT: f32 = 0.1;
-
-/// A direction that is usually not an axis of a shape. One of two mirrored contacts is then farther out across it.
-pub const OBLIQUE_AXIS: Vec3 = Vec3::new(0.48, 0.6, 0.64);
 
 /// Number of pushes of a body within a step before the body is wedged. With fewer pushes, bodies in a row before a fast plate end up behind the
 /// plate; with more, bodies between two plates take longer.
@@ -210,20 +191,8 @@ pub const THIN_CELLS: f32 = 32.0;
 /// Resolution of a normal's coordinates that distinguishes contacts in one cell, in steps per unit: about 15 degrees each.
 pub const THIN_NORMALS: f32 = 4.0;
 
-/// Distance around a contact, in length units, within which the surfaces of other parts are tested. It is several times the overlap that rapier leaves.
-pub const SEAM_REACH: f32 = 4.0e-3;
-
-/// Height in length units up to which an adjacent part is flush, so that there is no step between the parts.
-pub const FLUSH: f32 = 1.0e-4;
-
 /// Largest distance from a sphere, in its radii, of a nearest point that lies on the sphere up to rounding.
 pub const SAME_SPHERE: f32 = 1.0e-4;
 
-/// Distance in length units up to which contacts are at the same place, up to rounding.
-pub const SAME_PLACE: f32 = 1.0e-5;
-
 /// Cosine of the largest angle between the normals of contacts that push in the same direction (a quarter of a degree).
 pub const SEAM_COSINE: f32 = 1.0 - 1.0e-5;
-
-/// The golden section. Steps of this fraction of a turn, or of a list, are evenly distributed for any number of steps.
-pub const GOLDEN_TURN: f64 = 0.381_966_011_250_105_1;

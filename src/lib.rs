@@ -26,7 +26,7 @@
 //!
 //! | | stage | file | from | to |
 //! |---|---|---|---|---|
-//! | 1 | snapshot | `rapier/detect.rs` | rapier's poses before and after its step | [`StepInput`](pipeline::StepInput) |
+//! | 1 | snapshot | `rapier/gather.rs` | rapier's poses before and after its step | [`StepInput`](pipeline::StepInput) |
 //! | 2 | broad | `pipeline/broad_phase.rs` | swept bounding spheres, BVH of static boxes | body pairs |
 //! | 3 | mid | `pipeline/mid_phase.rs` | primitive BVH against primitive BVH or box | candidate primitive pairs |
 //! | 4 | narrow | `pipeline/narrow_phase.rs`, `first_impact.rs`, `respond/` | time of impact, distance | impacts, stops, raw contacts |

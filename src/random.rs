@@ -6,6 +6,9 @@ use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 
+/// The golden section. Steps of this fraction of a turn, or of a list, are evenly distributed for any number of steps.
+pub const GOLDEN_TURN: f64 = 0.381_966_011_250_105_1;
+
 /// SplitMix64: a small generator whose numbers depend on the seed alone, on every machine.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);

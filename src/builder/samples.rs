@@ -6,9 +6,9 @@ use std::f32::consts::{PI, TAU};
 use glam::Vec3;
 
 use crate::{
-    constants::GOLDEN_TURN,
     geometry::{Primitive, Sphere},
     medial_axis::face_normals,
+    random::GOLDEN_TURN,
 };
 
 /// Smallest number of points on a curved patch, so that small patches are sampled on all sides.

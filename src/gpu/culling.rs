@@ -35,9 +35,10 @@ use super::{
     timer::Timer,
 };
 use crate::{
-    constants::{GOLDEN_TURN, TOUCH_DISTANCE},
+    constants::LINEAR_SLOP,
     geometry::Aabb,
     pipeline::{Candidates, Statics, StepInput, Widening},
+    random::GOLDEN_TURN,
 };
 
 /// Approximate number of bodies from which the box around most bodies is estimated.
@@ -228,7 +229,7 @@ impl GpuCulling {
             max_chords: chords,
             max_candidates: candidates,
             max_survivors: survivors,
-            touch: TOUCH_DISTANCE * input.length_unit,
+            touch: LINEAR_SLOP * input.length_unit,
             unused: 0,
         };
         buffers.write(gpu, Slot::Params, bytes_of(&params))?;

@@ -179,6 +179,19 @@ struct Graze {
     impact: Impact,
 }
 
+/// Returns an impact of two primitives in the world.
+fn in_world(motion: &PairMotion, [primitive1, second]: PrimitivePair, toi: &TimeOfImpact) -> Impact {
+    let frame = motion.frame_at(toi.fraction);
+    let normal = frame.rotation * toi.contact.normal;
+    let primitive2 = match &motion.facing {
+        Facing::Shape(_) => second,
+        Facing::Part(part) => part.id,
+    };
+    let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
+    let point = middle - normal * motion.facing.rounding();
+    Impact { fraction: toi.fraction, point, normal, primitive1, primitive2 }
+}
+
 /// A search for the first impact of a pair, part by part of the step.
 struct Search<'b> {
     result: ImpactResult,
@@ -237,16 +250,8 @@ impl Search<'_> {
                 }
             });
             let impact = |toi: &TimeOfImpact| {
-                let frame = motion.frame_at(toi.fraction);
-                let normal = frame.rotation * toi.contact.normal;
-                let primitive2 = match &motion.facing {
-                    Facing::Shape(_) => pair[1],
-                    Facing::Part(part) => part.id,
-                };
-                let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
-                let point = middle - normal * motion.facing.rounding();
-                let fraction = (part as f32 + toi.fraction) / parts as f32;
-                Impact { fraction, point, normal, primitive1: pair[0], primitive2 }
+                let impact = in_world(motion, *pair, toi);
+                Impact { fraction: (part as f32 + impact.fraction) / parts as f32, ..impact }
             };
             let found = match &touch {
                 Touch::Stop(toi) => impact(toi),

@@ -2,14 +2,14 @@
 
 #[cfg(feature = "gpu")]
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::{collections::HashSet, fmt, sync::Arc};
+use std::{collections::HashSet, sync::Arc};
 
 use glam::{BVec3, Vec3};
 
-use super::{ConvexParts, Pace, Reach, Second, Shape, broad_phase};
+use super::{Pace, Reach, Solid, broad_phase};
 use crate::{
     constants::CORE_DEPTH,
-    geometry::{Aabb, Bvh, Obb, Pose3, Sphere, Sweep},
+    geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
     query::Cuboid,
 };
 
@@ -34,77 +34,6 @@ impl Groups {
     /// Returns true if at least one body accepts the other.
     pub fn test_either(&self, other: &Groups) -> bool {
         self.memberships & other.filter != 0 || other.memberships & self.filter != 0
-    }
-}
-
-/// The shape of a body.
-#[derive(Clone)]
-pub enum Solid {
-    /// A medial mesh.
-    Medial(Shape),
-    /// Any other collider.
-    Parts(Arc<dyn ConvexParts>),
-}
-
-impl Solid {
-    /// Returns the medial mesh; `None` for any other collider.
-    pub fn medial(&self) -> Option<&Shape> {
-        match self {
-            Solid::Medial(shape) => Some(shape),
-            Solid::Parts(_) => None,
-        }
-    }
-
-    /// Returns the shape as the second side of a pair.
-    pub fn second(&self) -> Second<'_> {
-        match self {
-            Solid::Medial(shape) => Second::Shape(shape),
-            Solid::Parts(parts) => Second::Parts(&**parts),
-        }
-    }
-
-    /// Returns the number of primitives or parts.
-    pub fn len(&self) -> usize {
-        match self {
-            Solid::Medial(shape) => shape.len(),
-            Solid::Parts(parts) => parts.len(),
-        }
-    }
-
-    /// Returns true if there are no primitives or parts.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Returns the bounding box in the body's frame.
-    pub fn aabb(&self) -> Aabb {
-        match self {
-            Solid::Medial(shape) => shape.aabb(),
-            Solid::Parts(parts) => parts.aabb(),
-        }
-    }
-
-    /// Returns a bounding sphere in the body's frame.
-    pub fn bounding_sphere(&self) -> Sphere {
-        match self {
-            Solid::Medial(shape) => shape.bounding_sphere(),
-            Solid::Parts(parts) => parts.bounding_sphere(),
-        }
-    }
-}
-
-impl fmt::Debug for Solid {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Solid::Medial(shape) => f.debug_tuple("Medial").field(shape).finish(),
-            Solid::Parts(parts) => f.debug_tuple("Parts").field(&parts.aabb()).finish(),
-        }
-    }
-}
-
-impl From<Shape> for Solid {
-    fn from(shape: Shape) -> Self {
-        Solid::Medial(shape)
     }
 }
 
@@ -319,6 +248,8 @@ pub struct StepInput {
     pub stop_at_impact: bool,
     /// How candidate pairs for the narrow phase are found.
     pub culling: Culling,
+    /// True if pairs that hardly move keep their [contacts](super::ContactCache).
+    pub recycle_contacts: bool,
     /// True if the output lists the candidate pairs of the mid phase.
     pub report_candidates: bool,
 }
@@ -333,6 +264,7 @@ impl Default for StepInput {
             core_depth: CORE_DEPTH,
             stop_at_impact: false,
             culling: Culling::default(),
+            recycle_contacts: true,
             report_candidates: false,
         }
     }

@@ -21,6 +21,7 @@ mod directions;
 mod first_impact;
 mod first_touch;
 mod input;
+mod manifold;
 mod mid_phase;
 mod motion;
 mod moving_boxes;
@@ -37,6 +38,7 @@ mod reduce;
 mod respond;
 mod seams;
 mod shape;
+mod solid;
 mod thin;
 mod tolerances;
 mod workspace;
@@ -51,15 +53,17 @@ pub(crate) use broad_phase::swept_cone;
 pub(crate) use broad_phase::{Widening, near_sides};
 use workspace::Scratch;
 
-pub use contact::{Contact, Manifold, Second};
+pub use contact::Second;
 pub use first_touch::{first_touch, search_parts};
-pub use input::{Body, Culling, Groups, Meeting, Side, Solid, StaticBody, Statics, StepInput, relative_pose};
+pub use input::{Body, Culling, Groups, Meeting, Side, StaticBody, Statics, StepInput, relative_pose};
+pub use manifold::{Contact, Manifold};
 pub use output::{Candidates, Counts, Impact, Pair, StepOutput, Stop, Times};
 pub use parts::{ConvexParts, Core, Part, Parts};
 pub use reach::{Pace, Reach};
-pub use recycle::{CachedPair, ContactCache, ShapeId};
+pub use recycle::{CachedPair, ContactCache};
 pub(crate) use shape::with_spheres;
 pub use shape::{Hull, Shape};
+pub use solid::{ShapeId, Solid};
 pub use workspace::Workspace;
 
 /// Runs stages 2 to 5 of a single step. For a sequence of steps, keep a [`Workspace`].

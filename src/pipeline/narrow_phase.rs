@@ -4,7 +4,7 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    CachedPair, ContactCache, Culling, Manifold, Pair, Reach, Scratch, Side, Statics, StepInput, StepOutput, contact,
+    CachedPair, ContactCache, Manifold, Pair, Reach, Scratch, Side, Statics, StepInput, StepOutput, contact,
     first_impact::{ImpactResult, Question, first_impact},
     laps,
     motion::PairMotion,
@@ -111,7 +111,7 @@ impl Ends<'_> {
     /// Returns the contacts of a pair that are still valid.
     fn cached(&self, sides: [Side; 2], reach: Reach, pose12: &Pose3) -> Option<(&CachedPair, &[Manifold])> {
         let Self { input, statics, cache, .. } = *self;
-        if input.culling == Culling::None {
+        if !input.recycle_contacts {
             return None;
         }
         let [id1, id2] = sides.map(|side| input.id(statics, side));

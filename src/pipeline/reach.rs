@@ -6,7 +6,7 @@
 
 use glam::Vec3;
 
-use crate::constants::{REST_REACH, TOUCH_DISTANCE};
+use crate::constants::{LINEAR_SLOP, REST_REACH};
 
 /// Motion of a collider in a step at the current velocity of its body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +63,7 @@ impl Reach {
         let Self { length_unit, .. } = self;
         // Halving infinity would not end.
         let prediction = self.prediction.min(f32::MAX);
-        let least = prediction.min(TOUCH_DISTANCE * length_unit);
+        let least = prediction.min(LINEAR_SLOP * length_unit);
         let needed = displacement + REST_REACH * prediction;
         let ratio = (prediction / displacement).min(1.0);
         let trusted = prediction * ratio * ratio;
@@ -80,7 +80,7 @@ impl Reach {
 
     /// Returns the distance at which bodies touch, in metres.
     pub fn touch(&self) -> f32 {
-        TOUCH_DISTANCE * self.length_unit
+        LINEAR_SLOP * self.length_unit
     }
 }
 

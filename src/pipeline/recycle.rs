@@ -1,34 +1,17 @@
 //! Contacts that are kept between steps: a pair that has hardly moved since its contacts were searched keeps its manifolds.
 //!
 //! The contact points stay where they are on both bodies, and only their distances are computed again. The new distance is exact up to the second order of
-//! the displacement, which is at most [`RECYCLE_DISTANCE`].
+//! the displacement, which is at most [`LINEAR_SLOP`].
 
 use std::ops::Range;
 
 use bevy::platform::collections::HashMap;
 
-use super::{Manifold, Reach, Solid};
+use super::{Manifold, Reach, ShapeId, Solid};
 use crate::{
-    constants::RECYCLE_DISTANCE,
+    constants::LINEAR_SLOP,
     geometry::{Pose3, Sphere},
 };
-
-/// Identity of a shape. It distinguishes shapes that exist at the same time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ShapeId {
-    address: usize,
-    scale: f32,
-}
-
-impl Solid {
-    /// Returns the identity of the shape.
-    pub fn id(&self) -> ShapeId {
-        match self {
-            Solid::Medial(shape) => ShapeId { address: shape.axis.address(), scale: shape.scale },
-            Solid::Parts(parts) => ShapeId { address: parts.address(), scale: 1.0 },
-        }
-    }
-}
 
 /// The contacts of all pairs that the last step has searched. It is part of the state of a simulation: steps with equal input and equal caches have equal
 /// output.
@@ -82,7 +65,7 @@ impl ContactCache {
         pose12: &Pose3,
     ) -> Option<(&CachedPair, &[Manifold])> {
         let pair = &self.pairs[*self.places.get(&ids)? as usize];
-        let tolerance = RECYCLE_DISTANCE * reach.length_unit;
+        let tolerance = LINEAR_SLOP * reach.length_unit;
         let is_valid = pair.reach == reach
             && pair.shapes == solids.map(Solid::id)
             && relative_displacement(&pair.searched, pose12, solids.map(Solid::bounding_sphere)) <= tolerance;

@@ -4,10 +4,10 @@ use arrayvec::ArrayVec;
 use glam::Vec3;
 
 use super::{Contact, Manifold};
-use crate::constants::{
-    CARRYING_DEPTH, CLOSE_CONTACT, DEEPER, DEPTH_WEIGHT, DUPLICATE_CONTACT, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS,
-    OBLIQUE_AXIS, TOUCH_DISTANCE,
-};
+use crate::constants::{CLOSE_CONTACT, DEPTH_WEIGHT, LINEAR_SLOP, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS};
+
+/// A direction that is usually not an axis of a shape. One of two mirrored contacts is then farther out across it.
+const OBLIQUE_AXIS: Vec3 = Vec3::new(0.48, 0.6, 0.64);
 
 /// Buffers of the reduction.
 #[derive(Debug, Default)]
@@ -51,7 +51,7 @@ pub(super) fn reduce(
 /// outermost carrying contacts, then the other carrying contacts.
 fn spread(group: &[Contact], unit: f32) -> Kept {
     let deepest = group[0].distance;
-    let limit = deepest.max(0.5 * deepest) + CARRYING_DEPTH * unit;
+    let limit = deepest.max(0.5 * deepest) + 2.0 * LINEAR_SLOP * unit;
     let carrying = group.partition_point(|contact| contact.distance <= limit);
     let mut kept = Kept::new();
     outermost(&group[..carrying], unit, &mut kept);
@@ -66,7 +66,7 @@ fn spread(group: &[Contact], unit: f32) -> Kept {
 /// another one, which sinks next, so the body would rock.
 fn fill(group: &[Contact], unit: f32, kept: &mut Kept) {
     let extent = group.iter().map(|contact| contact.point1.distance(kept[0].point1)).fold(0.0, f32::max);
-    let apart = CLOSE_CONTACT * extent + DUPLICATE_CONTACT * unit;
+    let apart = CLOSE_CONTACT * extent + LINEAR_SLOP * unit;
     for contact in group {
         if !kept.is_full() && kept.iter().all(|other| other.point1.distance(contact.point1) > apart) {
             kept.push(*contact);
@@ -75,10 +75,11 @@ fn fill(group: &[Contact], unit: f32, kept: &mut Kept) {
     kept.sort_unstable_by(Contact::order);
 }
 
-/// Replaces the kept contact that is nearest to the deepest one, if the deepest one is deeper than all kept contacts by [`DEEPER`].
+/// Replaces the kept contact that is nearest to the deepest one, if the deepest one is deeper than all kept contacts by two slops.
+/// With a smaller difference, a pile would change its supports from step to step.
 fn keep_deepest(deepest: Contact, unit: f32, kept: &mut [Contact]) {
     let distance = |contact: &Contact| contact.point1.distance_squared(deepest.point1);
-    let is_missing = kept.iter().all(|contact| contact.distance > deepest.distance + DEEPER * unit);
+    let is_missing = kept.iter().all(|contact| contact.distance > deepest.distance + 2.0 * LINEAR_SLOP * unit);
     if let Some(nearest) = kept.iter_mut().min_by(|a, b| distance(a).total_cmp(&distance(b))).filter(|_| is_missing) {
         *nearest = deepest;
     }
@@ -93,13 +94,12 @@ fn outermost(group: &[Contact], unit: f32, kept: &mut Kept) {
     let normal = group[0].normal1;
     let side = normal.cross(OBLIQUE_AXIS).normalize_or(Vec3::X);
     let across = normal.cross(side);
-    let depth = |contact: &Contact| (-contact.distance).min(TOUCH_DISTANCE * unit);
+    let depth = |contact: &Contact| (-contact.distance).min(LINEAR_SLOP * unit);
     for direction in [side, across, -side, -across] {
         let reach = |contact: &Contact| contact.point1.dot(direction) + DEPTH_WEIGHT * depth(contact);
         let farthest = group.iter().max_by(|a, b| reach(a).total_cmp(&reach(b)));
-        let is_new = |contact: &&Contact| {
-            kept.iter().all(|other| other.point1.distance(contact.point1) > DUPLICATE_CONTACT * unit)
-        };
+        let is_new =
+            |contact: &&Contact| kept.iter().all(|other| other.point1.distance(contact.point1) > LINEAR_SLOP * unit);
         kept.extend(farthest.filter(is_new).copied());
     }
     kept.sort_unstable_by(Contact::order);
@@ -113,7 +113,7 @@ fn span(group: &[Contact], unit: f32, kept: &mut Kept) {
         let best =
             group.iter().max_by(|a, b| measure(a).total_cmp(&measure(b)).then(b.distance.total_cmp(&a.distance)));
         if kept.len() < 4 {
-            kept.extend(best.filter(|contact| measure(contact) > DUPLICATE_CONTACT * unit).copied());
+            kept.extend(best.filter(|contact| measure(contact) > LINEAR_SLOP * unit).copied());
         }
     };
     let deepest = kept[0].point1;

@@ -7,12 +7,18 @@
 use bevy::platform::collections::{HashMap, hash_map::Entry};
 use glam::{Quat, Vec3};
 
-use super::contact::Contact;
+use super::Contact;
 use crate::{
-    constants::{FLUSH, SAME_PLACE, SEAM_COSINE, SEAM_REACH},
+    constants::{LINEAR_SLOP, SEAM_COSINE},
     geometry::Aabb,
     query::Separation,
 };
+
+/// Distance around a contact, in slops, within which the surfaces of other parts are tested. It is several times the overlap that rapier leaves.
+const SEAM_REACH: f32 = 4.0;
+
+/// Height in slops up to which an adjacent part is flush, so that there is no step between the parts.
+const FLUSH: f32 = 0.1;
 
 /// One side of a pair, in its own frame.
 pub(super) trait Side {
@@ -73,7 +79,8 @@ pub(super) fn remove(
     Room { kept, removed, parts }: &mut Room,
 ) {
     let rotation21 = rotation12.inverse();
-    let [around, flush] = [SEAM_REACH, FLUSH].map(|length| length * unit);
+    let slop = LINEAR_SLOP * unit;
+    let [around, flush] = [SEAM_REACH, FLUSH].map(|slops| slops * slop);
     // A part that covers a contact point is nearer than this to a point above it.
     let reach = |side: usize, part: u32| sides[side].aabb(part).inflated(around + 2.0 * flush);
     let touches = |contact: &Contact| {
@@ -101,7 +108,8 @@ pub(super) fn remove(
         };
         // Primitives that share a sphere touch at the same place.
         let is_known = || {
-            let within = SAME_PLACE * unit;
+            // A distance up to which places differ by rounding.
+            let within = 0.01 * slop;
             let mut as_deep = removed.iter().rev().take_while(|other| contact.distance <= other.distance + within);
             as_deep.any(|other| contact.pushes_as(other) && contact.point1.distance(other.point1) <= within)
         };
@@ -115,7 +123,20 @@ pub(super) fn remove(
             removed.push(*contact);
         }
     }
-    // Rounding decides the order of contacts of about the same depth, so they are tested against later ones too. If all normals agree, no contact does harm.
+    remove_covered_by_later(kept, parts, sides, [around, flush]);
+    contacts.clear();
+    contacts.extend(kept.iter().map(|(contact, _)| *contact));
+}
+
+/// Tests contacts against later ones too, because rounding decides the order of contacts of about the same depth. `around`, `flush`: [`SEAM_REACH`] and
+/// [`FLUSH`] in metres.
+fn remove_covered_by_later(
+    kept: &mut Vec<(Contact, [Touch; 2])>,
+    parts: &[TouchedParts; 2],
+    sides: [&dyn Side; 2],
+    [around, flush]: [f32; 2],
+) {
+    // If all normals agree, no contact does harm.
     let one_way = kept.first().is_none_or(|(first, _)| kept.iter().all(|(contact, _)| contact.pushes_as(first)));
     let crossing = if one_way { 0 } else { kept.len() };
     for i in (0..crossing).rev() {
@@ -135,8 +156,6 @@ pub(super) fn remove(
             kept.remove(i);
         }
     }
-    contacts.clear();
-    contacts.extend(kept.iter().map(|(contact, _)| *contact));
 }
 
 impl Contact {

@@ -5,7 +5,7 @@
 use bevy::platform::collections::HashSet;
 use glam::IVec3;
 
-use super::contact::Contact;
+use super::Contact;
 use crate::{
     constants::{MANY_CONTACTS, THIN_CELLS, THIN_NORMALS},
     geometry::Aabb,

@@ -1,7 +1,7 @@
 //! Overlaps that impacts leave to the solver, as functions of a few lengths of a pair.
 
 use super::{Statics, StepInput, pairs::BodyPair};
-use crate::constants::{CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP, SLOP_OF_SIZE, TOUCH_DISTANCE};
+use crate::constants::{CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP, SLOP_OF_SIZE};
 
 /// Lengths of a pair of bodies, in metres.
 #[derive(Clone, Copy, Debug)]
@@ -26,7 +26,7 @@ impl Tolerances {
         let slop = LINEAR_SLOP * input.length_unit;
         Self {
             size,
-            touch: TOUCH_DISTANCE * input.length_unit,
+            touch: LINEAR_SLOP * input.length_unit,
             slop: slop.min(SLOP_OF_SIZE * size),
             core_depths: [pair.first, pair.second].map(|side| size * input.core_depth(statics, side)),
             known_limit: (10.0 * slop).max(KNOWN_OVERLAP * size),

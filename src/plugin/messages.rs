@@ -29,7 +29,7 @@ impl TouchPoint {
     }
 }
 
-/// Two bodies have begun to touch. It is sent once, in the step in which they first come within [`TOUCH_DISTANCE`](crate::constants::TOUCH_DISTANCE)
+/// Two bodies have begun to touch. It is sent once, in the step in which they first come within [`LINEAR_SLOP`](crate::constants::LINEAR_SLOP)
 /// of each other or have an impact, however short.
 ///
 /// It is written as a message once for the pair. It is also triggered as an event on each of the two entities, with the observed entity first.

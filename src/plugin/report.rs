@@ -6,7 +6,7 @@ use std::{
 use bevy::prelude::*;
 
 use super::{MedialContactEnded, MedialContactStarted, MedialStep, TouchPoint};
-use crate::{constants::TOUCH_DISTANCE, pipeline::Pair};
+use crate::{constants::LINEAR_SLOP, pipeline::Pair};
 
 /// The touching entities. Keys have the entities in ascending order, because the sides of a pair may change places. Values have the order of the first message.
 type Touching = BTreeMap<[Entity; 2], [Entity; 2]>;
@@ -31,7 +31,7 @@ pub(super) fn tell_contacts(
         let entities = [info1.entity, info2.entity];
         let Some(touch) = touch_point(&step, pair) else { continue };
         let known = touching.get(&key(entities)).copied();
-        if known.is_none() && pair.impact.is_none() && touch.separation > TOUCH_DISTANCE * step.input.length_unit {
+        if known.is_none() && pair.impact.is_none() && touch.separation > LINEAR_SLOP * step.input.length_unit {
             continue;
         }
         now.insert(key(entities), known.unwrap_or(entities));

@@ -44,6 +44,8 @@ pub struct MedialSettings {
     pub stop_at_impact: bool,
     /// Skips all culling and tests every primitive pair on the CPU, to measure the benefit of culling. Default: false.
     pub brute_force: bool,
+    /// Pairs that hardly move keep their contacts from step to step. Turn it off to compare. Default: true.
+    pub recycle_contacts: bool,
     /// Depth of a body's core below its surface, in bounding radii of the smaller body of a pair. A body stops within a step only where its core
     /// touches another one. The depth is the largest overlap that one step can add, per body. Smaller values are more accurate; with larger ones
     /// fewer bodies stop. Thin primitives have cores at a smaller depth: at most 30 % of their radius. Default: 0.0075.
@@ -60,6 +62,7 @@ impl Default for MedialSettings {
         Self {
             stop_at_impact: true,
             core_depth: CORE_DEPTH,
+            recycle_contacts: true,
             brute_force: false,
             backend: MedialBackend::Auto,
             pipelined: false,
@@ -230,6 +233,7 @@ impl MedialStep {
     /// Runs the pipeline. The filter is called for each pair that may collide.
     pub(crate) fn run(&mut self, filter: impl Fn(&Self, Side, Side) -> Meeting) {
         self.input.culling = if self.settings.brute_force { Culling::None } else { Culling::Hybrid };
+        self.input.recycle_contacts = self.settings.recycle_contacts && !self.settings.brute_force;
         self.input.stop_at_impact = self.settings.stop_at_impact;
         let pool = ComputeTaskPool::get_or_init(Default::default);
         self.number += 1;

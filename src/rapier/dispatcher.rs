@@ -14,7 +14,7 @@ use bevy_rapier3d::{
 use glam::Vec3;
 
 use super::{
-    detect::rigid,
+    context::rigid,
     parts::{Foreign, is_known},
     shape::MedialShape,
     shape_cast,
@@ -23,8 +23,7 @@ use super::{
 use crate::{
     geometry::Pose3,
     pipeline::{
-        Manifold, Reach, Second, Shape,
-        contact::{self, Contact},
+        Contact, Manifold, Reach, Second, Shape, contact,
     },
 };
 
@@ -78,7 +77,7 @@ impl<'a> Pair<'a> {
     fn manifolds(&self, prediction: f32, table: &ContactTable) -> Vec<Manifold> {
         let second = SecondKey::of(self.other);
         let reach = table.reach(self.first.key, second, prediction);
-        let known = table.get(&PairKey::new(self.first.key, second, &self.pose12, reach));
+        let known = table.get(&PairKey::new(self.first.key, second, &self.pose12), reach);
         known.unwrap_or_else(|| self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, reach)))
     }
 

@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy_rapier3d::{prelude::TransformInterpolation, rapier::geometry::Collider};
 
-use super::detect::{ContextReadOnly, RapierStep};
+use super::{context::ContextReadOnly, snapshot::RapierStep};
 use crate::{pipeline::Side, plugin::MedialStep};
 
 /// Corrects the start pose of `TransformInterpolation` for bodies that stopped.

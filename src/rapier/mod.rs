@@ -39,12 +39,15 @@
 //! data of the contacts.
 
 mod attach;
+mod context;
 mod detect;
 mod dispatcher;
+mod gather;
 mod hooks;
 mod interpolation;
 mod joints;
 mod motion;
+mod owed;
 mod parts;
 mod points;
 mod primitive;
@@ -53,6 +56,7 @@ pub mod query;
 mod rays;
 mod shape;
 mod shape_cast;
+mod snapshot;
 mod substeps;
 mod table;
 
@@ -70,8 +74,8 @@ use bevy_rapier3d::{
 
 use crate::plugin::{MedialMesh, MedialStep, MedialSystems, StaticObb};
 
-pub use detect::OwedTime;
 pub use dispatcher::MedialDispatcher;
+pub use owed::OwedTime;
 pub use query::MedialQueries;
 pub use shape::MedialShape;
 pub use table::ContactTable;
@@ -105,62 +109,56 @@ where
         .register_type::<ContactTable>()
         .init_resource::<OwedTime>()
         .register_type::<OwedTime>()
-        .init_resource::<detect::Snapshot>()
-        .init_resource::<quarantine::Running>()
-        .configure_sets(
-            schedule,
-            (
-                MedialSystems::Attach.before(PhysicsSet::SyncBackend),
-                MedialSystems::Snapshot.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation),
-                MedialSystems::Detect.after(PhysicsSet::StepSimulation).before(PhysicsSet::Writeback),
-                MedialSystems::Report.after(PhysicsSet::Writeback).before(TransformSystems::Propagate),
-            ),
+        .init_resource::<snapshot::Snapshot>()
+        .init_resource::<quarantine::Running>();
+    app.configure_sets(
+        schedule,
+        (
+            MedialSystems::Attach.before(PhysicsSet::SyncBackend),
+            MedialSystems::Snapshot.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation),
+            MedialSystems::Detect.after(PhysicsSet::StepSimulation).before(PhysicsSet::Writeback),
+            MedialSystems::Report.after(PhysicsSet::Writeback).before(TransformSystems::Propagate),
+        ),
+    )
+    .add_systems(
+        schedule,
+        (install_dispatcher, attach::attach_shapes, attach::attach_boxes, attach::keep_unscaled, attach::follow_bodies)
+            .chain()
+            .in_set(MedialSystems::Attach),
+    )
+    // Rapier propagates transforms without marking dirty trees. Changes to entities with children, such as those by character controllers, would be lost.
+    .add_systems(
+        schedule,
+        mark_dirty_trees
+            .run_if(resource_exists::<StaticTransformOptimizations>)
+            .in_set(PhysicsSet::SyncBackend)
+            .after(update_character_controls)
+            .before(RapierTransformPropagateSet),
+    )
+    .add_systems(
+        schedule,
+        (
+            attach::keep_contacts_fresh,
+            attach::wake_attached,
+            quarantine::release,
+            (quarantine::isolate, snapshot::snapshot).chain().run_if(is_needed),
         )
-        .add_systems(
-            schedule,
-            (
-                install_dispatcher,
-                attach::attach_shapes,
-                attach::attach_boxes,
-                attach::keep_unscaled,
-                attach::follow_bodies,
-            )
+            .chain()
+            .in_set(MedialSystems::Snapshot),
+    )
+    .add_systems(
+        schedule,
+        (
+            quarantine::isolate_results,
+            (detect::detect::<Hooks>, substeps::refine, interpolation::show_stops)
                 .chain()
-                .in_set(MedialSystems::Attach),
+                .run_if(snapshot::has_stepped),
         )
-        // Rapier propagates transforms without marking dirty trees. Changes to entities with children, such as those by character controllers, would be lost.
-        .add_systems(
-            schedule,
-            mark_dirty_trees
-                .run_if(resource_exists::<StaticTransformOptimizations>)
-                .in_set(PhysicsSet::SyncBackend)
-                .after(update_character_controls)
-                .before(RapierTransformPropagateSet),
-        )
-        .add_systems(
-            schedule,
-            (
-                attach::keep_contacts_fresh,
-                attach::wake_attached,
-                quarantine::release,
-                (quarantine::isolate, detect::snapshot).chain().run_if(is_needed),
-            )
-                .chain()
-                .in_set(MedialSystems::Snapshot),
-        )
-        .add_systems(
-            schedule,
-            (
-                quarantine::isolate_results,
-                (detect::detect::<Hooks>, substeps::refine, interpolation::show_stops)
-                    .chain()
-                    .run_if(detect::has_stepped),
-            )
-                .chain()
-                .run_if(is_needed)
-                .in_set(MedialSystems::Detect),
-        )
-        .add_systems(schedule, detect::note_step.in_set(PhysicsSet::StepSimulation));
+            .chain()
+            .run_if(is_needed)
+            .in_set(MedialSystems::Detect),
+    )
+    .add_systems(schedule, snapshot::note_step.in_set(PhysicsSet::StepSimulation));
 }
 
 /// Returns true if an entity has a medial mesh or a static box, or if the last step had bodies, because their contacts have to end. Otherwise the systems that

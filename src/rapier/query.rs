@@ -46,7 +46,7 @@ use bevy_rapier3d::{
     },
 };
 
-use super::{detect::collider_pose, parts::solid};
+use super::{context::collider_pose, parts::solid};
 use crate::{
     geometry::Sweep,
     pipeline::{Body, Culling, Impact, first_touch},

@@ -13,7 +13,7 @@ use bevy_rapier3d::{
     rapier::geometry::Collider,
 };
 
-use super::detect::{Context, RapierStep};
+use super::{context::Context, snapshot::RapierStep};
 use crate::{
     constants::{MAX_SUBSTEPS, SUBSTEP_WAY},
     geometry::Sweep,

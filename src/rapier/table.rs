@@ -14,8 +14,8 @@ use crate::{
 
 /// The manifolds of the last step, by pair and relative pose, and the displacements of the bodies in the next step. The dispatcher reads it.
 ///
-/// Manifolds are a pure function of shapes, relative pose, reach and length unit. The key contains all of these except the length unit; a change of the
-/// length unit clears the table. So an entry is never wrong. It is missing if a body has been moved after the step.
+/// Manifolds depend on shapes, relative pose, reach and length unit. An entry is used for the same shapes, pose and unit, and for about the same reach. It is
+/// missing if a body has been moved after the step.
 ///
 /// Reflection shows the resource without its content, because the content consists of memory addresses.
 #[derive(Resource, Clone, Default, Reflect)]
@@ -23,8 +23,8 @@ use crate::{
 pub struct ContactTable(#[reflect(ignore, clone)] Arc<RwLock<Entries>>);
 
 struct Entries {
-    /// The range of manifolds of each pair.
-    pairs: HashMap<PairKey, Range<usize>>,
+    /// Reach and range of manifolds of each pair.
+    pairs: HashMap<PairKey, (Reach, Range<usize>)>,
     manifolds: Vec<Manifold>,
     paces: HashMap<SecondKey, Pace>,
     /// Prediction distance of colliders without contact skin, in metres.
@@ -39,14 +39,12 @@ impl Default for Entries {
     }
 }
 
-/// The key of a pair: the quantities that determine its manifolds.
+/// The key of a pair: its shapes and its relative pose.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct PairKey {
     first: u64,
     second: SecondKey,
     pose12: [u32; 7],
-    /// Bits of both distances of the reach.
-    reach: [u32; 2],
 }
 
 /// The second side of a pair.
@@ -68,11 +66,10 @@ impl SecondKey {
 }
 
 impl PairKey {
-    pub fn new(first: u64, second: SecondKey, pose12: &Pose3, reach: Reach) -> Self {
+    pub fn new(first: u64, second: SecondKey, pose12: &Pose3) -> Self {
         let [qx, qy, qz, qw] = pose12.rotation.to_array();
         let [x, y, z] = pose12.translation.to_array();
-        let reach = [reach.prediction, reach.in_touch].map(f32::to_bits);
-        Self { first, second, pose12: [qx, qy, qz, qw, x, y, z].map(f32::to_bits), reach }
+        Self { first, second, pose12: [qx, qy, qz, qw, x, y, z].map(f32::to_bits) }
     }
 }
 
@@ -84,7 +81,7 @@ fn key(pair: &CachedPair, colliders: &RapierContextColliders) -> Option<PairKey>
         (solid(collider.shared_shape())?.id() == pair.shapes[side]).then(|| collider.shape())
     });
     let first = first?.as_shape::<MedialShape>()?;
-    Some(PairKey::new(first.key, SecondKey::of(second?), &pair.pose12, pair.reach))
+    Some(PairKey::new(first.key, SecondKey::of(second?), &pair.pose12))
 }
 
 impl ContactTable {
@@ -97,10 +94,15 @@ impl ContactTable {
         self.0.write().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Returns the manifolds of a pair if the table has an entry for exactly this pose.
-    pub(super) fn get(&self, key: &PairKey) -> Option<Vec<Manifold>> {
+    /// Returns the manifolds of a pair if the table has an entry for exactly this pose and about this reach.
+    ///
+    /// A body that stops loses the velocity of the time that is owed to it after its contacts are searched, which may halve or double the reach.
+    pub(super) fn get(&self, key: &PairKey, reach: Reach) -> Option<Vec<Manifold>> {
         let table = self.read();
-        table.pairs.get(key).map(|range| table.manifolds[range.clone()].to_vec())
+        let (found, range) = table.pairs.get(key)?;
+        let about = |a: f32, b: f32| a <= 2.0 * b && b <= 2.0 * a;
+        let fits = about(found.prediction, reach.prediction) && about(found.in_touch, reach.in_touch);
+        fits.then(|| table.manifolds[range.clone()].to_vec())
     }
 
     /// Replaces all content: the motion of all moving colliders in the next step, the prediction distance, the length unit, and the contacts of the last step.
@@ -120,7 +122,7 @@ impl ContactTable {
                 if let Some(key) = key(pair, colliders) {
                     let begin = manifolds.len();
                     manifolds.extend_from_slice(contacts.manifolds(pair));
-                    pairs.insert(key, begin..manifolds.len());
+                    pairs.insert(key, (pair.reach, begin..manifolds.len()));
                 }
             }
         }

@@ -30,7 +30,7 @@ use std::{ptr, time::Instant};
 
 use bevy::tasks::{ParallelSlice, ParallelSliceMut, TaskPool};
 use bevy_medial::{
-    constants::{CHORD_TOLERANCE, CONTACT_ROUNDING, TOUCH_DISTANCE},
+    constants::{CHORD_TOLERANCE, CONTACT_ROUNDING, LINEAR_SLOP},
     geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
     pipeline::{Body, Candidates, Meeting, Shape, Side, Solid, StaticBody, Statics, StepInput, StepOutput, Workspace},
 };
@@ -221,7 +221,7 @@ impl<V: Volume> Trees<V> {
 fn reach(solids: [&Solid; 2], length_unit: f32) -> f32 {
     let [radius1, radius2] = solids.map(|solid| solid.bounding_sphere().radius);
     let size = radius1.min(radius2);
-    (2.0 * CHORD_TOLERANCE * size).max(TOUCH_DISTANCE * length_unit) + CONTACT_ROUNDING * size
+    (2.0 * CHORD_TOLERANCE * size).max(LINEAR_SLOP * length_unit) + CONTACT_ROUNDING * size
 }
 
 impl<V: Volume> Target<V> {

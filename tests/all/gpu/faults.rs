@@ -61,7 +61,7 @@ fn apps_set_the_initial_size_of_buffers() {
     }
     let grown = gpu.world().resource::<MedialStep>().gpu_culling().unwrap().capacity();
     assert!(grown.pairs > 1 && grown.pairs < GpuCapacity::default().pairs, "{grown:?}");
-    let lines = log::lines("`GpuCapacity` sets where they begin");
+    let lines = log::lines("`GpuCapacity` sets their initial size");
     assert_eq!(lines.len(), 1, "{lines:?}");
 }
 

@@ -243,6 +243,7 @@ fn components_and_resources_survive_a_round_trip_as_text() {
         stop_at_impact: false,
         core_depth: 0.5,
         brute_force: true,
+        recycle_contacts: false,
         backend: MedialBackend::Cpu,
         pipelined: true,
     };

@@ -5,7 +5,7 @@ use bevy::{
     tasks::{ComputeTaskPool, TaskPool},
 };
 use bevy_medial::{
-    constants::{CHORD_TOLERANCE, TOUCH_DISTANCE},
+    constants::{CHORD_TOLERANCE, LINEAR_SLOP},
     geometry::{Obb, Pose3, Primitive, Sphere, Sweep},
     medial_axis::MedialAxis,
     pipeline::{Body, Impact, Shape, StaticBody, Statics, StepInput, step},
@@ -122,7 +122,7 @@ fn compare(seed: u64, count: usize, turn: f32) -> Tally {
     while tally.hits + tally.apart + tally.gentle < count {
         let case = random_case(&mut random, &shapes, turn);
         let size = case.size;
-        if case.pair.distance(0.0) < f64::from(TOUCH_DISTANCE).max(0.01 * size) {
+        if case.pair.distance(0.0) < f64::from(LINEAR_SLOP).max(0.01 * size) {
             continue;
         }
         let touch = case.pair.first_below(0.0, 1e-6 * size);

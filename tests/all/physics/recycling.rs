@@ -2,7 +2,7 @@
 
 use bevy::tasks::ComputeTaskPool;
 use bevy_medial::{
-    constants::{RECYCLE_DISTANCE, TOUCH_DISTANCE},
+    constants::LINEAR_SLOP,
     geometry::{Pose3, Sweep},
     pipeline::{Body, Meeting, Pace, Pair, Shape, Solid, StaticBody, Statics, StepInput, StepOutput, Workspace, step},
 };
@@ -10,7 +10,7 @@ use glam::{Quat, Vec3};
 
 use crate::{common::Random, random_steps::random_step};
 
-/// A room whose bodies mostly move by less than [`RECYCLE_DISTANCE`] per step.
+/// A room whose bodies mostly move by less than [`LINEAR_SLOP`] per step.
 struct Room {
     random: Random,
     input: StepInput,
@@ -102,11 +102,11 @@ impl Comparison {
             let other = recycling.pairs.iter().find(|other| [other.first, other.second] == [pair.first, pair.second]);
             let expected = distance(searching, pair);
             let found = other.map_or(f32::INFINITY, |other| distance(recycling, other));
-            if expected.min(found) > TOUCH_DISTANCE {
+            if expected.min(found) > LINEAR_SLOP {
                 continue;
             }
             let error = (found - expected).abs();
-            if (expected <= TOUCH_DISTANCE) == (found <= TOUCH_DISTANCE) {
+            if (expected <= LINEAR_SLOP) == (found <= LINEAR_SLOP) {
                 self.touching += 1;
                 self.recycled += usize::from(error > 0.0);
             } else {
@@ -143,7 +143,7 @@ fn check(seeds: u64, steps: u32, pair_steps: usize) {
     );
     assert!(result.pair_steps >= pair_steps && 4 * recycled > touching);
     assert!(1000 * different <= touching);
-    assert!(at(0.99) < 0.3 * RECYCLE_DISTANCE && at(1.0) < RECYCLE_DISTANCE);
+    assert!(at(0.99) < 0.3 * LINEAR_SLOP && at(1.0) < LINEAR_SLOP);
 }
 
 #[test]
@@ -180,6 +180,6 @@ fn is_recycled(displacement: f32) -> bool {
 
 #[test]
 fn only_pairs_that_hardly_move_keep_their_contacts() {
-    assert!(is_recycled(0.0) && is_recycled(0.9 * RECYCLE_DISTANCE));
-    assert!(!is_recycled(1.1 * RECYCLE_DISTANCE));
+    assert!(is_recycled(0.0) && is_recycled(0.9 * LINEAR_SLOP));
+    assert!(!is_recycled(1.1 * LINEAR_SLOP));
 }

@@ -2,11 +2,11 @@
 
 use bevy::prelude::*;
 use bevy_medial::{
-    constants::TOUCH_DISTANCE,
+    constants::LINEAR_SLOP,
     geometry::Pose3,
     medial_axis::MedialAxis,
     pipeline::{Reach, Shape, contact},
-    plugin::{MedialStep, MedialSystems},
+    plugin::{MedialSettings, MedialStep, MedialSystems},
     prelude::{MedialMesh, StaticObb},
     rapier::{ContactTable, MedialDispatcher, MedialShape},
     scenes::Scene,
@@ -57,11 +57,18 @@ impl Physics<'_> {
     }
 }
 
+/// An app that searches all contacts in every step.
+fn searching_app() -> App {
+    let mut app = app();
+    app.world_mut().resource_mut::<MedialSettings>().recycle_contacts = false;
+    app
+}
+
 #[test]
 fn contacts_of_a_step_equal_those_computed_at_its_end() {
     let (mut bodies, mut statics, mut contacts) = (0, 0, 0);
     for (name, steps) in [("rods", 150), ("dinosaur", 40), ("tori", 100)] {
-        let mut app = app();
+        let mut app = searching_app();
         Scene::by_name(name).unwrap().spawn(app.world_mut(), models(), 3);
         for _ in 0..steps {
             app.update();
@@ -161,7 +168,7 @@ impl Routes {
                 let found = points(&ask(&known, &pose12, disguises, prediction));
                 if found.is_empty() {
                     // A stopped body has another velocity, and perhaps another reach.
-                    let halved = (0..8).map(|times| prediction * 0.5f32.powi(times)).chain([TOUCH_DISTANCE]);
+                    let halved = (0..8).map(|times| prediction * 0.5f32.powi(times)).chain([LINEAR_SLOP]);
                     assert!(halved.into_iter().any(|reach| computed(reach) == answer), "{what}");
                     self.misses += 1;
                     continue;
@@ -177,7 +184,7 @@ impl Routes {
 
 /// A scene in which rapier gets the colliders of one type of medial body before those of the others.
 fn scene_with_first(name: &str, kind: RigidBody) -> App {
-    let mut app = app();
+    let mut app = searching_app();
     Scene::by_name(name).unwrap().spawn(app.world_mut(), models(), 3);
     let mut all = app.world_mut().query::<(Entity, &RigidBody, &MedialMesh)>();
     let later = all.iter(app.world()).filter(|(_, body, _)| **body != kind);
@@ -215,7 +222,7 @@ fn contacts_from_the_table_equal_computed_contacts() {
 #[test]
 fn both_routes_agree_for_any_order_of_the_pair() {
     for floor_first in [false, true] {
-        let mut app = app();
+        let mut app = searching_app();
         let tilt = Quat::from_euler(EulerRot::XYZ, 0.3, 0.4, 0.2);
         let floor = (StaticObb::new(5.0, 0.5, 5.0), Transform::from_xyz(0.1, -0.5, 0.2).with_rotation(tilt));
         let lump = (RigidBody::Dynamic, prelude::Collider::ball(0.2), Transform::from_xyz(1.0, 0.8, 0.0));
@@ -245,7 +252,7 @@ fn both_routes_agree_for_any_order_of_the_pair() {
 
 #[test]
 fn a_moved_body_gets_contacts_at_its_current_pose() {
-    let mut app = app();
+    let mut app = searching_app();
     spawn_ground(&mut app);
     let body = spawn_body(&mut app, model("torus"), Transform::from_xyz(0.0, 0.06, 0.0));
     run(&mut app, 200);

@@ -1,0 +1,94 @@
+//! Shapes of bodies.
+
+use std::{fmt, sync::Arc};
+
+use super::{ConvexParts, Second, Shape};
+use crate::geometry::{Aabb, Sphere};
+
+/// The shape of a body.
+#[derive(Clone)]
+pub enum Solid {
+    /// A medial mesh.
+    Medial(Shape),
+    /// Any other collider.
+    Parts(Arc<dyn ConvexParts>),
+}
+
+impl Solid {
+    /// Returns the medial mesh; `None` for any other collider.
+    pub fn medial(&self) -> Option<&Shape> {
+        match self {
+            Solid::Medial(shape) => Some(shape),
+            Solid::Parts(_) => None,
+        }
+    }
+
+    /// Returns the shape as the second side of a pair.
+    pub fn second(&self) -> Second<'_> {
+        match self {
+            Solid::Medial(shape) => Second::Shape(shape),
+            Solid::Parts(parts) => Second::Parts(&**parts),
+        }
+    }
+
+    /// Returns the number of primitives or parts.
+    pub fn len(&self) -> usize {
+        match self {
+            Solid::Medial(shape) => shape.len(),
+            Solid::Parts(parts) => parts.len(),
+        }
+    }
+
+    /// Returns true if there are no primitives or parts.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Returns the bounding box in the body's frame.
+    pub fn aabb(&self) -> Aabb {
+        match self {
+            Solid::Medial(shape) => shape.aabb(),
+            Solid::Parts(parts) => parts.aabb(),
+        }
+    }
+
+    /// Returns a bounding sphere in the body's frame.
+    pub fn bounding_sphere(&self) -> Sphere {
+        match self {
+            Solid::Medial(shape) => shape.bounding_sphere(),
+            Solid::Parts(parts) => parts.bounding_sphere(),
+        }
+    }
+}
+
+impl fmt::Debug for Solid {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Solid::Medial(shape) => f.debug_tuple("Medial").field(shape).finish(),
+            Solid::Parts(parts) => f.debug_tuple("Parts").field(&parts.aabb()).finish(),
+        }
+    }
+}
+
+impl From<Shape> for Solid {
+    fn from(shape: Shape) -> Self {
+        Solid::Medial(shape)
+    }
+}
+
+/// Identity of a shape. It distinguishes shapes that exist at the same time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShapeId {
+    address: usize,
+    scale: f32,
+}
+
+impl Solid {
+    /// Returns the identity of the shape.
+    pub fn id(&self) -> ShapeId {
+        match self {
+            Solid::Medial(shape) => ShapeId { address: shape.axis.address(), scale: shape.scale },
+            Solid::Parts(parts) => ShapeId { address: parts.address(), scale: 1.0 },
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Rapier's worlds and their colliders, as the systems around rapier's step read them.
+
+use bevy::{ecs::query::QueryData, prelude::*};
+use bevy_rapier3d::{
+    plugin::context::{
+        RapierContextColliders, RapierContextJoints, RapierContextSimulation, RapierRigidBodySet,
+        SimulationToRenderTime,
+    },
+    prelude::RapierConfiguration,
+    rapier::{dynamics::RigidBody as RapierBody, geometry::Collider as RapierCollider},
+};
+
+use super::shape::MedialShape;
+use crate::{
+    geometry::Pose3,
+    pipeline::{Pace, Reach},
+};
+
+/// A rapier context: a world. Bodies of different worlds do not collide.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub(super) struct Context {
+    pub entity: Entity,
+    pub bodies: &'static mut RapierRigidBodySet,
+    pub colliders: &'static RapierContextColliders,
+    pub joints: &'static RapierContextJoints,
+    pub simulation: &'static RapierContextSimulation,
+    pub configuration: &'static RapierConfiguration,
+    pub lead: &'static SimulationToRenderTime,
+}
+
+impl ContextReadOnlyItem<'_, '_> {
+    pub fn reach(&self) -> Reach {
+        let parameters = &self.simulation.integration_parameters;
+        Reach::new(parameters.prediction_distance(), parameters.length_unit)
+    }
+
+    /// Returns true if the world has a medial collider.
+    pub fn is_medial(&self) -> bool {
+        self.colliders.colliders.iter().any(|(_, collider)| medial(collider).is_some())
+    }
+
+    pub fn body(&self, collider: &RapierCollider) -> Option<&RapierBody> {
+        self.bodies.bodies.get(collider.parent()?)
+    }
+}
+
+/// Returns the pose of a collider in the world, from the pose of its body. After a change by the user, the body's pose is newer than that of the collider.
+pub(super) fn collider_pose(collider: &RapierCollider, body: Option<&RapierBody>) -> Pose3 {
+    rigid(match (body, collider.position_wrt_parent()) {
+        (Some(body), Some(local)) => body.position() * local,
+        _ => *collider.position(),
+    })
+}
+
+/// Returns the pose with a normalized rotation. Sheared transform hierarchies give rotations that are not normalized. Normalized poses keep their bits.
+pub(super) fn rigid(pose: Pose3) -> Pose3 {
+    let length = pose.rotation.length();
+    if pose.rotation.is_normalized() || length == 0.0 {
+        return pose;
+    }
+    Pose3::from_parts(pose.translation, pose.rotation / length)
+}
+
+fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
+    collider.shape().as_shape::<MedialShape>()
+}
+
+/// Returns the motion of a collider in `dt` seconds at the velocity of its body.
+pub(super) fn pace(collider: &RapierCollider, body: &RapierBody, dt: f32) -> Pace {
+    let radius = collider.shape().compute_local_bounding_sphere().radius;
+    Pace { way: body.linvel() * dt, rotation: body.angvel() * dt, radius }
+}

@@ -1,0 +1,302 @@
+//! Input of a step: the bodies and statics of all worlds.
+
+use std::sync::Arc;
+
+use bevy::{platform::collections::HashMap, prelude::*};
+use bevy_rapier3d::{
+    parry::shape::SharedShape,
+    rapier::{
+        dynamics::{RigidBody as RapierBody, RigidBodyHandle, RigidBodyType},
+        geometry::{Collider as RapierCollider, ColliderHandle},
+    },
+};
+
+use super::{
+    context::{Context, ContextReadOnlyItem, collider_pose, pace},
+    joints::{assemblies, kept_apart},
+    motion::motion,
+    owed::OwedTime,
+    parts::solid,
+    snapshot::{RapierStep, Start, to_come},
+};
+use crate::{
+    geometry::{Pose3, Sweep},
+    pipeline::{Body, Groups, Reach, StaticBody, Statics},
+    plugin::{BodyInfo, MedialCcd, MedialStep},
+};
+
+/// A collider that does not move, with all properties that the pipeline uses.
+#[derive(Clone)]
+pub(super) struct Fixed {
+    entity: Entity,
+    collider: ColliderHandle,
+    shape: SharedShape,
+    pose: Pose3,
+    owner: Option<u64>,
+    groups: [Groups; 2],
+    types: Groups,
+    world: u32,
+    sensor: bool,
+    passes: bool,
+}
+
+impl PartialEq for Fixed {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.shape.0, &other.shape.0)
+            && (self.entity, self.collider, self.pose, self.groups, self.types)
+                == (other.entity, other.collider, other.pose, other.groups, other.types)
+            && (self.owner, self.world, self.sensor, self.passes)
+                == (other.owner, other.world, other.sensor, other.passes)
+    }
+}
+
+/// Lists of a step that is being gathered.
+#[derive(Default)]
+pub(super) struct Gathered {
+    /// The context of each world, and the time that rapier has simulated for it, in seconds.
+    pub worlds: Vec<(Entity, f32)>,
+    fixed: Vec<Fixed>,
+    /// Bodies that sleep at the same pose as in the last step. True for sensors and for bodies that are not dynamic.
+    resting: Vec<(usize, bool)>,
+    /// Bodies whose sweep does not end at rapier's pose.
+    pub astray: Vec<u32>,
+}
+
+/// Gathers the input of a step.
+pub(super) struct Gather<'a, 'w, 's> {
+    pub step: &'a mut MedialStep,
+    pub rapier: &'a RapierStep<'w>,
+    pub ccd: &'a Query<'w, 's, &'static MedialCcd>,
+    pub owed: &'a OwedTime,
+}
+
+/// A world that is being gathered.
+struct World<'a, 'c> {
+    index: u32,
+    context: &'a ContextReadOnlyItem<'c, 'c>,
+    /// True if rapier has simulated the world.
+    running: bool,
+    /// The time that rapier has simulated, in seconds.
+    dt: f32,
+    assemblies: HashMap<RigidBodyHandle, RigidBodyHandle>,
+    /// Poses of the bodies that slept in the last step. A body that sleeps at another pose was moved there, e.g. by restoring a context, so its pairs are
+    /// searched once.
+    sleepers: &'a HashMap<Entity, Pose3>,
+}
+
+impl Gather<'_, '_, '_> {
+    /// Gathers all worlds with a medial collider. `known`: the fixed colliders of the last step.
+    pub fn run(&mut self, contexts: &Query<Context>, known: &mut Vec<Fixed>) -> Gathered {
+        let step = &mut *self.step;
+        let sleepers: HashMap<Entity, Pose3> = std::iter::zip(&step.infos, &step.input.bodies)
+            .filter(|(info, _)| info.asleep)
+            .map(|(info, body)| (info.entity, body.sweep.end))
+            .collect();
+        step.input.prediction = 0.0;
+        step.input.length_unit = 0.0;
+        step.input.core_depth = step.settings.core_depth;
+        step.input.apart.clear();
+        step.input.bodies.clear();
+        step.infos.clear();
+        let mut gathered = Gathered::default();
+        for context in contexts.iter().sort::<Entity>().filter(|context| context.is_medial()) {
+            let world = World {
+                index: gathered.worlds.len() as u32,
+                running: self.rapier.runs(&context),
+                dt: self.rapier.simulated(&context),
+                assemblies: assemblies(context.joints, &context.bodies.bodies),
+                sleepers: &sleepers,
+                context: &context,
+            };
+            gathered.worlds.push((context.entity, world.dt));
+            self.add_world(&world, &mut gathered);
+        }
+        self.step.worlds = gathered.worlds.iter().map(|(entity, _)| *entity).collect();
+        self.step.dt = gathered.worlds.first().map_or(0.0, |(_, dt)| *dt);
+        self.update_statics(&mut gathered, known);
+        gathered
+    }
+
+    fn add_world(&mut self, world: &World, gathered: &mut Gathered) {
+        let context = world.context;
+        let input = &mut self.step.input;
+        let Reach { prediction, length_unit, .. } = context.reach();
+        input.prediction = input.prediction.max(prediction);
+        input.length_unit = input.length_unit.max(length_unit);
+        input.apart.extend(kept_apart(context.joints).into_iter().map(|pair| {
+            let [a, b] = pair.map(|body| owner(world.index, body));
+            [a.min(b), a.max(b)]
+        }));
+        // Iterate in the order of the handles, because rapier orders pairs by them.
+        for (handle, collider) in context.colliders.colliders.iter().filter(|(_, collider)| collider.is_enabled()) {
+            let Some(entity) = context.colliders.collider_entity(handle) else { continue };
+            let body = context.body(collider);
+            match body.zip(collider.parent()).filter(|(body, _)| !body.is_fixed()) {
+                Some((body, parent)) => {
+                    self.add_body(world, entity, (handle, collider), (parent, body), gathered);
+                }
+                None => gathered.fixed.push(Fixed {
+                    entity,
+                    collider: handle,
+                    shape: collider.shared_shape().clone(),
+                    pose: collider_pose(collider, body),
+                    owner: collider.parent().map(|body| owner(world.index, body)),
+                    groups: groups(collider),
+                    types: types(collider, body),
+                    world: world.index,
+                    sensor: collider.is_sensor(),
+                    passes: self.passes(entity, collider),
+                }),
+            }
+        }
+    }
+
+    /// Returns true if no body stops at a collider.
+    fn passes(&self, entity: Entity, collider: &RapierCollider) -> bool {
+        collider.is_sensor() || self.ccd.get(entity).is_ok_and(|ccd| !ccd.enabled)
+    }
+
+    /// Adds a collider of a body that is not fixed.
+    fn add_body(
+        &mut self,
+        world: &World,
+        entity: Entity,
+        (handle, collider): (ColliderHandle, &RapierCollider),
+        (parent, body): (RigidBodyHandle, &RapierBody),
+        gathered: &mut Gathered,
+    ) {
+        let Some(solid) = solid(collider.shared_shape()) else { return };
+        let World { index, context, running, dt, ref assemblies, sleepers } = *world;
+        let (end, sensor) = (collider_pose(collider, Some(body)), collider.is_sensor());
+        let start = self.rapier.snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
+        let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
+        let center = end.inverse_transform_point(body.center_of_mass());
+        let simulated = running && body.is_enabled();
+        let active = simulated && (!body.is_sleeping() || sleepers.get(&entity) != Some(&end));
+        let bodies = &mut self.step.input.bodies;
+        if simulated && !active {
+            gathered.resting.push((bodies.len(), sensor || !body.is_dynamic()));
+        }
+        // A link of a multibody cannot be moved by itself.
+        let linked = context.joints.multibody_joints.rigid_body_link(parent).is_some();
+        // Sleeping bodies count too: a fast kinematic body would pass through them before rapier finds a contact.
+        let stops = simulated && body.is_dynamic() && !linked;
+        let motion = if stops { motion } else { Sweep::between };
+        let mut sweep = motion(start.pose, end, center, body.angvel() * dt);
+        let owed = self.owed.get(context.entity, parent).filter(|_| active && stops);
+        if let Some(owed) = owed {
+            sweep = owed.longer(&sweep, body);
+        }
+        if sweep.end != end {
+            gathered.astray.push(bodies.len() as u32);
+        }
+        // Rapier computes the velocity of a kinematic body within the step, so it is taken from the sweep.
+        let (linear, angular) = if running && body.is_kinematic() {
+            (sweep.translation / dt, sweep.rotation / dt)
+        } else {
+            (start.linear, start.angular)
+        };
+        let [groups, stop_groups] = groups(collider);
+        let core_depth = self.ccd.get(entity).ok().and_then(|ccd| ccd.core_depth);
+        let passes = self.passes(entity, collider);
+        self.step.input.bodies.push(Body {
+            solid,
+            sweep,
+            order: order(handle),
+            id: Some(entity.to_bits()),
+            groups,
+            types: types(collider, Some(body)),
+            stop_groups,
+            owner: Some(owner(index, parent)),
+            assembly: Some(owner(index, assemblies.get(&parent).copied().unwrap_or(parent))),
+            world: index,
+            active,
+            stops,
+            passes,
+            sensor,
+            locked: locked(body),
+            held: owed.is_some_and(|owed| owed.is_full),
+            core_depth: core_depth.unwrap_or(self.step.settings.core_depth),
+            pace: Some(pace(collider, body, to_come(&self.rapier.mode, &self.rapier.time))),
+        });
+        self.step.infos.push(BodyInfo {
+            entity,
+            collider: handle,
+            sensor,
+            // Bodies of a paused world are treated like sleeping bodies.
+            asleep: !running || body.is_sleeping(),
+            center: start.pose.transform_point(center),
+            linear,
+            angular,
+        });
+    }
+
+    /// Rebuilds the statics if one of them was added, removed or changed.
+    fn update_statics(&mut self, Gathered { fixed, resting, .. }: &mut Gathered, known: &mut Vec<Fixed>) {
+        // The lengths differ if the user has replaced the resource, because the new one has no statics.
+        if *fixed == *known && self.step.static_infos.len() == fixed.len() {
+            return;
+        }
+        // Rapier wakes no body when a sensor is added, removed or moved, and no sensor or kinematic body when a static changes. Pairs of these bodies are
+        // searched once, so that touch messages are correct.
+        let is_for_all = sensors(fixed).ne(sensors(known));
+        for (body, _) in resting.drain(..).filter(|(_, only_reports)| is_for_all || *only_reports) {
+            self.step.input.bodies[body].active = true;
+        }
+        set_statics(self.step, fixed);
+        std::mem::swap(known, fixed);
+    }
+}
+
+fn sensors(fixed: &[Fixed]) -> impl Iterator<Item = &Fixed> {
+    fixed.iter().filter(|item| item.sensor)
+}
+
+/// Rebuilds the statics after one of them was added, removed or changed.
+fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
+    let mut bodies = Vec::new();
+    step.static_infos.clear();
+    for item in fixed {
+        let Some(solid) = solid(&item.shape) else { continue };
+        let [groups, stop_groups] = item.groups;
+        let &Fixed { entity, collider, pose, owner, types, world, sensor, passes, .. } = item;
+        let (order, id) = (order(collider), Some(entity.to_bits()));
+        bodies.push(StaticBody { solid, pose, order, id, owner, groups, types, stop_groups, world, passes, sensor });
+        step.static_infos.push(BodyInfo { collider, sensor, ..BodyInfo::at_rest(entity) });
+    }
+    step.statics = Statics::new(bodies);
+}
+
+/// Returns the collision groups and the solver groups.
+fn groups(collider: &RapierCollider) -> [Groups; 2] {
+    [collider.collision_groups(), collider.solver_groups()]
+        .map(|groups| Groups { memberships: groups.memberships.bits(), filter: groups.filter.bits() })
+}
+
+/// Returns the type of a collider's body, and the types that it collides with. Pairs without a dynamic body are always included, even if rapier skips them,
+/// because they only report contacts and stop no body.
+fn types(collider: &RapierCollider, body: Option<&RapierBody>) -> Groups {
+    use RigidBodyType::{Dynamic, Fixed, KinematicPositionBased, KinematicVelocityBased};
+    let own = body.map_or(Fixed, RapierBody::body_type);
+    let active = collider.active_collision_types();
+    let all = [Dynamic, Fixed, KinematicPositionBased, KinematicVelocityBased].into_iter();
+    let collides = |other| active.test(own, other) || (own != Dynamic && other != Dynamic);
+    let filter = all.filter(|&other| collides(other)).fold(0, |bits, other| bits | 1 << other as u32);
+    Groups { memberships: 1 << own as u32, filter }
+}
+
+/// Returns the world axes along which the body cannot move.
+fn locked(body: &RapierBody) -> BVec3 {
+    let bits = body.locked_axes().bits();
+    BVec3::new(bits & 1 != 0, bits & 2 != 0, bits & 4 != 0)
+}
+
+/// Returns the index of a collider in rapier's order.
+fn order(collider: ColliderHandle) -> u32 {
+    collider.into_raw_parts().0
+}
+
+/// Returns an id of a rigid body. Two bodies that exist at the same time have different ids.
+fn owner(world: u32, body: RigidBodyHandle) -> u64 {
+    u64::from(world) << 32 | u64::from(body.into_raw_parts().0)
+}

@@ -1,0 +1,118 @@
+//! Bodies that stop within a step: they are moved back to their impacts, and the rest of the step is owed to them.
+
+use bevy::{platform::collections::HashMap, prelude::*};
+use bevy_rapier3d::rapier::dynamics::{RigidBody as RapierBody, RigidBodyHandle};
+
+use super::context::ContextItem;
+use crate::{
+    geometry::{Pose3, Sweep},
+    pipeline::Stop,
+    plugin::{BodyInfo, MedialStep},
+};
+
+/// Time that is owed to bodies that stopped at an impact. Their next step is longer by this time.
+///
+/// This resource has to be [saved and restored](super) with a world.
+#[derive(Resource, Clone, Debug, Default, Reflect)]
+#[reflect(Resource, Default, Clone)]
+pub struct OwedTime(#[reflect(ignore, clone)] HashMap<BodyKey, Owed>);
+
+/// The context and the handle of a rigid body.
+type BodyKey = (Entity, RigidBodyHandle);
+
+impl OwedTime {
+    /// Returns the time that is owed to a body of a context.
+    pub(super) fn get(&self, context: Entity, body: RigidBodyHandle) -> Option<&Owed> {
+        self.0.get(&(context, body))
+    }
+
+    /// Returns all entries, and leaves none.
+    pub(super) fn take(&mut self) -> Self {
+        std::mem::take(self)
+    }
+}
+
+/// Time that is owed to a body.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Owed {
+    pub seconds: f32,
+    /// Velocity that gravity adds in this time, in metres per second.
+    velocity: Vec3,
+    /// True if more than a step would be owed without the limit.
+    pub is_full: bool,
+}
+
+impl Owed {
+    fn times(self, factor: f32) -> Self {
+        Self { seconds: self.seconds * factor, velocity: self.velocity * factor, ..self }
+    }
+
+    /// Extends the motion of a body by the owed time.
+    pub fn longer(&self, sweep: &Sweep, body: &RapierBody) -> Sweep {
+        let turn = body.angvel() * self.seconds;
+        let center = sweep.end.transform_point(sweep.local_center) + (body.linvel() + self.velocity) * self.seconds;
+        let rotation = (Quat::from_scaled_axis(turn) * sweep.end.rotation).normalize();
+        let end = Pose3::from_parts(center - rotation * sweep.local_center, rotation);
+        Sweep::between(sweep.start, end, sweep.local_center, sweep.rotation + turn)
+    }
+}
+
+/// Returns the part of the velocity change `fall` by gravity that shows in the velocity of a body. `before`: velocity before the step. A body that a contact
+/// holds up has gained no velocity, and no body gains velocity along locked axes.
+fn gained(body: &RapierBody, before: Vec3, fall: Vec3) -> Vec3 {
+    let free = Vec3::select(body.mass_properties().effective_inv_mass.cmpgt(Vec3::ZERO), Vec3::ONE, Vec3::ZERO);
+    let fall = free * fall * body.gravity_scale();
+    let shown = (body.linvel() - before).dot(fall) / fall.length_squared();
+    if shown > 0.0 { fall * shown.min(1.0) } else { Vec3::ZERO }
+}
+
+/// Moves stopped bodies back to their impacts, so that the next step solves a true contact at a true pose. The rest of the step is owed to the body, and the
+/// velocity that gravity has added for this time is removed until the time is used.
+///
+/// Bodies whose sweep does not end at rapier's pose are moved to the end of the sweep.
+pub(super) fn stop_bodies(
+    step: &MedialStep,
+    astray: &[u32],
+    world: u32,
+    dt: f32,
+    context: ContextItem,
+    before: &OwedTime,
+    owed: &mut OwedTime,
+) {
+    let ContextItem { entity, mut bodies, colliders, configuration, .. } = context;
+    // The shapes of one body stop together, so the body is moved once.
+    let mut last = None;
+    let end = |&body: &u32| Stop { body, fraction: 1.0, pose: step.input.bodies[body as usize].sweep.end };
+    let ends = astray.iter().filter(|body| step.output.stop_of(**body).is_none()).map(end);
+    let mut stops: Vec<Stop> = step.output.stops.iter().copied().chain(ends).collect();
+    stops.retain(|stop| step.input.bodies[stop.body as usize].world == world);
+    stops.sort_by_key(|stop| step.input.bodies[stop.body as usize].owner);
+    for stop in stops {
+        let owner = step.input.bodies[stop.body as usize].owner;
+        if std::mem::replace(&mut last, owner) == owner {
+            continue;
+        }
+        let BodyInfo { collider, asleep, .. } = step.infos[stop.body as usize];
+        // Do not wake a sleeping body that does not move.
+        if asleep && stop.pose == step.input.bodies[stop.body as usize].sweep.start {
+            continue;
+        }
+        let Some(collider) = colliders.colliders.get(collider) else { continue };
+        let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
+        let Some(parent) = collider.parent() else { continue };
+        if let Some(body) = bodies.bodies.get_mut(parent) {
+            body.set_position(stop.pose * local.inverse(), true);
+            let known = before.get(entity, parent).copied().unwrap_or_default();
+            let gained = gained(body, step.infos[stop.body as usize].linear, configuration.gravity * dt);
+            let left = Owed { seconds: dt + known.seconds, velocity: gained + known.velocity, is_full: false };
+            let rest = left.times(1.0 - stop.fraction);
+            body.set_linvel(body.linvel() + known.velocity - rest.velocity, true);
+            if rest.seconds > 0.0 {
+                // At most one step is owed. If more is left, the body turns more slowly by the same factor, because it would gain energy otherwise.
+                let kept = (dt / rest.seconds).min(1.0);
+                body.set_angvel(body.angvel() * kept, true);
+                owed.0.insert((entity, parent), Owed { is_full: kept < 1.0, ..rest.times(kept) });
+            }
+        }
+    }
+}
