@@ -22,9 +22,7 @@ use super::{
 };
 use crate::{
     geometry::Pose3,
-    pipeline::{
-        Contact, Manifold, Reach, Second, Shape, contact,
-    },
+    pipeline::{Contact, Manifold, Reach, Second, Shape, contact},
 };
 
 /// Query dispatcher for pairs with a medial shape. Passes all other pairs to the next dispatcher of the chain.

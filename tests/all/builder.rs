@@ -301,7 +301,7 @@ fn invalid_meshes_and_cancelled_builds_are_errors() {
 
 #[test]
 fn damaged_meshes_are_built_or_refused() {
-    build_damaged_meshes(7, 30);
+    build_damaged_meshes(4, 20);
 }
 
 #[test]
