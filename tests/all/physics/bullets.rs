@@ -49,7 +49,7 @@ fn bullets_table() {
     println!(
         "shape    aim      m/s rad/s lost grazes chaos of  median in25% min   max     error  gains   wall ghosts of"
     );
-    let (mut close, mut all) = (0, Vec::new());
+    let (mut close, mut lost, mut all) = (0, 0, Vec::new());
     let mut faults = Vec::new();
     for (name, shape) in shapes() {
         for aim in [Aim::Wall, Aim::Resting, Aim::HeadOn] {
@@ -75,7 +75,8 @@ fn bullets_table() {
                     hits.behind,
                     misses[0][0] + misses[1][0],
                 );
-                if [hits.lost, hits.gains, hits.behind, ghosts] != [0; 4] || hits.momentum_error > 0.01 {
+                lost += hits.lost;
+                if [hits.gains, hits.behind, ghosts] != [0; 3] || hits.momentum_error > 0.01 {
                     faults.push(format!("{name} {aim:?} at {speed} m/s, {spin} rad/s"));
                 }
                 close += hits.within(0.25);
@@ -87,5 +88,6 @@ fn bullets_table() {
     let median = all[all.len() / 2];
     println!("of {} transfers {close} within 25 %, median {median:.3}", all.len());
     assert!(faults.is_empty(), "{faults:#?}");
+    assert!(1000 * lost <= all.len(), "{lost} hits are lost");
     assert!(close * 10 >= all.len() * 9 && (median - 1.0).abs() < 0.1);
 }
