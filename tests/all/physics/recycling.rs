@@ -157,7 +157,7 @@ fn exhaustive_recycled_contacts_agree_with_searched_contacts() {
     check(40, 300, 100_000);
 }
 
-/// Two balls that touch, one of which moves by a displacement. Returns true if their contact keeps its point on the first ball.
+/// Moves one of two touching balls. Returns true if their contact keeps its point on the first ball. `displacement` in metres.
 fn is_recycled(displacement: f32) -> bool {
     let pool = ComputeTaskPool::get_or_init(Default::default);
     let ball = bevy_medial::medial_axis::MedialAxis::sphere(0.5).unwrap();
