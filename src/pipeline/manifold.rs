@@ -2,7 +2,7 @@
 
 use std::cmp::Ordering;
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 
 use crate::geometry::Pose3;
 
@@ -56,11 +56,12 @@ impl Manifold {
         &self.points[..usize::from(self.len)]
     }
 
-    /// Returns the manifold with the same points on both bodies at another relative pose.
-    pub(super) fn at(&self, pose12: &Pose3) -> Self {
+    /// Returns the manifold with the same points on both bodies at another relative pose. `turn`: rotation of the normals.
+    pub(super) fn at(&self, pose12: &Pose3, turn: Quat) -> Self {
         let mut points = self.points;
         let points = &mut points[..usize::from(self.len)];
         for contact in points.iter_mut() {
+            contact.normal1 = turn * contact.normal1;
             contact.distance = (pose12.transform_point(contact.point2) - contact.point1).dot(contact.normal1);
         }
         points.sort_unstable_by(Contact::order);

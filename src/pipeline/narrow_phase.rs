@@ -50,8 +50,8 @@ pub(super) struct Found {
     pub reach: Reach,
     /// Pose of the second side in the frame of the first, to which the manifolds refer.
     pub pose12: Pose3,
-    /// That pose when the contacts were searched.
-    pub searched: Pose3,
+    /// Index of the pair in the cache, if its contacts were not searched.
+    pub recycled: Option<u32>,
 }
 
 /// Data for the contacts of a step.
@@ -93,44 +93,41 @@ impl Ends<'_> {
         let Some(shape1) = first.medial() else { return };
         let reach = input.reach(sides, |body| courses.moved_until(body));
         let before = manifolds.len();
-        let searched = if let Some((cached, known)) = self.cached(sides, reach, &pose12) {
-            manifolds.extend(known.iter().map(|manifold| manifold.at(&pose12)));
+        let recycled = self.recycled(sides, reach, &pose12);
+        if let Some(index) = recycled {
+            manifolds.extend(self.cache.manifolds_at(index, pose12));
             *finding += lap();
-            cached.searched
         } else {
             contacts.clear();
             contact::find_with(shape1, second.second(), &pose12, reach, input.culling, contacts, buffers);
             *finding += lap();
             reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push(manifold));
             *reducing += lap();
-            pose12
-        };
-        found.push(Found { pair: index, count: manifolds.len() - before, reach, pose12, searched });
+        }
+        found.push(Found { pair: index, count: manifolds.len() - before, reach, pose12, recycled });
     }
 
-    /// Returns the contacts of a pair that are still valid.
-    fn cached(&self, sides: [Side; 2], reach: Reach, pose12: &Pose3) -> Option<(&CachedPair, &[Manifold])> {
+    /// Returns the index of a pair in the cache, if its contacts are still valid.
+    fn recycled(&self, sides: [Side; 2], reach: Reach, pose12: &Pose3) -> Option<u32> {
         let Self { input, statics, cache, .. } = *self;
-        if !input.recycle_contacts {
-            return None;
-        }
-        let [id1, id2] = sides.map(|side| input.id(statics, side));
-        let solids = sides.map(|side| input.side(statics, side).0);
-        cache.get([id1?, id2?], solids, reach, pose12)
+        let [id1, id2] = sides.map(|side| input.id(statics, side)).map(|id| id.filter(|_| input.recycle_contacts));
+        cache.find([id1?, id2?], sides.map(|side| input.side(statics, side).0), reach, pose12)
     }
 
     /// Lists the contacts for the next step. `manifolds`: those of all pairs.
-    pub fn fill(&self, pairs: &[BodyPair], found: &[Found], manifolds: &[Manifold], cache: &mut ContactCache) {
-        let Self { input, statics, .. } = *self;
-        cache.clear();
+    pub fn fill(&self, pairs: &[BodyPair], found: &[Found], manifolds: &[Manifold], next: &mut ContactCache) {
+        let Self { input, statics, cache, .. } = *self;
+        next.clear();
         let mut begin = 0;
-        for &Found { pair, count, reach, pose12, searched } in found {
+        for &Found { pair, count, reach, pose12, recycled } in found {
             let manifolds = &manifolds[begin..begin + count];
             begin += count;
             let sides = [pairs[pair].first, pairs[pair].second];
-            if let [Some(id1), Some(id2)] = sides.map(|side| input.id(statics, side)) {
-                let shapes = sides.map(|side| input.side(statics, side).0.id());
-                cache.push(CachedPair::new([id1, id2], shapes, reach, pose12, searched), manifolds);
+            if let Some(index) = recycled {
+                next.keep(cache, index, pose12);
+            } else if let [Some(id1), Some(id2)] = sides.map(|side| input.id(statics, side)) {
+                let solids = sides.map(|side| input.side(statics, side).0);
+                next.push(CachedPair::new([id1, id2], solids, reach, pose12), manifolds);
             }
         }
     }

@@ -1,15 +1,16 @@
 //! Contacts that are kept between steps: a pair that has hardly moved since its contacts were searched keeps its manifolds.
 //!
 //! The contact points stay where they are on both bodies, and only their distances are computed again. The new distance is exact up to the second order of
-//! the displacement, which is at most [`LINEAR_SLOP`].
+//! the displacement, which is at most [`LINEAR_SLOP`] and less for small bodies.
 
 use std::ops::Range;
 
 use bevy::platform::collections::HashMap;
+use glam::Quat;
 
 use super::{Manifold, Reach, ShapeId, Solid};
 use crate::{
-    constants::LINEAR_SLOP,
+    constants::{LINEAR_SLOP, SLOP_OF_SIZE},
     geometry::{Pose3, Sphere},
 };
 
@@ -33,10 +34,13 @@ pub struct CachedPair {
     pub shapes: [ShapeId; 2],
     /// Reach of the search.
     pub reach: Reach,
-    /// Pose of the second side in the frame of the first, to which the manifolds refer.
+    /// Pose of the second side in the frame of the first at the end of the last step.
     pub pose12: Pose3,
     /// That pose when the contacts were searched.
-    pub(super) searched: Pose3,
+    searched: Pose3,
+    /// True if the second body is the larger one.
+    on_second: bool,
+    /// The manifolds at the pose `searched`.
     manifolds: Range<usize>,
 }
 
@@ -48,7 +52,7 @@ impl ContactCache {
         self.manifolds.clear();
     }
 
-    /// Adds a pair with its manifolds.
+    /// Adds a pair that was searched in this step, with its manifolds.
     pub(super) fn push(&mut self, pair: CachedPair, manifolds: &[Manifold]) {
         let begin = self.manifolds.len();
         self.manifolds.extend_from_slice(manifolds);
@@ -56,37 +60,58 @@ impl ContactCache {
         self.pairs.push(CachedPair { manifolds: begin..self.manifolds.len(), ..pair });
     }
 
-    /// Returns a pair and its manifolds, if they are valid for these shapes at this pose.
-    pub(super) fn get(
-        &self,
-        ids: [u64; 2],
-        solids: [&Solid; 2],
-        reach: Reach,
-        pose12: &Pose3,
-    ) -> Option<(&CachedPair, &[Manifold])> {
-        let pair = &self.pairs[*self.places.get(&ids)? as usize];
-        let tolerance = LINEAR_SLOP * reach.length_unit;
-        let is_valid = pair.reach == reach
-            && pair.shapes == solids.map(Solid::id)
-            && relative_displacement(&pair.searched, pose12, solids.map(Solid::bounding_sphere)) <= tolerance;
-        is_valid.then(|| (pair, self.manifolds(pair)))
+    /// Adds a pair of an earlier cache at another pose.
+    pub(super) fn keep(&mut self, earlier: &ContactCache, index: u32, pose12: Pose3) {
+        let pair = &earlier.pairs[index as usize];
+        self.push(CachedPair { pose12, ..pair.clone() }, &earlier.manifolds[pair.manifolds.clone()]);
     }
 
-    /// Returns the manifolds of a pair of this cache.
-    pub fn manifolds(&self, pair: &CachedPair) -> &[Manifold] {
-        &self.manifolds[pair.manifolds.clone()]
+    /// Returns the index of a pair, if it has manifolds that are valid for these shapes at this pose.
+    ///
+    /// Pairs without manifolds are searched in every step. Otherwise contacts would depend on the step in which culling has first listed the pair.
+    pub(super) fn find(&self, ids: [u64; 2], solids: [&Solid; 2], reach: Reach, pose12: &Pose3) -> Option<u32> {
+        let index = *self.places.get(&ids)?;
+        let pair = &self.pairs[index as usize];
+        if pair.manifolds.is_empty() || pair.reach != reach || pair.shapes != solids.map(Solid::id) {
+            return None;
+        }
+        let bounds = solids.map(Solid::bounding_sphere);
+        let size = bounds[0].radius.min(bounds[1].radius);
+        let tolerance = (LINEAR_SLOP * reach.length_unit).min(SLOP_OF_SIZE * size).min(0.25 * reach.prediction);
+        (relative_displacement(&pair.searched, pose12, bounds) <= tolerance).then_some(index)
     }
 
-    /// Returns all pairs.
-    pub fn pairs(&self) -> &[CachedPair] {
-        &self.pairs
+    /// Returns the manifolds of a pair at another pose.
+    pub(super) fn manifolds_at(&self, index: u32, pose12: Pose3) -> impl Iterator<Item = Manifold> {
+        let CachedPair { searched, on_second, manifolds, .. } = &self.pairs[index as usize];
+        // Normals keep their direction on the larger body. On a ball that rolls they would turn, and push the ball forward.
+        let turn = if *on_second { pose12.rotation * searched.rotation.inverse() } else { Quat::IDENTITY };
+        let is_new = pose12 == *searched;
+        self.manifolds[manifolds.clone()].iter().map(move |found| if is_new { *found } else { found.at(&pose12, turn) })
+    }
+
+    /// Returns all pairs, each with its manifolds.
+    pub fn pairs(&self) -> impl Iterator<Item = (&CachedPair, impl Iterator<Item = Manifold>)> {
+        (0..).zip(&self.pairs).map(|(index, pair)| (pair, self.manifolds_at(index, pair.pose12)))
+    }
+
+    /// Returns the number of pairs.
+    pub fn len(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Returns true if there are no pairs.
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
     }
 }
 
 impl CachedPair {
-    /// Creates a pair without manifolds.
-    pub(super) fn new(ids: [u64; 2], shapes: [ShapeId; 2], reach: Reach, pose12: Pose3, searched: Pose3) -> Self {
-        Self { ids, shapes, reach, pose12, searched, manifolds: 0..0 }
+    /// Creates a pair that was searched at this pose, without manifolds.
+    pub(super) fn new(ids: [u64; 2], solids: [&Solid; 2], reach: Reach, pose12: Pose3) -> Self {
+        let [radius1, radius2] = solids.map(|solid| solid.bounding_sphere().radius);
+        let shapes = solids.map(Solid::id);
+        Self { ids, shapes, reach, pose12, searched: pose12, on_second: radius1 < radius2, manifolds: 0..0 }
     }
 }
 

@@ -74,8 +74,8 @@ impl<'a> Pair<'a> {
 
     fn manifolds(&self, prediction: f32, table: &ContactTable) -> Vec<Manifold> {
         let second = SecondKey::of(self.other);
-        let reach = table.reach(self.first.key, second, prediction);
-        let known = table.get(&PairKey::new(self.first.key, second, &self.pose12), reach);
+        let (reach, has_skins) = table.reach(self.first.key, second, prediction);
+        let known = table.get(&PairKey::new(self.first.key, second, &self.pose12), reach, has_skins);
         known.unwrap_or_else(|| self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, reach)))
     }
 

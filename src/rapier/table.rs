@@ -97,11 +97,13 @@ impl ContactTable {
     /// Returns the manifolds of a pair if the table has an entry for exactly this pose and about this reach.
     ///
     /// A body that stops loses the velocity of the time that is owed to it after its contacts are searched, which may halve or double the reach.
-    pub(super) fn get(&self, key: &PairKey, reach: Reach) -> Option<Vec<Manifold>> {
+    pub(super) fn get(&self, key: &PairKey, reach: Reach, has_skins: bool) -> Option<Vec<Manifold>> {
         let table = self.read();
         let (found, range) = table.pairs.get(key)?;
+        // Contacts within contact skins have to be searched.
         let about = |a: f32, b: f32| a <= 2.0 * b && b <= 2.0 * a;
-        let fits = about(found.prediction, reach.prediction) && about(found.in_touch, reach.in_touch);
+        let is_near = about(found.prediction, reach.prediction) && about(found.in_touch, reach.in_touch);
+        let fits = if has_skins { *found == reach } else { is_near };
         fits.then(|| table.manifolds[range.clone()].to_vec())
     }
 
@@ -118,10 +120,10 @@ impl ContactTable {
         pairs.clear();
         manifolds.clear();
         for colliders in worlds {
-            for pair in contacts.pairs().iter().filter(|pair| pair.reach.length_unit == length_unit) {
+            for (pair, found) in contacts.pairs().filter(|(pair, _)| pair.reach.length_unit == length_unit) {
                 if let Some(key) = key(pair, colliders) {
                     let begin = manifolds.len();
-                    manifolds.extend_from_slice(contacts.manifolds(pair));
+                    manifolds.extend(found);
                     pairs.insert(key, (pair.reach, begin..manifolds.len()));
                 }
             }
@@ -139,18 +141,18 @@ impl ContactTable {
         self.read().paces.contains_key(&SecondKey::Medial(key))
     }
 
-    /// Returns the reach of the contact search of a pair.
+    /// Returns the reach of the contact search of a pair, and true if it includes contact skins.
     ///
     /// `prediction`: rapier's prediction distance for the pair, in metres. The excess over the world's prediction distance is the sum of the colliders' contact
     /// skins. It is added to the reach at any speed, because colliders with skins touch at this distance.
-    pub(super) fn reach(&self, first: u64, second: SecondKey, prediction: f32) -> Reach {
+    pub(super) fn reach(&self, first: u64, second: SecondKey, prediction: f32) -> (Reach, bool) {
         let table = self.read();
         let skins = (prediction - table.prediction).max(0.0);
         let [pace1, pace2] =
             [SecondKey::Medial(first), second].map(|key| table.paces.get(&key).copied().unwrap_or(Pace::REST));
         let bare = Reach::new(prediction.min(table.prediction), table.length_unit);
         let reach = bare.of_pair(pace1.against(&pace2));
-        Reach { prediction: reach.prediction + skins, in_touch: reach.in_touch + skins, ..reach }
+        (Reach { prediction: reach.prediction + skins, in_touch: reach.in_touch + skins, ..reach }, skins > 0.0)
     }
 
     /// Returns the number of pairs.

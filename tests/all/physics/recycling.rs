@@ -3,7 +3,8 @@
 use bevy::tasks::ComputeTaskPool;
 use bevy_medial::{
     constants::LINEAR_SLOP,
-    geometry::{Pose3, Sweep},
+    geometry::{Obb, Pose3, Sweep},
+    medial_axis::MedialAxis,
     pipeline::{Body, Meeting, Pace, Pair, Shape, Solid, StaticBody, Statics, StepInput, StepOutput, Workspace, step},
 };
 use glam::{Quat, Vec3};
@@ -160,7 +161,7 @@ fn exhaustive_recycled_contacts_agree_with_searched_contacts() {
 /// Moves one of two touching balls. Returns true if their contact keeps its point on the first ball. `displacement` in metres.
 fn is_recycled(displacement: f32) -> bool {
     let pool = ComputeTaskPool::get_or_init(Default::default);
-    let ball = bevy_medial::medial_axis::MedialAxis::sphere(0.5).unwrap();
+    let ball = MedialAxis::sphere(0.5).unwrap();
     let mut bodies = [0.0, 0.999].map(|x| {
         let pose = Pose3::from_translation(Vec3::X * x);
         Body { id: Some(x.to_bits().into()), ..Body::new(Shape::new(ball.clone()), Sweep::at_rest(pose)) }
@@ -182,4 +183,32 @@ fn is_recycled(displacement: f32) -> bool {
 fn only_pairs_that_hardly_move_keep_their_contacts() {
     assert!(is_recycled(0.0) && is_recycled(0.9 * LINEAR_SLOP));
     assert!(!is_recycled(1.1 * LINEAR_SLOP));
+}
+
+/// A ball that rolls on a plate by less than the tolerance: its contact is recycled, and the normal does not turn with the ball.
+#[test]
+fn recycled_normals_do_not_turn_with_a_rolling_ball() {
+    let pool = ComputeTaskPool::get_or_init(Default::default);
+    let ball = Shape::new(MedialAxis::sphere(0.1).unwrap());
+    let plate = Obb { pose: Pose3::IDENTITY, half_extents: Vec3::new(5.0, 0.5, 5.0) };
+    let statics = Statics::new(vec![StaticBody { id: Some(2), ..StaticBody::solid_box(plate) }]);
+    let mut workspace = Workspace::default();
+    let mut kept = 0;
+    let mut first = None;
+    for step in 0..10 {
+        let rolled = 1.0e-4 * step as f32;
+        let rotation = Quat::from_rotation_z(-rolled / 0.1);
+        let pose = Pose3::from_parts(Vec3::new(rolled, 0.5995, 0.0), rotation);
+        let body = Body { id: Some(1), ..Body::new(ball.clone(), Sweep::at_rest(pose)) };
+        let input = StepInput { bodies: vec![body], prediction: 0.02, ..Default::default() };
+        let mut output = StepOutput::default();
+        workspace.step(&input, &statics, |_, _| Meeting::Stopping, pool, &mut output);
+        let contact = output.manifolds[0].contacts()[0];
+        kept += usize::from(first == Some(contact.point1));
+        first.get_or_insert(contact.point1);
+        let normal = rotation * output.manifolds[0].normal1;
+        assert!(normal.distance(Vec3::NEG_Y) < 1.0e-6, "{normal} after {rolled} m");
+        assert!((contact.distance + 5.0e-4).abs() < 1.0e-5, "{} m after {rolled} m", contact.distance);
+    }
+    assert!(kept >= 3, "kept in {kept} steps");
 }
