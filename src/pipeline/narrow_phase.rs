@@ -110,7 +110,10 @@ impl Ends<'_> {
     /// Returns the index of a pair in the cache, if its contacts are still valid.
     fn recycled(&self, sides: [Side; 2], reach: Reach, pose12: &Pose3) -> Option<u32> {
         let Self { input, statics, cache, .. } = *self;
-        let [id1, id2] = sides.map(|side| input.id(statics, side)).map(|id| id.filter(|_| input.recycle_contacts));
+        if !input.recycle_contacts {
+            return None;
+        }
+        let [id1, id2] = sides.map(|side| input.id(statics, side));
         cache.find([id1?, id2?], sides.map(|side| input.side(statics, side).0), reach, pose12)
     }
 

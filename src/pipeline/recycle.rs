@@ -14,7 +14,7 @@ use crate::{
     geometry::{Pose3, Sphere},
 };
 
-/// The contacts of all pairs that the last step has searched. It is part of the state of a simulation: steps with equal input and equal caches have equal
+/// The contacts of all pairs of the last step, searched or recycled. It is part of the state of a simulation: steps with equal input and equal caches have equal
 /// output.
 ///
 /// A workspace has two caches of up to 300 bytes per pair of near bodies, and 208 bytes per manifold.

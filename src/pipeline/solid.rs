@@ -87,8 +87,21 @@ impl Solid {
     /// Returns the identity of the shape.
     pub fn id(&self) -> ShapeId {
         match self {
-            Solid::Medial(shape) => ShapeId { address: shape.axis.address(), scale: shape.scale },
-            Solid::Parts(parts) => ShapeId { address: parts.address(), scale: 1.0 },
+            Solid::Medial(shape) => shape.into(),
+            Solid::Parts(parts) => ShapeId::of_parts(&**parts),
         }
+    }
+}
+
+impl From<&Shape> for ShapeId {
+    fn from(shape: &Shape) -> Self {
+        Self { address: shape.axis.address(), scale: shape.scale }
+    }
+}
+
+impl ShapeId {
+    /// Returns the identity of a collider that is not medial.
+    pub fn of_parts(parts: &dyn ConvexParts) -> Self {
+        Self { address: parts.address(), scale: 1.0 }
     }
 }

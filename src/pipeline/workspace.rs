@@ -62,11 +62,6 @@ impl Workspace {
         &self.contacts
     }
 
-    /// Removes the contacts of the last step, so that the next step searches all contacts.
-    pub fn clear_contacts(&mut self) {
-        self.contacts.clear();
-    }
-
     /// Replaces the contacts of the last step, as part of a saved state.
     pub fn set_contacts(&mut self, contacts: ContactCache) {
         self.contacts = contacts;

@@ -51,7 +51,7 @@ pub(super) fn detect<Hooks>(
         hooks::meeting(&hooks, pair, &context.bodies.bodies, &context.colliders.colliders, narrow_phase)
     });
     let clock = Instant::now();
-    let before = owed.take();
+    let before = std::mem::take(&mut *owed);
     for (world, (entity, dt)) in (0..).zip(&worlds) {
         if let Ok(context) = contexts.get_mut(*entity) {
             stop_bodies(step, &astray, world, *dt, context, &before, &mut owed);

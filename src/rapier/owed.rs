@@ -25,11 +25,6 @@ impl OwedTime {
     pub(super) fn get(&self, context: Entity, body: RigidBodyHandle) -> Option<&Owed> {
         self.0.get(&(context, body))
     }
-
-    /// Returns all entries, and leaves none.
-    pub(super) fn take(&mut self) -> Self {
-        std::mem::take(self)
-    }
 }
 
 /// Time that is owed to a body.

@@ -6,10 +6,10 @@ use std::{
 use bevy::{platform::collections::HashMap, prelude::*};
 use bevy_rapier3d::{parry::shape::Shape, plugin::context::RapierContextColliders};
 
-use super::{parts::solid, shape::MedialShape};
+use super::shape::MedialShape;
 use crate::{
     geometry::Pose3,
-    pipeline::{CachedPair, ContactCache, Manifold, Pace, Reach},
+    pipeline::{CachedPair, ContactCache, Manifold, Pace, Reach, ShapeId},
 };
 
 /// The manifolds of the last step, by pair and relative pose, and the displacements of the bodies in the next step. The dispatcher reads it.
@@ -78,7 +78,12 @@ fn key(pair: &CachedPair, colliders: &RapierContextColliders) -> Option<PairKey>
     let [first, second] = std::array::from_fn(|side| {
         let entity = Entity::try_from_bits(pair.ids[side])?;
         let collider = colliders.colliders.get(*colliders.entity2collider().get(&entity)?)?;
-        (solid(collider.shared_shape())?.id() == pair.shapes[side]).then(|| collider.shape())
+        let shape = collider.shared_shape();
+        let id = match shape.as_shape::<MedialShape>() {
+            Some(medial) => ShapeId::from(&medial.shape),
+            None => ShapeId::of_parts(shape),
+        };
+        (id == pair.shapes[side]).then_some(&**shape)
     });
     let first = first?.as_shape::<MedialShape>()?;
     Some(PairKey::new(first.key, SecondKey::of(second?), &pair.pose12))
