@@ -28,7 +28,7 @@ use bevy::{
 use bevy_medial::{
     builder::{BuildOptions, build, load::load},
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Manifold, Meeting, Pair, Shape, Statics, StepInput, StepOutput, Stop, Workspace},
+    pipeline::{Body, Manifold, Pair, PairFilter, Shape, Statics, StepInput, StepOutput, Stop, Workspace},
     plugin::{MedialGizmos, MedialStep},
     prelude::*,
     scenes::{Scene, headless_app, load_models},
@@ -185,7 +185,7 @@ struct Stepper {
 
 impl Stepper {
     fn step(&mut self, input: &StepInput, statics: &Statics, pool: &TaskPool) -> &StepOutput {
-        self.workspace.step(input, statics, |_, _| Meeting::Stopping, pool, &mut self.output);
+        self.workspace.step(input, statics, |_, _| PairFilter::Stopping, pool, &mut self.output);
         &self.output
     }
 }

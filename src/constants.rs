@@ -47,10 +47,6 @@ pub const LEAST_SQUARE: f32 = 1.0e-30;
 /// Iterations after which the search stops and reports the iteration limit.
 pub const MAX_ROUNDS: u32 = 1024;
 
-/// Largest number of chords for the step of a turning body. With 1024 chords, ten turns deviate from their path by 0.05 % of the radius. With fewer
-/// chords, bodies that an impact has set spinning stop too early in every step.
-pub const MAX_CHORDS: u32 = 1024;
-
 /// Smallest number of primitive pairs in a step for which a GPU is tried. The CPU culls smaller steps in less than a millisecond, which is little
 /// more than the overhead of a GPU call. For larger steps both are timed. With a smaller value, trials slow down steps of small scenes; with a larger
 /// one, steps stay on the CPU although a GPU is faster.
@@ -68,34 +64,28 @@ pub const LOOK_AHEAD_SLACK: f32 = 0.1;
 /// primitives that do not meet.
 pub const CULLING_CHORD_TOLERANCE: f32 = 1.0e-2;
 
-/// [`MAX_CHORDS`] for culling on the GPU. The deviation that exceeds the tolerance enlarges the search distance.
+/// Largest number of chords per step for culling on the GPU. The deviation that exceeds the tolerance enlarges the search distance.
 pub const MAX_CULLING_CHORDS: u32 = 128;
-
-/// Largest number of chords for which one direction is tested on many primitives. With more chords, the test takes longer than it saves.
-pub const MAX_PARTING_CHORDS: usize = 16;
 
 /// Number of primitive pairs up to which each pair is tested by itself. With fewer pairs, a test of all along one direction takes longer than it saves.
 pub const FEW_PRIMITIVES: usize = 8;
 
-/// Rotation in radians, of both bodies together, per part of a step that is searched in parts. Few primitives are near each other within one part.
-pub const PART_ANGLE: f32 = 0.5;
+/// Largest relative displacement in an interval of a search for impacts, per metre of the smaller body's bounding radius. It applies to body pairs with
+/// more than [`MANY_PRIMITIVES`] primitive pairs: few of them are near each other in a short interval, and the intervals after an impact are skipped.
+pub const INTERVAL_PATH: f32 = 0.25;
 
-/// Relative displacement per part, in the same search, per metre of the smaller body's bounding radius. It applies to body pairs with more than
-/// [`PART_PRIMITIVES`] primitive pairs. With 0.25, bodies with four hundred primitives take a sixth longer; with 0.125, bodies with one or two
-/// hundred primitives do.
-pub const PART_WAY: f32 = 0.18;
+/// Number of primitive pairs up to which a search of the whole displacement takes no longer than a search of its intervals.
+pub const MANY_PRIMITIVES: usize = 256;
 
-/// Number of primitive pairs up to which a search of the whole displacement takes no longer than a search in parts.
-pub const PART_PRIMITIVES: usize = 256;
-
-/// Largest number of such parts.
-pub const MAX_STEP_PARTS: usize = 256;
+/// Length of the shortest interval of a search for impacts, in steps. With intervals of this length, ten turns in a step deviate from their path by
+/// 0.05 % of the radius. With longer ones, bodies that an impact has set spinning stop too early in every step.
+pub const SHORTEST_INTERVAL: f32 = 1.0 / 1024.0;
 
 /// Sine of the angle between a body's spin axis and the rotation axis that follows from its poses. Above it, that rotation axis is not used. With a
 /// larger value, a rod of one metre is searched a millimetre or more beside its path; with a smaller one, rounding reaches the limit.
 pub const AXIS_ASTRAY: f32 = 2.0e-3;
 
-/// Largest deviation of a chord from its arc, per metre of the smaller body's bounding radius.
+/// Largest deviation of points from the chords of their paths, summed over both bodies, per metre of the smaller body's bounding radius.
 pub const CHORD_TOLERANCE: f32 = 1.0e-3;
 
 /// Cosine of the largest angle (25 degrees) at which the contact of a sphere belongs to the flat or straight contact of its primitive.
@@ -124,7 +114,7 @@ pub const LINEAR_SLOP: f32 = 1.0e-3;
 /// Margin of the contact search beyond the displacement of a pair in a step, in prediction distances. It allows for accelerations by the solver and
 /// by gravity. With a larger value, more contacts are found that carry no load; with a smaller one, bodies stop for one step at surfaces without a
 /// contact in the solver.
-pub const REST_REACH: f32 = 0.2;
+pub const REST_MARGIN: f32 = 0.2;
 
 /// Relative difference between the radii of a primitive and of its core, unless [`CORE_DEPTH`] is less. While cores are apart, the direction between
 /// them separates the primitives, so the solver pushes to the correct side. With a larger value, thin primitives may have passed each other before
@@ -186,13 +176,13 @@ pub const MANY_CONTACTS: usize = 96;
 
 /// Number of cells per axis over the extent of a pair's contacts, if there are more than [`MANY_CONTACTS`]. One contact per cell and direction is
 /// kept. The number is halved until few enough contacts are left. A power of two.
-pub const THIN_CELLS: f32 = 32.0;
+pub const CLUSTER_CELLS: f32 = 32.0;
 
 /// Resolution of a normal's coordinates that distinguishes contacts in one cell, in steps per unit: about 15 degrees each.
-pub const THIN_NORMALS: f32 = 4.0;
+pub const CLUSTER_NORMALS: f32 = 4.0;
 
 /// Largest distance from a sphere, in its radii, of a nearest point that lies on the sphere up to rounding.
 pub const SAME_SPHERE: f32 = 1.0e-4;
 
 /// Cosine of the largest angle between the normals of contacts that push in the same direction (a quarter of a degree).
-pub const SEAM_COSINE: f32 = 1.0 - 1.0e-5;
+pub const SAME_NORMAL_COSINE: f32 = 1.0 - 1.0e-5;

@@ -4,9 +4,10 @@ use std::time::{Duration, Instant};
 
 use bevy_medial::{
     builder::{Deviation, measure},
+    constants::INTERVAL_PATH,
     geometry::{Placement, Sphere, Sweep},
     medial_axis::{MedialAxis, packed::PackedMedialMesh},
-    pipeline::{Body, Culling, Hull, Shape, first_touch, search_parts},
+    pipeline::{Body, Culling, Hull, Shape, first_touch},
     query::{Moving, TimeOfImpactStatus, alternating},
 };
 use bevy_medial_compare::{baselines::Kind, hulls::hull_error};
@@ -22,6 +23,9 @@ use crate::{
     pairs::{Pairs, pairs},
     spheres,
 };
+
+/// Rotation of both bodies together, in radians, in a part of a motion that is culled by a baseline.
+const PART_TURN: f32 = 0.5;
 
 /// The answer of a query: the fraction of the step, and the unit normal from the first to the second body.
 #[derive(Clone, Copy, Debug)]
@@ -218,7 +222,11 @@ impl Asked {
         if self.method == Method::Alternating {
             return first_of_alternating([first, second], sweeps, &pairs.between(sweeps));
         }
-        let parts = search_parts(bodies(sweeps));
+        // In short parts, a body turns little and few primitives are near each other.
+        let turn = sweeps[0].rotation.length() + sweeps[1].rotation.length();
+        let path = sweeps[0].translation.distance(sweeps[1].translation);
+        let size = first.bounding_sphere().radius.min(second.bounding_sphere().radius);
+        let parts = ((turn / PART_TURN).max(path / (INTERVAL_PATH * size)).ceil() as usize).max(1);
         (0..parts).find_map(|part| {
             let times = [part, part + 1].map(|i| i as f32 / parts as f32);
             let sweeps = if parts > 1 { sweeps.map(|sweep| sweep.part(times)) } else { *sweeps };

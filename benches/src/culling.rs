@@ -4,7 +4,7 @@ use std::fmt;
 
 use bevy::{prelude::*, tasks::ComputeTaskPool};
 use bevy_medial::{
-    pipeline::{Culling, Meeting, StepInput, StepOutput, Workspace},
+    pipeline::{Culling, PairFilter, StepInput, StepOutput, Workspace},
     plugin::MedialStep,
     scenes::{Monitor, Row},
 };
@@ -149,7 +149,7 @@ impl Comparison {
         let [workspace, another] = &mut self.workspaces;
         let run = |workspace: &mut Workspace, input| {
             let mut output = StepOutput::default();
-            workspace.step(input, &step.statics, |_, _| Meeting::Stopping, pool, &mut output);
+            workspace.step(input, &step.statics, |_, _| PairFilter::Stopping, pool, &mut output);
             Ok(output)
         };
         let mut hybrid = || run(workspace, &step.input);

@@ -94,18 +94,45 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
     let free = edit.free(complex.balls.len());
     let mut edited = complex.clone();
     edit.apply(&mut edited);
-    let moving: Vec<Primitive> =
-        edited.primitives().into_iter().filter(|p| p.indices().iter().any(|i| free.contains(i))).collect();
-    let is_old = |p: &Primitive| p.indices().iter().any(|i| free.contains(i) || edit.removed == Some(*i));
+    let is_moving = |p: &Primitive| p.indices().iter().any(|i| free.contains(i));
+    let moving: Vec<Primitive> = edited.primitives().into_iter().filter(is_moving).collect();
+    let is_old = |p: &Primitive| is_moving(p) || edit.removed.is_some_and(|removed| p.indices().contains(&removed));
     let old: Vec<bool> = state.envelope.primitives.iter().map(is_old).collect();
-    let rest: Vec<u32> = (0..old.len() as u32).filter(|&p| !old[p as usize]).collect();
 
-    // The moving part as a complex of its own.
-    let ids: Vec<u32> =
-        moving.iter().flat_map(|p| p.indices()).copied().collect::<BTreeSet<u32>>().into_iter().collect();
+    let (mut part, ids) = isolated(&edited.balls, &moving);
+    let samples = affected_samples(&edited.balls, &moving, &old, state, target);
+    let points = Points::new(samples.iter().map(|&i| target.points.positions[i]).collect());
+    let weights: Vec<f64> = samples.iter().map(|&i| target.weights[i]).collect();
+    let primitives: Vec<u32> = (0..old.len() as u32).filter(|&p| !old[p as usize]).collect();
+    let rest = Rest {
+        envelope: &state.envelope,
+        distances: state.envelope.distances_among(&points, &primitives),
+        primitives,
+        frozen: ids.iter().map(|i| !free.contains(i)).collect(),
+    };
+    let local_target = Target {
+        points: &points,
+        weights: &weights,
+        spacing: target.spacing * COARSER,
+        creases: 0.0,
+        rest: Some(rest),
+        ..*target
+    };
+    let before = cost(&samples, &old, state, target);
+    let after = descent::descend(&mut part, &local_target, STEPS, descent::ROUGH);
+    let moved = ids.iter().zip(&part.balls).filter(|(i, _)| free.contains(i)).map(|(&i, &b)| (i, b)).collect();
+    let mut touched = ids;
+    touched.extend(edit.removed);
+    Outcome { change: after - before, moved, touched, placeholder: complex.balls.len() as u32, edit }
+}
+
+/// Returns the complex of some primitives alone, and the indices of its spheres in the list of all.
+fn isolated(balls: &[Ball], primitives: &[Primitive]) -> (Complex, Vec<u32>) {
+    let ids: BTreeSet<u32> = primitives.iter().flat_map(|p| p.indices()).copied().collect();
+    let ids: Vec<u32> = ids.into_iter().collect();
     let local = |i: &u32| ids.binary_search(i).unwrap_or(0) as u32;
-    let mut part = Complex { balls: ids.iter().map(|&i| edited.balls[i as usize]).collect(), ..Complex::default() };
-    for p in &moving {
+    let mut part = Complex { balls: ids.iter().map(|&i| balls[i as usize]).collect(), ..Complex::default() };
+    for p in primitives {
         match p {
             Primitive::Sphere(_) => {}
             Primitive::Cone(e) => part.edges.push(e.each_ref().map(local)),
@@ -117,55 +144,34 @@ fn try_out(complex: &Complex, state: &State, target: &Target, edit: Edit) -> Out
     }
     part.edges.sort_unstable();
     part.edges.dedup();
+    (part, ids)
+}
 
-    // The samples that the edit may affect.
+/// Returns the samples that an edit may affect: blocks with a sample nearest to an old primitive, and blocks near a moving primitive.
+fn affected_samples(balls: &[Ball], moving: &[Primitive], old: &[bool], state: &State, target: &Target) -> Vec<usize> {
     const MARGIN: f64 = 0.01;
     let mut least = vec![f32::INFINITY; target.points.blocks.len()];
-    for hull in moving.iter().map(|p| Hull::new(&edited.balls, p)) {
+    for hull in moving.iter().map(|p| Hull::new(balls, p)) {
         least.iter_mut().zip(target.points.gaps(&hull)).for_each(|(least, gap)| *least = least.min(gap));
     }
-    let mut chosen: Vec<usize> = vec![];
+    let mut affected: Vec<usize> = vec![];
     for (block, gap) in least.into_iter().enumerate() {
         let range = target.points.range(block);
         let hits = &state.hits[range.clone()];
         let reach = hits.iter().map(|h| h.distance).fold(0.0, f64::max) + MARGIN;
         if hits.iter().any(|h| old[h.primitive as usize]) || f64::from(gap) < reach {
-            chosen.extend(range);
+            affected.extend(range);
         }
     }
-    let points = Points::new(chosen.iter().map(|&i| target.points.positions[i]).collect());
-    let weights: Vec<f64> = chosen.iter().map(|&i| target.weights[i]).collect();
-    let distances = state.envelope.distances_among(&points, &rest);
-    let penalty = target.penalty;
-    let before: f64 = chosen.iter().map(|&i| target.weights[i] * target.cost_of(state.hits[i].distance)).sum::<f64>()
-        + state
-            .anchors
-            .iter()
-            .filter(|a| old[a.primitive as usize])
-            .map(|a| a.weight * target.penalty.of(a.error(&state.envelope)))
-            .sum::<f64>();
-    let local_target = Target {
-        solid: target.solid,
-        points: &points,
-        weights: &weights,
-        area: target.area,
-        penalty,
-        spacing: target.spacing * COARSER,
-        uncovered: target.uncovered,
-        creases: 0.0,
-        worst: target.worst,
-        rest: Some(Rest {
-            envelope: &state.envelope,
-            primitives: rest,
-            distances,
-            frozen: ids.iter().map(|i| !free.contains(i)).collect(),
-        }),
-    };
-    let after = descent::descend(&mut part, &local_target, STEPS, descent::ROUGH);
-    let moved = ids.iter().zip(&part.balls).filter(|(i, _)| free.contains(i)).map(|(&i, &b)| (i, b)).collect();
-    let mut touched = ids;
-    touched.extend(edit.removed);
-    Outcome { change: after - before, moved, touched, placeholder: complex.balls.len() as u32, edit }
+    affected
+}
+
+/// Returns the cost of some samples, and of the points of the envelope on old primitives.
+fn cost(samples: &[usize], old: &[bool], state: &State, target: &Target) -> f64 {
+    let of_samples = samples.iter().map(|&i| target.weights[i] * target.cost_of(state.hits[i].distance));
+    let anchors = state.anchors.iter().filter(|a| old[a.primitive as usize]);
+    let of_anchors = anchors.map(|a| a.weight * target.penalty.of(a.error(&state.envelope)));
+    of_samples.sum::<f64>() + of_anchors.sum::<f64>()
 }
 
 impl Outcome {
@@ -178,7 +184,7 @@ impl Outcome {
     }
 }
 
-/// Edits that insert a sphere at the worst sample of a region, for the `count` regions with the largest costs. A region may have several edits.
+/// Returns edits that insert a sphere at the worst sample of a region, for the `count` regions with the largest costs. A region may have several edits.
 fn insertions(
     complex: &Complex,
     parts: &[u32],
@@ -187,7 +193,27 @@ fn insertions(
     samples: &Samples,
     count: usize,
 ) -> Vec<Edit> {
-    // For the region of each sphere: the sum of the costs, the largest distance and its sample.
+    let worst = worst_samples(complex, state, target, samples, count);
+    let distances: Vec<f64> = state.hits.iter().map(|h| h.distance).collect();
+    let edits = parallel::map(worst.len(), 1, |at| {
+        let sample = worst[at] as usize;
+        let part = samples.parts[sample];
+        let (point, normal) = (samples.points.positions[sample], samples.normals[sample]);
+        let inserted = (surface_samples::medial_ball(target.solid, part, point, normal), part);
+        let hit = &state.hits[sample];
+        let home = &state.envelope.primitives[hit.primitive as usize];
+        let gain = |complex: &Complex, cone: &Primitive| {
+            connect::relief(complex, cone, samples, &distances, target) - connect::harm(complex, cone, target)
+        };
+        let leaf = leaf(complex, parts, home, inserted, gain);
+        leaf.into_iter().chain(splits(complex, parts, home, hit.weights[1], inserted)).collect::<Vec<Edit>>()
+    });
+    edits.into_iter().flatten().collect()
+}
+
+/// Returns the sample with the largest distance of each region, for the `count` regions with the largest costs. Each sphere has a region.
+fn worst_samples(complex: &Complex, state: &State, target: &Target, samples: &Samples, count: usize) -> Vec<u32> {
+    // For each region: the sum of the costs, the largest distance and its sample.
     let mut regions = vec![(0.0, 0.0, u32::MAX); complex.balls.len()];
     for (i, hit) in state.hits.iter().enumerate().filter(|(i, _)| samples.normals[*i] != glam::DVec3::ZERO) {
         let region = &mut regions[state.sphere(hit.primitive, &hit.weights) as usize];
@@ -203,49 +229,49 @@ fn insertions(
     let mut worst: Vec<(f64, u32)> = regions.iter().filter(|r| r.2 != u32::MAX).map(|r| (r.0, r.2)).collect();
     worst.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     worst.truncate(count);
-    let distances: Vec<f64> = state.hits.iter().map(|h| h.distance).collect();
-    let edits = parallel::map(worst.len(), 1, |at| {
-        let sample = worst[at].1 as usize;
-        let part = samples.parts[sample];
-        let (point, normal) = (samples.points.positions[sample], samples.normals[sample]);
-        let ball = surface_samples::medial_ball(target.solid, part, point, normal);
-        let new = complex.balls.len() as u32;
-        let hit = &state.hits[sample];
-        let home = state.envelope.primitives[hit.primitive as usize];
-        let mut around: BTreeSet<u32> = home.indices().iter().copied().collect();
-        around.extend(complex.edges.iter().filter(|e| e.iter().any(|i| home.indices().contains(i))).flatten());
-        around.retain(|&i| parts[i as usize] == part);
-        let mut balls = complex.clone();
-        balls.balls.push(ball);
-        let score = |i: u32| {
-            let cone = Primitive::Cone([i, new]);
-            connect::relief(&balls, &cone, samples, &distances, target) - connect::harm(&balls, &cone, target)
-        };
-        let leaf = around.iter().map(|&i| (score(i), i)).max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
-        let inserted = Some((ball, part));
-        let mut edits: Vec<Edit> =
-            leaf.map(|(_, i)| Edit { inserted, new_edges: vec![[i, new]], ..Edit::default() }).into_iter().collect();
-        if let Primitive::Cone(ends) = home
-            && hit.weights[1] > 0.05
-            && hit.weights[1] < 0.95
-            && ends.iter().all(|&i| parts[i as usize] == part)
-        {
-            let split = ends.map(|i| [i, new]).to_vec();
-            edits.push(Edit { inserted, cut_edges: vec![ends], new_edges: split.clone(), ..Edit::default() });
-            // The same with a sphere on the cone, which does not change the shape at the start.
-            let t = hit.weights[1];
-            let (a, b) = (complex.balls[ends[0] as usize], complex.balls[ends[1] as usize]);
-            let middle = Ball { center: a.center.lerp(b.center, t), radius: a.radius + t * (b.radius - a.radius) };
-            edits.push(Edit {
-                inserted: Some((middle, part)),
+    worst.into_iter().map(|(_, sample)| sample).collect()
+}
+
+/// Returns the edit that joins a new sphere to another one by the cone with the largest gain. The other sphere belongs to the primitive `home` or is a
+/// neighbour of it.
+fn leaf(
+    complex: &Complex,
+    parts: &[u32],
+    home: &Primitive,
+    inserted: (Ball, u32),
+    gain: impl Fn(&Complex, &Primitive) -> f64,
+) -> Option<Edit> {
+    let (ball, part) = inserted;
+    let new = complex.balls.len() as u32;
+    let mut around: BTreeSet<u32> = home.indices().iter().copied().collect();
+    around.extend(complex.edges.iter().filter(|e| e.iter().any(|i| home.indices().contains(i))).flatten());
+    around.retain(|&i| parts[i as usize] == part);
+    let mut enlarged = complex.clone();
+    enlarged.balls.push(ball);
+    let gains = around.into_iter().map(|i| (gain(&enlarged, &Primitive::Cone([i, new])), i));
+    let (_, end) = gains.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))?;
+    Some(Edit { inserted: Some(inserted), new_edges: vec![[end, new]], ..Edit::default() })
+}
+
+/// Returns the edits that split the primitive `home`, if it is a cone of the new sphere's part and the fraction `t` along it is not near an end. One edit
+/// splits it at the new sphere. The other splits it at a sphere on the cone, which does not change the shape at the start.
+fn splits(complex: &Complex, parts: &[u32], home: &Primitive, t: f64, inserted: (Ball, u32)) -> Vec<Edit> {
+    let (ball, part) = inserted;
+    let new = complex.balls.len() as u32;
+    match *home {
+        Primitive::Cone(ends) if t > 0.05 && t < 0.95 && ends.iter().all(|&i| parts[i as usize] == part) => {
+            let [a, b] = ends.map(|i| complex.balls[i as usize]);
+            let on_cone = Ball { center: a.center.lerp(b.center, t), radius: a.radius + t * (b.radius - a.radius) };
+            let split = |ball| Edit {
+                inserted: Some((ball, part)),
                 cut_edges: vec![ends],
-                new_edges: split,
+                new_edges: ends.map(|i| [i, new]).to_vec(),
                 ..Edit::default()
-            });
+            };
+            vec![split(ball), split(on_cone)]
         }
-        edits
-    });
-    edits.into_iter().flatten().collect()
+        _ => vec![],
+    }
 }
 
 /// Moves spheres from places where they reduce the cost little to places where they reduce it more.

@@ -9,6 +9,7 @@ use super::{
     connect::{self, Limits},
     descent,
     envelope::Complex,
+    hull::Ball,
     judge::{Judge, Verdict},
     mend, parallel,
     progress::{Progress, between},
@@ -82,6 +83,33 @@ fn body(parts: &[u32], touching: &BTreeSet<[u32; 2]>, part_count: usize) -> f64 
     bodies.sum::<f64>() / parts.len() as f64
 }
 
+/// Returns samples for a number of spheres. The number of samples of the area lies between two bounds.
+fn samples(
+    solid: &Solid,
+    spheres: usize,
+    [area, vertices]: [usize; 2],
+    [least, most]: [usize; 2],
+    seed: u64,
+) -> Samples {
+    let count = (spheres * area).clamp(least, most);
+    Samples::new(solid, count, count * vertices / area, seed)
+}
+
+/// Returns the medial balls of every second bounding sample of each part, starting with the first one, so that no part goes without.
+fn medial_balls(solid: &Solid, samples: &Samples) -> Vec<Option<Ball>> {
+    let mut has_ball = vec![false; solid.part_count];
+    let chosen: Vec<bool> = (samples.normals.iter().zip(&samples.parts))
+        .map(|(normal, &part)| {
+            let bounds = *normal != DVec3::ZERO;
+            has_ball[part as usize] ^= bounds;
+            bounds && has_ball[part as usize]
+        })
+        .collect();
+    parallel::map(samples.len(), 32, |i| {
+        chosen[i].then(|| medial_ball(solid, samples.parts[i], samples.points.positions[i], samples.normals[i]))
+    })
+}
+
 /// Number of distinct values.
 fn distinct(parts: &[u32]) -> usize {
     let mut parts = parts.to_vec();
@@ -104,26 +132,10 @@ impl Search {
         let spheres = options.spheres.clamp(1, MAX_SPHERES);
         // A caller that sets the number of searches accepts the time that they take.
         let hurried = options.searches.is_none() && refine::is_hurried(triangles, spheres);
-        let count = |per_sphere: [usize; 2], factor: usize| {
-            let area = (spheres * per_sphere[0]).clamp(SAMPLES[0] * factor, SAMPLES[1] * factor);
-            (area, area * per_sphere[1] / per_sphere[0])
-        };
         let per_sphere = if hurried { COARSER } else { COARSE };
-        let ((area, vertices), (fine_area, fine_vertices)) = (count(per_sphere, 1), count(FINE, 2));
-        let coarse = Samples::new(solid, area, vertices, seed).turned_outward(solid);
-        let fine = Samples::new(solid, fine_area, fine_vertices, seed);
-        // Every second bounding sample of a part gets a ball, starting with the first one, so that no part goes without.
-        let mut has_ball = vec![false; solid.part_count];
-        let chosen: Vec<bool> = (coarse.normals.iter().zip(&coarse.parts))
-            .map(|(normal, &part)| {
-                let bounds = *normal != DVec3::ZERO;
-                has_ball[part as usize] ^= bounds;
-                bounds && has_ball[part as usize]
-            })
-            .collect();
-        let balls = parallel::map(coarse.len(), 32, |i| {
-            chosen[i].then(|| medial_ball(solid, coarse.parts[i], coarse.points.positions[i], coarse.normals[i]))
-        });
+        let coarse = samples(solid, spheres, per_sphere, SAMPLES, seed).turned_outward(solid);
+        let fine = samples(solid, spheres, FINE, SAMPLES.map(|samples| 2 * samples), seed);
+        let balls = medial_balls(solid, &coarse);
         report(0.1)?;
         let at_first = ((spheres as f64 * SURPLUS) as usize).min(balls.iter().flatten().count());
         let clusters = clusters::cluster(&coarse, &balls, at_first, solid.part_count);

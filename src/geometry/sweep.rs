@@ -4,7 +4,6 @@ use glam::{Quat, Vec3};
 use glamx::Pose3;
 
 use super::Aabb;
-use crate::constants::MAX_CHORDS;
 
 /// Rigid motion over one step: the centre of mass moves on a line, and the body rotates about it at a constant rate.
 ///
@@ -133,23 +132,12 @@ impl Sweep {
         start.merge(end).inflated(bend / 8.0)
     }
 
-    /// Deviation of a point at the distance `radius` from the centre of mass from the chord of its arc, if the
-    /// step is split into `chords` equal parts: the sagitta, `radius (1 - cos(angle / 2))`.
-    pub fn sagitta(&self, radius: f32, chords: u32) -> f32 {
-        let half_angle = self.rotation.length() / (2.0 * chords as f32);
+    /// Deviation of a point at the distance `radius` from the centre of mass from the chord of its arc: the sagitta, `radius (1 - cos(angle / 2))`.
+    pub fn sagitta(&self, radius: f32) -> f32 {
+        let half_angle = self.rotation.length() / 2.0;
         // 1 - cos x = 2 sin^2(x / 2), which avoids cancellation.
         let sin = (half_angle.min(std::f32::consts::PI) * 0.5).sin();
         2.0 * radius * sin * sin
-    }
-
-    /// Number of chords to split the step into, so that no point within `radius` of the centre of mass strays from
-    /// its chord by more than `tolerance` metres. The number is a power of two, at most [`MAX_CHORDS`].
-    pub fn chords(&self, radius: f32, tolerance: f32) -> u32 {
-        let mut chords = 1;
-        while chords < MAX_CHORDS && self.sagitta(radius, chords) > tolerance {
-            chords *= 2;
-        }
-        chords
     }
 
     /// Upper bound of the path length of a point within `radius` of the centre of mass, in metres.

@@ -37,7 +37,7 @@ use super::{
 use crate::{
     constants::LINEAR_SLOP,
     geometry::Aabb,
-    pipeline::{Candidates, Statics, StepInput, Widening},
+    pipeline::{Candidates, KinematicReach, Statics, StepInput},
     random::GOLDEN_TURN,
 };
 
@@ -136,7 +136,7 @@ impl GpuCulling {
     /// # Errors
     /// If a position or motion is not finite, if the scene exceeds the limits of the device, or if the device is lost. Nothing is found then.
     pub fn cull(&mut self, input: &StepInput, statics: &Statics) -> Result<Vec<Candidates>, GpuError> {
-        let mut widening = Widening::new(input);
+        let mut widening = KinematicReach::new(input);
         loop {
             self.upload(input, statics, &widening, |_| 0.0)?;
             let gpu = self.gpu.clone();
@@ -162,7 +162,7 @@ impl GpuCulling {
         &mut self,
         input: &StepInput,
         statics: &Statics,
-        widening: &Widening,
+        widening: &KinematicReach,
         slack: impl Fn(usize) -> f32,
     ) -> Result<(), GpuError> {
         let known = (statics.id(), statics.bodies().len() as u32);
@@ -188,7 +188,7 @@ impl GpuCulling {
         input: &StepInput,
         statics: &Statics,
         known: (u64, u32),
-        widening: &Widening,
+        widening: &KinematicReach,
         slack: impl Fn(usize) -> f32,
     ) -> Result<(), GpuError> {
         if self.shapes.tidy() {
@@ -413,7 +413,7 @@ mod tests {
         let input = StepInput { bodies: vec![body(0.0), body(0.1)], prediction: 0.01, ..Default::default() };
         let capacity = GpuCapacity { candidates: 1, ..GpuCapacity::default() };
         let mut culling = GpuCulling::new(&gpu, capacity).unwrap();
-        culling.upload(&input, &Statics::default(), &Widening::new(&input), |_| 0.0).unwrap();
+        culling.upload(&input, &Statics::default(), &KinematicReach::new(&input), |_| 0.0).unwrap();
         let taken = [(); 2].map(|()| {
             let mut encoder = gpu.device.create_command_encoder(&Default::default());
             let batch = culling.encode(&mut encoder).unwrap();

@@ -11,7 +11,7 @@ use bevy::tasks::TaskPool;
 use crate::{
     constants::{LOOK_AHEAD_SLACK, LOOK_AHEAD_STEPS},
     geometry::{Pose3, Sweep},
-    pipeline::{self, Body, Candidates, Side, Solid, Statics, StepInput, Widening},
+    pipeline::{self, Body, Candidates, KinematicReach, Side, Solid, Statics, StepInput},
 };
 
 /// Prediction of the next [`LOOK_AHEAD_STEPS`] steps.
@@ -97,7 +97,7 @@ impl Prediction {
             })
             .collect();
         // A body that is carried along leaves its path.
-        let mut widening = Widening::new(input);
+        let mut widening = KinematicReach::new(input);
         loop {
             let is_departed = |side: &Side| side.body().is_some_and(|body| departed[body as usize]);
             kept.retain(|pair| !pair.sides.iter().any(is_departed));

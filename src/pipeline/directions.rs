@@ -14,7 +14,7 @@ pub(super) struct Directions {
 
 impl Directions {
     /// Stores a unit vector from the first side to the second in place of the oldest one. Returns its lane.
-    pub fn learn(&mut self, direction: Vec3) -> usize {
+    pub fn push_axis(&mut self, direction: Vec3) -> usize {
         let lane = self.learned % 4;
         for (axis, coordinate) in self.axes.iter_mut().zip(direction.to_array()) {
             axis[lane] = coordinate;

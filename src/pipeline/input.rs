@@ -6,7 +6,7 @@ use std::{collections::HashSet, sync::Arc};
 
 use glam::{BVec3, Vec3};
 
-use super::{Pace, Reach, Solid, broad_phase};
+use super::{ContactMargin, Displacement, Solid, broad};
 use crate::{
     constants::CORE_DEPTH,
     geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
@@ -56,8 +56,8 @@ pub struct Body {
     pub stop_groups: Groups,
     /// The rigid body that this shape belongs to. Shapes of one owner do not collide.
     pub owner: Option<u64>,
-    /// The assembly of the body. Shapes of one rigid body, and rigid bodies on joints, share an assembly and stop together.
-    pub assembly: Option<u64>,
+    /// The joint island of the body. Shapes of one rigid body, and rigid bodies on joints, share a joint island and stop together.
+    pub joint_island: Option<u64>,
     /// The world of the body. Bodies of different worlds do not collide.
     pub world: u32,
     /// False for bodies that sleep or never move. Pairs of inactive bodies are skipped unless a third body may push one of them.
@@ -74,8 +74,8 @@ pub struct Body {
     pub held: bool,
     /// How much smaller the core is than the body, in bounding radii of the smaller body of a pair.
     pub core_depth: f32,
-    /// Displacement in the next step, if a solver acts on contacts. The solver needs [fewer contacts](Reach::of_pair) then.
-    pub pace: Option<Pace>,
+    /// Displacement in the next step, if a solver acts on contacts. The solver needs [fewer contacts](ContactMargin::of_pair) then.
+    pub next_displacement: Option<Displacement>,
 }
 
 impl Body {
@@ -90,7 +90,7 @@ impl Body {
             types: Groups::ALL,
             stop_groups: Groups::ALL,
             owner: None,
-            assembly: None,
+            joint_island: None,
             world: 0,
             active: true,
             stops: true,
@@ -99,7 +99,7 @@ impl Body {
             locked: BVec3::FALSE,
             held: false,
             core_depth: CORE_DEPTH,
-            pace: None,
+            next_displacement: None,
         }
     }
 
@@ -190,7 +190,7 @@ impl Statics {
     pub fn new(bodies: Vec<StaticBody>) -> Self {
         let boxes: Vec<Obb> = bodies.iter().map(StaticBody::obb).collect();
         let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
-        let primitives = broad_phase::count(bodies.iter().map(|body| &body.solid));
+        let primitives = broad::count(bodies.iter().map(|body| &body.solid));
         #[cfg(feature = "gpu")]
         static NEXT: AtomicU64 = AtomicU64::new(1);
         Self {
@@ -238,7 +238,7 @@ pub struct StepInput {
     pub bodies: Vec<Body>,
     /// Pairs of owners whose collisions a joint disables, the lower owner first.
     pub apart: HashSet<[u64; 2]>,
-    /// Largest distance of reported contacts, in metres. For bodies with a [pace](Body::pace), [`Reach::of_pair`] gives the distance.
+    /// Largest distance of reported contacts, in metres. For bodies with a [displacement](Body::next_displacement), [`ContactMargin::of_pair`] gives the distance.
     pub prediction: f32,
     /// Size of a typical body, in metres. Tolerances that do not depend on a shape, such as the touch distance, are proportional to it. Default: 1.
     pub length_unit: f32,
@@ -290,16 +290,19 @@ impl StepInput {
         }
     }
 
-    /// Returns the reach of the contact search of a pair at the end of the step.
+    /// Returns the margin of the contact search of a pair at the end of the step.
     ///
     /// `moved_until`: the fraction of the step for which a body has moved. The body's next step is longer by the remaining fraction.
-    pub(super) fn reach(&self, sides: [Side; 2], moved_until: impl Fn(u32) -> f32) -> Reach {
-        let reach = Reach::new(self.prediction, self.length_unit);
-        let pace = |body: u32| {
-            let times = 2.0 - moved_until(body);
-            self.bodies[body as usize].pace.map(|pace| pace.times(times))
+    pub(super) fn contact_margin(&self, sides: [Side; 2], moved_until: impl Fn(u32) -> f32) -> ContactMargin {
+        let margin = ContactMargin::new(self.prediction, self.length_unit);
+        let displacement = |side: Side| {
+            let Some(body) = side.body() else { return Some(Displacement::REST) };
+            Some(self.bodies[body as usize].next_displacement?.times(2.0 - moved_until(body)))
         };
-        way(sides, pace).map_or(reach, |way| reach.of_pair(way))
+        match sides.map(displacement) {
+            [Some(first), Some(second)] => margin.of_pair([&first, &second]),
+            _ => margin,
+        }
     }
 
     /// Returns the identity of a side in successive steps.
@@ -318,12 +321,6 @@ impl StepInput {
         };
         solid.medial().map_or(0.0, |_| depth)
     }
-}
-
-/// Returns an upper bound of the relative displacement of a pair in a step, in metres. `None` if the pace of a body is not known.
-fn way(sides: [Side; 2], pace: impl Fn(u32) -> Option<Pace>) -> Option<f32> {
-    let [pace1, pace2] = sides.map(|side| side.body().map_or(Some(Pace::REST), &pace));
-    Some(pace1?.against(&pace2?))
 }
 
 /// One side of a pair.
@@ -347,7 +344,7 @@ impl Side {
 
 /// The kind of interaction of a pair of bodies, as the filter decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Meeting {
+pub enum PairFilter {
     /// The bodies do not collide. No contacts or impacts are computed.
     Apart,
     /// Contacts and impacts are computed, but no body stops at the other.

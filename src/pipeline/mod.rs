@@ -14,32 +14,20 @@
 //! Bodies are dense indices, and the caller maps them to entities. All stages are pure functions of their input. Their work is split into
 //! chunks whose results are joined in order, so the output has the same bits for any number of threads.
 
-mod assemblies;
-mod broad_phase;
-pub mod contact;
+mod broad;
+pub mod contacts;
 mod directions;
-mod first_impact;
-mod first_touch;
 mod input;
-mod manifold;
-mod mid_phase;
-mod motion;
-mod moving_boxes;
+mod joint_islands;
 mod narrow_phase;
-mod near;
 mod output;
 mod pairs;
 pub(crate) mod parallel;
-mod parting;
 mod parts;
-mod reach;
-mod recycle;
-mod reduce;
 mod respond;
-mod seams;
 mod shape;
 mod solid;
-mod thin;
+mod sweep;
 mod tolerances;
 mod workspace;
 
@@ -48,28 +36,25 @@ use std::time::Duration;
 use bevy::{platform::time::Instant, tasks::TaskPool};
 
 #[cfg(feature = "debug")]
-pub(crate) use broad_phase::swept_cone;
+pub(crate) use broad::swept_cone;
 #[cfg(feature = "gpu")]
-pub(crate) use broad_phase::{Widening, near_sides};
+pub(crate) use broad::{KinematicReach, near_sides};
 use workspace::Scratch;
 
-pub use contact::Second;
-pub use first_touch::{first_touch, search_parts};
-pub use input::{Body, Culling, Groups, Meeting, Side, StaticBody, Statics, StepInput, relative_pose};
-pub use manifold::{Contact, Manifold};
+pub use contacts::{CachedPair, Contact, ContactCache, ContactMargin, Displacement, Manifold, OtherShape};
+pub use input::{Body, Culling, Groups, PairFilter, Side, StaticBody, Statics, StepInput, relative_pose};
 pub use output::{Candidates, Counts, Impact, Pair, StepOutput, Stop, Times};
 pub use parts::{ConvexParts, Core, Part, Parts};
-pub use reach::{Pace, Reach};
-pub use recycle::{CachedPair, ContactCache};
 pub(crate) use shape::with_spheres;
 pub use shape::{Hull, Shape};
 pub use solid::{ShapeId, Solid};
+pub use sweep::first_touch;
 pub use workspace::Workspace;
 
 /// Runs stages 2 to 5 of a single step. For a sequence of steps, keep a [`Workspace`].
 pub fn step(input: &StepInput, statics: &Statics, pool: &TaskPool) -> StepOutput {
     let mut output = StepOutput::default();
-    Workspace::default().step(input, statics, |_, _| Meeting::Stopping, pool, &mut output);
+    Workspace::default().step(input, statics, |_, _| PairFilter::Stopping, pool, &mut output);
     output
 }
 
@@ -81,7 +66,7 @@ pub fn step_from_candidates(
     input: &StepInput,
     statics: &Statics,
     candidates: Vec<Candidates>,
-    filter: impl Fn(Side, Side) -> Meeting,
+    filter: impl Fn(Side, Side) -> PairFilter,
     pool: &TaskPool,
 ) -> StepOutput {
     let mut output = StepOutput::default();

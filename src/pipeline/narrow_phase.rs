@@ -4,14 +4,17 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    CachedPair, ContactCache, Manifold, Pair, Reach, Scratch, Side, Statics, StepInput, StepOutput, contact,
-    first_impact::{ImpactResult, Question, first_impact},
+    CachedPair, ContactCache, ContactMargin, Manifold, Pair, Scratch, Side, Statics, StepInput, StepOutput,
+    contacts::{find, reduce},
     laps,
-    motion::PairMotion,
     pairs::{BodyPair, PrimitivePair},
     parallel::{self, Scratches},
-    reduce, relative_pose,
-    respond::Courses,
+    relative_pose,
+    respond::Trajectories,
+    sweep::{
+        first_impact::{ImpactResult, Question, first_impact},
+        motion::PairMotion,
+    },
 };
 use crate::geometry::Pose3;
 
@@ -46,8 +49,8 @@ pub(super) struct Found {
     pub pair: usize,
     /// Number of manifolds.
     pub count: usize,
-    /// Reach of the search.
-    pub reach: Reach,
+    /// Margin of the search.
+    pub reach: ContactMargin,
     /// Pose of the second side in the frame of the first, to which the manifolds refer.
     pub pose12: Pose3,
     /// Index of the pair in the cache, if its contacts were not searched.
@@ -59,7 +62,7 @@ pub(super) struct Ends<'a> {
     pub input: &'a StepInput,
     pub statics: &'a Statics,
     /// Where bodies end the step.
-    pub courses: &'a Courses,
+    pub trajectories: &'a Trajectories,
     /// Contacts of the last step.
     pub cache: &'a ContactCache,
 }
@@ -73,25 +76,25 @@ impl Ends<'_> {
         manifolds: &mut Vec<Manifold>,
         pool: &TaskPool,
     ) {
-        let Self { input, courses, .. } = *self;
+        let Self { input, trajectories, .. } = *self;
         parallel::gather(pool, tasks, pairs, 4, manifolds, |scratch, i, pair, manifolds| {
             // Rapier needs no contacts between sleeping bodies that are not pushed.
-            if pair.bodies().any(|body| input.bodies[body as usize].active || courses.leaves_path(body)) {
+            if pair.bodies().any(|body| input.bodies[body as usize].active || trajectories.leaves_path(body)) {
                 self.manifolds_of(i, pair, scratch, manifolds);
             }
         });
     }
 
     fn manifolds_of(&self, index: usize, pair: &BodyPair, scratch: &mut Scratch, manifolds: &mut Vec<Manifold>) {
-        let Self { input, statics, courses, .. } = *self;
+        let Self { input, statics, trajectories, .. } = *self;
         let Scratch { contact: buffers, contacts, reduce, found, laps: [finding, reducing], .. } = scratch;
         let mut lap = laps();
         let sides = [pair.first, pair.second];
         let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
         let pose12 =
-            relative_pose(sides.map(|side| place(input, statics, side, |body| courses.final_pose(input, body))));
+            relative_pose(sides.map(|side| place(input, statics, side, |body| trajectories.final_pose(input, body))));
         let Some(shape1) = first.medial() else { return };
-        let reach = input.reach(sides, |body| courses.moved_until(body));
+        let reach = input.contact_margin(sides, |body| trajectories.moved_until(body));
         let before = manifolds.len();
         let recycled = self.recycled(sides, reach, &pose12);
         if let Some(index) = recycled {
@@ -99,7 +102,7 @@ impl Ends<'_> {
             *finding += lap();
         } else {
             contacts.clear();
-            contact::find_with(shape1, second.second(), &pose12, reach, input.culling, contacts, buffers);
+            find::find_with(shape1, second.second(), &pose12, reach, input.culling, contacts, buffers);
             *finding += lap();
             reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push(manifold));
             *reducing += lap();
@@ -108,7 +111,7 @@ impl Ends<'_> {
     }
 
     /// Returns the index of a pair in the cache, if its contacts are still valid.
-    fn recycled(&self, sides: [Side; 2], reach: Reach, pose12: &Pose3) -> Option<u32> {
+    fn recycled(&self, sides: [Side; 2], reach: ContactMargin, pose12: &Pose3) -> Option<u32> {
         let Self { input, statics, cache, .. } = *self;
         if !input.recycle_contacts {
             return None;
@@ -141,7 +144,7 @@ pub(super) fn tell(
     pairs: &[BodyPair],
     impacts: &[ImpactResult],
     found: &[Found],
-    reach: impl Fn(&BodyPair) -> Reach,
+    reach: impl Fn(&BodyPair) -> ContactMargin,
     output: &mut StepOutput,
 ) {
     let mut found = found.iter().peekable();

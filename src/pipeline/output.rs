@@ -4,7 +4,7 @@ use std::{ops::Range, time::Duration};
 
 use glam::Vec3;
 
-use super::{Manifold, Reach, Side};
+use super::{ContactMargin, Manifold, Side};
 use crate::geometry::Pose3;
 
 /// First impact of a pair within the step: the first touch of cores, or the first touch of surfaces that separate again within the step. Bodies that are
@@ -23,7 +23,7 @@ pub struct Impact {
     pub primitive2: u32,
 }
 
-/// A pair of bodies that touch, touched within the step, or are within [`Reach`](super::Reach) of each other at its end.
+/// A pair of bodies that touch, touched within the step, or are within [`ContactMargin`](super::ContactMargin) of each other at its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
     /// The first side. It is medial.
@@ -32,8 +32,8 @@ pub struct Pair {
     pub second: Side,
     /// Manifolds at the final poses of the step, as a range of [`StepOutput::manifolds`].
     pub manifolds: Range<usize>,
-    /// Reach of the contact search.
-    pub reach: Reach,
+    /// Margin of the contact search.
+    pub reach: ContactMargin,
     /// The first impact, if there is one.
     pub impact: Option<Impact>,
 }

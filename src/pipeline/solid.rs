@@ -2,7 +2,7 @@
 
 use std::{fmt, sync::Arc};
 
-use super::{ConvexParts, Second, Shape};
+use super::{ConvexParts, OtherShape, Shape};
 use crate::geometry::{Aabb, Sphere};
 
 /// The shape of a body.
@@ -24,10 +24,10 @@ impl Solid {
     }
 
     /// Returns the shape as the second side of a pair.
-    pub fn second(&self) -> Second<'_> {
+    pub fn second(&self) -> OtherShape<'_> {
         match self {
-            Solid::Medial(shape) => Second::Shape(shape),
-            Solid::Parts(parts) => Second::Parts(&**parts),
+            Solid::Medial(shape) => OtherShape::Shape(shape),
+            Solid::Parts(parts) => OtherShape::Parts(&**parts),
         }
     }
 

@@ -24,13 +24,16 @@ impl Tolerances {
     /// Returns the tolerances of a pair. `size`: bounding radius of the smaller body, in metres.
     pub fn new(input: &StepInput, statics: &Statics, pair: &BodyPair, size: f32) -> Self {
         let slop = LINEAR_SLOP * input.length_unit;
+        let bodies = || pair.bodies().map(|body| &input.bodies[body as usize]);
+        // In long steps gravity moves bodies farther between two solves.
+        let fall = bodies().filter_map(|body| body.next_displacement).map(|next| next.fall).fold(0.0, f32::max);
         Self {
             size,
             touch: LINEAR_SLOP * input.length_unit,
             slop: slop.min(SLOP_OF_SIZE * size),
             core_depths: [pair.first, pair.second].map(|side| size * input.core_depth(statics, side)),
-            known_limit: (10.0 * slop).max(KNOWN_OVERLAP * size),
-            held: pair.bodies().any(|body| input.bodies[body as usize].held),
+            known_limit: (10.0 * slop).max(KNOWN_OVERLAP * size).max(fall),
+            held: bodies().any(|body| body.held),
         }
     }
 
@@ -50,12 +53,12 @@ impl Tolerances {
 
     /// Returns the overlap up to which the solver handles the contact of two primitives, in metres. The bodies were in touch at the start of the step.
     ///
-    /// `thickness`: summed thickness of both primitives. `overlap`: overlap of both primitives at the start of the searched part. `deepest`: largest overlap of
-    /// any primitives of the bodies at the start of the step. It counts because a sliding body meets the next primitives at the same depth.
+    /// `thickness`: summed thickness of both primitives. `overlap`: overlap of both primitives at the start of the step. `deepest`: largest overlap of any
+    /// primitives of the bodies at that time. It counts because a sliding body meets the next primitives at the same depth.
     ///
     /// The result is the deepest overlap plus the slop, up to a limit. At the limit, bodies would stop in every step, even if the solver holds them while they
-    /// turn about each other. So bodies that were held up for a whole step may gain overlap beyond the limit, up to almost twice the limit. Bodies that overlap
-    /// by more than twice the limit were spawned inside each other. They may gain that much in each step, so that they can come apart.
+    /// turn about each other. So bodies that were held up for a whole step may gain overlap beyond the limit, up to almost twice the limit. Bodies that
+    /// overlap by more were spawned inside each other. They may gain that much in each step, so that they can come apart.
     ///
     /// Thin primitives gain at most a fraction of their thickness, because a contact beyond their middle pushes to the wrong side.
     pub fn known_overlap(&self, thickness: f32, overlap: f32, deepest: f32) -> f32 {

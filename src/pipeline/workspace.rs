@@ -5,22 +5,24 @@ use std::time::Duration;
 use bevy::tasks::TaskPool;
 
 use super::{
-    Candidates, Contact, ContactCache, Counts, Meeting, Side, Statics, StepInput, StepOutput, Stop, broad_phase,
-    contact,
-    first_impact::{self, ImpactResult, Tally},
+    Candidates, Contact, ContactCache, Counts, PairFilter, Side, Statics, StepInput, StepOutput, Stop, broad,
+    contacts::{find, reduce},
     laps,
-    moving_boxes::BoxCache,
     narrow_phase::{self, Ends, Found},
     pairs::{BodyPair, PrimitivePair},
     parallel::Scratches,
-    reduce, respond,
+    respond,
+    sweep::{
+        first_impact::{self, ImpactResult, Tally},
+        moving_boxes::BoxCache,
+    },
 };
 
 /// Buffers for steps. Use one workspace per scene.
 #[derive(Debug, Default)]
 pub struct Workspace {
     tasks: Scratches<Scratch>,
-    broad: broad_phase::Buffers,
+    broad: broad::Buffers,
     pairs: Vec<BodyPair>,
     impacts: Vec<ImpactResult>,
     respond: respond::Buffers,
@@ -35,7 +37,7 @@ pub struct Workspace {
 pub(super) struct Scratch {
     pub boxes: BoxCache,
     pub first_impact: first_impact::Buffers,
-    pub contact: contact::Buffers,
+    pub contact: find::Buffers,
     pub contacts: Vec<Contact>,
     pub reduce: reduce::Room,
     /// Candidates of each pair after culling, if they are part of the output.
@@ -75,20 +77,20 @@ impl Workspace {
         &mut self,
         input: &StepInput,
         statics: &Statics,
-        filter: impl Fn(Side, Side) -> Meeting,
+        filter: impl Fn(Side, Side) -> PairFilter,
         pool: &TaskPool,
         output: &mut StepOutput,
     ) {
         output.clear();
         let mut lap = laps();
-        broad_phase::run(input, statics, filter, (&mut self.broad, &self.tasks), &mut self.pairs, pool);
+        broad::run(input, statics, filter, (&mut self.broad, &self.tasks), &mut self.pairs, pool);
         output.times.broad = lap();
         self.finish(input, statics, &[], output, pool);
     }
 
     /// Runs the stages after culling, with candidates from an external search. Calls the filter once for each pair that may collide, in order.
     ///
-    /// Skips candidate pairs that may not collide. Searches in parts of the step, and searches after an impact, cull on their own: they do not use the
+    /// Skips candidate pairs that may not collide. Searches of a halved step, and searches after an impact, cull on their own: they do not use the
     /// candidates' primitive pairs.
     ///
     /// # Panics
@@ -98,14 +100,14 @@ impl Workspace {
         input: &StepInput,
         statics: &Statics,
         candidates: Vec<Candidates>,
-        filter: impl Fn(Side, Side) -> Meeting,
+        filter: impl Fn(Side, Side) -> PairFilter,
         pool: &TaskPool,
         output: &mut StepOutput,
     ) {
         output.clear();
         let mut lap = laps();
         let (pairs, known): (_, Vec<_>) =
-            broad_phase::from_candidates(input, statics, candidates, filter).into_iter().unzip();
+            broad::from_candidates(input, statics, candidates, filter).into_iter().unzip();
         self.pairs = pairs;
         output.times.broad = lap();
         self.finish(input, statics, &known, output, pool);
@@ -127,18 +129,18 @@ impl Workspace {
         [output.times.mid, output.times.narrow] = split(lap(), tasks);
         let first = tally(tasks);
 
-        let courses = respond::run(input, statics, pairs, impacts, respond, tasks, pool);
+        let trajectories = respond::run(input, statics, pairs, impacts, respond, tasks, pool);
         output.times.stop = lap();
         let again = tally(tasks);
 
-        let ends = Ends { input, statics, courses, cache };
+        let ends = Ends { input, statics, trajectories, cache };
         ends.manifolds(pairs, tasks, &mut output.manifolds, pool);
         let [contacts, reduction] = split(lap(), tasks);
         output.times.narrow += contacts;
 
         output.counts = Counts {
             bodies: input.bodies.len(),
-            primitive_pairs: broad_phase::primitive_pairs(input, statics),
+            primitive_pairs: broad::primitive_pairs(input, statics),
             body_pairs: pairs.len(),
             candidates: first.candidates,
             toi_tests: first.toi_tests + again.toi_tests,
@@ -153,12 +155,13 @@ impl Workspace {
                 primitives: Some(primitives),
             }));
         }
-        output.stops.extend(courses.bodies().map(|body| Stop {
+        output.stops.extend(trajectories.bodies().map(|body| Stop {
             body,
-            fraction: courses.moved_until(body),
-            pose: courses.final_pose(input, body),
+            fraction: trajectories.moved_until(body),
+            pose: trajectories.final_pose(input, body),
         }));
-        let reach = |pair: &BodyPair| input.reach([pair.first, pair.second], |body| courses.moved_until(body));
+        let reach =
+            |pair: &BodyPair| input.contact_margin([pair.first, pair.second], |body| trajectories.moved_until(body));
         found.clear();
         found.extend(tasks.iter_mut().flat_map(|scratch| scratch.found.drain(..)));
         found.sort_unstable_by_key(|found| found.pair);

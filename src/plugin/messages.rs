@@ -78,7 +78,7 @@ impl MedialContactStarted {
     }
 }
 
-/// Two bodies have ceased to touch: no contact is found within the search distance of [such a pair](crate::pipeline::Reach::of_pair), they may not
+/// Two bodies have ceased to touch: no contact is found within the search distance of [such a pair](crate::pipeline::ContactMargin::of_pair), they may not
 /// collide, or one of them is gone. It is sent once for each [`MedialContactStarted`], as a message and as an event on those of the two entities that
 /// still exist.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq, Reflect)]

@@ -35,7 +35,7 @@ use bevy::{
 use super::{MedialStep, gpu::of_renderer};
 use crate::{
     gpu::{Batch, GpuCapacity, GpuCulling, GpuError, Pass, Passes, Prediction, copy_when_mapped, shaders},
-    pipeline::{Candidates, Widening},
+    pipeline::{Candidates, KinematicReach},
 };
 
 /// The pairs that may meet in the steps of a prediction.
@@ -183,7 +183,7 @@ impl RenderCulling {
             }
         }
         if let Some(asked) = asked {
-            let widening = Widening::new(&asked.input);
+            let widening = KinematicReach::new(&asked.input);
             passes.upload(&asked.input, &asked.statics, &widening, |body| asked.slack(body))?;
             self.uploaded = Some(asked);
         }

@@ -16,7 +16,7 @@ use crate::{
     constants::CORE_DEPTH,
     geometry::Pose3,
     pipeline::{
-        Candidates, ContactCache, Culling, Meeting, Pair, Side, Solid, Statics, StepInput, StepOutput, Workspace,
+        Candidates, ContactCache, Culling, Pair, PairFilter, Side, Solid, Statics, StepInput, StepOutput, Workspace,
         relative_pose,
     },
 };
@@ -231,7 +231,7 @@ impl MedialStep {
     }
 
     /// Runs the pipeline. The filter is called for each pair that may collide.
-    pub(crate) fn run(&mut self, filter: impl Fn(&Self, Side, Side) -> Meeting) {
+    pub(crate) fn run(&mut self, filter: impl Fn(&Self, Side, Side) -> PairFilter) {
         self.input.culling = if self.settings.brute_force { Culling::None } else { Culling::Hybrid };
         self.input.recycle_contacts = self.settings.recycle_contacts && !self.settings.brute_force;
         self.input.stop_at_impact = self.settings.stop_at_impact;

@@ -19,7 +19,7 @@ use crate::{
     constants::DEFAULT_PREDICTION,
     geometry::{Obb, Pose3, Sweep},
     medial_axis::MedialAxis,
-    pipeline::{Body, Meeting, Shape, StaticBody, Statics},
+    pipeline::{Body, PairFilter, Shape, StaticBody, Statics},
 };
 
 pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
@@ -204,7 +204,7 @@ fn detect(
         let passes = ccd.is_some_and(|ccd| !ccd.enabled);
         step.input.bodies.push(Body { stops: false, passes, ..Body::new(shape, sweep) });
     }
-    step.run(|_, _, _| Meeting::Stopping);
+    step.run(|_, _, _| PairFilter::Stopping);
 }
 
 #[cfg(test)]

@@ -25,7 +25,7 @@ mod time_of_impact;
 pub use alternating::alternating;
 pub use batch::{MovingPair, Touch, times_of_impact};
 pub use ray::{RayHit, ray_cast};
-pub use rigid::{Chords, Rigid, RigidStart, rigid_end, rigid_impact, rigid_start};
+pub use rigid::{Chord, Rigid, RigidStart, rigid_end, rigid_impact, rigid_start};
 pub use separation::{Convex, Cuboid, Separation, separation};
 pub use support::{Support, SupportShape};
 pub use time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact};

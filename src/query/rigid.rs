@@ -1,4 +1,4 @@
-//! Time of impact for true rigid motion: the step is split into chords (the paper's piecewise linear medial cones).
+//! Time of impact for true rigid motion, in an interval so short that every point moves almost on a line (the paper's medial cones).
 
 use glam::Vec3;
 
@@ -6,66 +6,53 @@ use super::{
     separation::{Cuboid, Separation},
     time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, start, time_of_depth},
 };
-use crate::{
-    constants::MAX_CHORDS,
-    geometry::{Placement, Sphere, Sweep},
-};
+use crate::geometry::{Placement, Sphere, Sweep};
 
-/// The motion of a pair of bodies, split into equal time intervals. In each interval every point moves on a line up to a known deviation.
-#[derive(Clone, Debug, Default)]
-pub struct Chords {
-    /// Placements of both bodies at the ends of the chords.
-    placements: Vec<[Placement; 2]>,
+/// The motion of a pair of bodies in an interval. Every point moves on the chord of its path, up to a known deviation.
+#[derive(Clone, Copy, Debug)]
+pub struct Chord {
+    /// Placements of both bodies at the start and at the end.
+    ends: [[Placement; 2]; 2],
     /// Largest deviation of any point from its chord, summed over both sides, in metres.
     deviation: f32,
-    /// Upper bound of a point's displacement along one chord, relative to the other side, in metres.
-    way: f32,
+    /// Upper bound of a point's displacement relative to the other side, in metres.
+    path: f32,
 }
 
-impl Chords {
-    /// Sets the chords of two bodies. The sweeps are given in one frame. `arm` is the largest distance of a body's points from its centre of mass.
-    /// The number of chords is chosen so that each side deviates by at most `tolerance` metres, up to [`MAX_CHORDS`].
-    pub fn set(&mut self, [sweep1, sweep2]: [&Sweep; 2], [arm1, arm2]: [f32; 2], tolerance: f32) {
-        let count = sweep1.chords(arm1, tolerance).max(sweep2.chords(arm2, tolerance));
+impl Chord {
+    /// Returns the chord of two bodies. The sweeps are given in one frame. `arms`: largest distance of each body's points from its centre of mass, in metres.
+    pub fn new([sweep1, sweep2]: [&Sweep; 2], [arm1, arm2]: [f32; 2]) -> Self {
         let turns = sweep1.rotation.length() * arm1 + sweep2.rotation.length() * arm2;
-        self.placements.clear();
-        self.placements.extend(instants(count).map(|t| [sweep1.pose_at(t).into(), sweep2.pose_at(t).into()]));
-        self.deviation = sweep1.sagitta(arm1, count) + sweep2.sagitta(arm2, count);
-        self.way = ((sweep1.translation - sweep2.translation).length() + turns) / count as f32;
+        Self {
+            ends: [[sweep1.start, sweep2.start], [sweep1.end, sweep2.end]].map(|poses| poses.map(Placement::from)),
+            deviation: sweep1.sagitta(arm1) + sweep2.sagitta(arm2),
+            path: (sweep1.translation - sweep2.translation).length() + turns,
+        }
     }
 
-    /// Sets the chords of the first body in the frame of the second, which is then at rest at the origin. Boxes need this frame, because a
+    /// Returns the chord of the first body in the frame of the second, which is then at rest at the origin. Boxes need this frame, because a
     /// [`Cuboid`] has no orientation.
     ///
     /// In a rotating frame a point has centrifugal and Coriolis acceleration in addition to its own centripetal one. Under the
     /// acceleration `a` it deviates from the chord of a time `t` by at most `a t^2 / 8`.
-    pub fn set_in_frame_of_second(&mut self, [sweep1, sweep2]: [&Sweep; 2], arm1: f32, tolerance: f32) {
+    pub fn in_frame_of_second([sweep1, sweep2]: [&Sweep; 2], arm1: f32) -> Self {
         let (turn1, turn2) = (sweep1.rotation.length(), sweep2.rotation.length());
         let speed = (sweep1.translation - sweep2.translation).length();
         let apart =
             sweep1.start.transform_point(sweep1.local_center) - sweep2.start.transform_point(sweep2.local_center);
         let distance = apart.length() + speed + arm1;
         let acceleration = turn1 * turn1 * arm1 + 2.0 * turn2 * (speed + turn1 * arm1) + turn2 * turn2 * distance;
-        let mut count = 1;
-        while count < MAX_CHORDS && acceleration > 8.0 * tolerance * (count * count) as f32 {
-            count *= 2;
+        let relative = [sweep2.start.inv_mul(&sweep1.start), sweep2.end.inv_mul(&sweep1.end)];
+        Self {
+            ends: relative.map(|pose| [pose.into(), Placement::IDENTITY]),
+            deviation: acceleration / 8.0,
+            path: speed + turn1 * arm1 + turn2 * distance,
         }
-        let relative = |t| sweep2.pose_at(t).inv_mul(&sweep1.pose_at(t)).into();
-        self.placements.clear();
-        self.placements.extend(instants(count).map(|t| [relative(t), Placement::IDENTITY]));
-        self.deviation = acceleration / (8.0 * (count * count) as f32);
-        self.way = (speed + turn1 * arm1 + turn2 * distance) / count as f32;
-    }
-}
-
-impl Chords {
-    fn count(&self) -> usize {
-        self.placements.len() - 1
     }
 
-    /// Placements of both bodies at the ends of the chords.
-    pub fn placements(&self) -> &[[Placement; 2]] {
-        &self.placements
+    /// Placements of both bodies at the start and at the end.
+    pub fn ends(&self) -> &[[Placement; 2]; 2] {
+        &self.ends
     }
 
     /// Largest deviation of any point from its chord, summed over both sides, in metres.
@@ -73,23 +60,19 @@ impl Chords {
         self.deviation
     }
 
-    /// The motion of two primitives along a chord, with the first enlarged by the deviation.
+    /// The motion of two primitives, with the first enlarged by the deviation.
     #[inline]
-    fn along<const N: usize, B: Rigid>(&self, i: usize, first: &[Sphere; N], second: &B) -> (Moving<N>, B::Moving) {
-        let [start, end] = [&self.placements[i], &self.placements[i + 1]];
+    fn along<const N: usize, B: Rigid>(&self, first: &[Sphere; N], second: &B) -> (Moving<N>, B::Moving) {
+        let [start, end] = &self.ends;
         let mut moving1 = first.along([&start[0], &end[0]]);
         moving1.start.iter_mut().for_each(|sphere| sphere.radius += self.deviation);
         (moving1, second.along([&start[1], &end[1]]))
     }
 }
 
-fn instants(count: u32) -> impl Iterator<Item = f32> {
-    (0..=count).map(move |i| i as f32 / count as f32)
-}
-
 /// The second side of a rigid pair.
 pub trait Rigid {
-    /// The shape in linear motion along a chord.
+    /// The shape in linear motion.
     type Moving: MovingConvex;
 
     /// The shape in linear motion from one placement to the next.
@@ -117,7 +100,7 @@ impl Rigid for Cuboid {
     }
 }
 
-/// Relative position of two primitives at the start of the step.
+/// Relative position of two primitives at the start of an interval.
 #[derive(Clone, Copy, Debug)]
 pub struct RigidStart {
     separation: Separation,
@@ -125,7 +108,7 @@ pub struct RigidStart {
 }
 
 impl RigidStart {
-    /// True if a conservative test at the start proves that the primitives do not touch during the step.
+    /// True if a conservative test at the start proves that the primitives do not touch during the interval.
     pub fn stay_apart(&self) -> bool {
         self.stay_apart
     }
@@ -135,7 +118,7 @@ impl RigidStart {
         self.separation.distance
     }
 
-    /// Unit normal from the first to the second, in the frame of the chords.
+    /// Unit normal from the first to the second, in the frame of the chord.
     pub fn normal(&self) -> Vec3 {
         self.separation.normal
     }
@@ -146,59 +129,37 @@ impl RigidStart {
     }
 }
 
-/// Relative position of two primitives of rigid bodies at the start of the step.
-pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chords: &Chords) -> RigidStart {
-    let (moving1, moving2) = chords.along(0, first, second);
-    let (separation, clear) = start(&moving1, &moving2, 1.0);
-    // `clear` covers the first chord only. With several chords, the length of the path decides.
-    let stay_apart = match chords.count() {
-        1 => clear,
-        count => separation.distance > chords.way * count as f32,
-    };
+/// Relative position of two primitives of rigid bodies at the start of an interval.
+pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chord: &Chord) -> RigidStart {
+    let (moving1, moving2) = chord.along(first, second);
+    let (separation, stay_apart) = start(&moving1, &moving2, 1.0);
     RigidStart { separation, stay_apart }
 }
 
-/// First fraction of the step, up to `max_fraction`, at which two primitives of rigid bodies overlap by `depth` metres. `depth` must exceed their overlap
-/// at the start.
+/// First fraction of the interval, up to `max_fraction`, at which two primitives of rigid bodies overlap by `depth` metres. `depth` must exceed their
+/// overlap at the start.
 ///
-/// Both are in the frames of their bodies; the contact is in the frame of the chords. The first side is enlarged by the chords' deviation, so an
+/// Both are in the frames of their bodies; the contact is in the frame of the chord. The first side is enlarged by the chord's deviation, so an
 /// impact is early by at most twice the deviation, and never late.
 pub fn rigid_impact<const N: usize, B: Rigid>(
     first: &[Sphere; N],
     second: &B,
-    chords: &Chords,
+    chord: &Chord,
     start: &RigidStart,
     max_fraction: f32,
     depth: f32,
 ) -> TimeOfImpact {
-    let count = chords.count() as f32;
-    let max_fraction = max_fraction.min(1.0);
-    if start.distance() + depth > chords.way * count * max_fraction {
+    if start.distance() + depth > chord.path * max_fraction {
         let status = TimeOfImpactStatus::Separated;
         return TimeOfImpact { status, fraction: max_fraction, contact: start.separation, rounds: 0 };
     }
-    let mut chord = 0;
-    let mut rounds = 0;
-    loop {
-        let (moving1, moving2) = chords.along(chord, first, second);
-        let limit = max_fraction * count - chord as f32;
-        let known = (chord == 0).then_some(start.separation);
-        let found = time_of_depth(&moving1, &moving2, limit.min(1.0), depth, known);
-        rounds += found.rounds;
-        if found.status != TimeOfImpactStatus::Separated {
-            return TimeOfImpact { fraction: (chord as f32 + found.fraction) / count, rounds, ..found };
-        }
-        // A pair at this distance cannot meet within some chords, which are skipped.
-        chord += ((found.contact.distance / chords.way) as usize).max(1);
-        if chord as f32 >= max_fraction * count {
-            return TimeOfImpact { rounds, ..found };
-        }
-    }
+    let (moving1, moving2) = chord.along(first, second);
+    time_of_depth(&moving1, &moving2, max_fraction, depth, Some(start.separation))
 }
 
-/// Distance of two primitives of rigid bodies at the end of their chords, in metres; negative for an overlap.
-pub fn rigid_end<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chords: &Chords) -> f32 {
-    let [end1, end2] = &chords.placements[chords.count()];
+/// Distance of two primitives of rigid bodies at the end of their chord, in metres; negative for an overlap.
+pub fn rigid_end<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chord: &Chord) -> f32 {
+    let [_, [end1, end2]] = &chord.ends;
     start(&first.along([end1; 2]), &second.along([end2; 2]), 0.0).0.distance
 }
 
@@ -213,13 +174,12 @@ mod tests {
         let ball = [Sphere::new(Vec3::ZERO, 0.1)];
         let at = |x: f32| Pose3::from_translation(Vec3::X * x);
         let sweep = |from: f32, to: f32| Sweep::between(at(from), at(to), Vec3::ZERO, Vec3::ZERO);
-        let mut chords = Chords::default();
-        chords.set([&sweep(0.0, 0.1), &sweep(0.21, 0.21)], [0.0; 2], 1.0e-4);
-        let start = rigid_start(&ball, &ball, &chords);
-        let fraction = |depth: f32| rigid_impact(&ball, &ball, &chords, &start, 1.0, depth).fraction;
+        let chord = Chord::new([&sweep(0.0, 0.1), &sweep(0.21, 0.21)], [0.0; 2]);
+        let start = rigid_start(&ball, &ball, &chord);
+        let fraction = |depth: f32| rigid_impact(&ball, &ball, &chord, &start, 1.0, depth).fraction;
         for (depth, expected) in [(0.0, 0.1), (1.0e-3, 0.11), (0.02, 0.3)] {
             assert!((fraction(depth) - expected).abs() < 1.0e-4, "{} at {depth} m", fraction(depth));
         }
-        assert_eq!(rigid_impact(&ball, &ball, &chords, &start, 1.0, 0.1).status, TimeOfImpactStatus::Separated);
+        assert_eq!(rigid_impact(&ball, &ball, &chord, &start, 1.0, 0.1).status, TimeOfImpactStatus::Separated);
     }
 }

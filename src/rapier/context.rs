@@ -13,7 +13,7 @@ use bevy_rapier3d::{
 use super::shape::MedialShape;
 use crate::{
     geometry::Pose3,
-    pipeline::{Pace, Reach},
+    pipeline::{ContactMargin, Displacement},
 };
 
 /// A rapier context: a world. Bodies of different worlds do not collide.
@@ -30,9 +30,9 @@ pub(super) struct Context {
 }
 
 impl ContextReadOnlyItem<'_, '_> {
-    pub fn reach(&self) -> Reach {
+    pub fn reach(&self) -> ContactMargin {
         let parameters = &self.simulation.integration_parameters;
-        Reach::new(parameters.prediction_distance(), parameters.length_unit)
+        ContactMargin::new(parameters.prediction_distance(), parameters.length_unit)
     }
 
     /// Returns true if the world has a medial collider.
@@ -66,8 +66,9 @@ fn medial(collider: &RapierCollider) -> Option<&MedialShape> {
     collider.shape().as_shape::<MedialShape>()
 }
 
-/// Returns the motion of a collider in `dt` seconds at the velocity of its body.
-pub(super) fn pace(collider: &RapierCollider, body: &RapierBody, dt: f32) -> Pace {
+/// Returns the displacement of a collider in `dt` seconds at the velocity of its body. `gravity`: in metres per second squared.
+pub(super) fn displacement(collider: &RapierCollider, body: &RapierBody, gravity: Vec3, dt: f32) -> Displacement {
+    let fall = if body.is_dynamic() { gravity.length() * body.gravity_scale().abs() * dt * dt } else { 0.0 };
     let radius = collider.shape().compute_local_bounding_sphere().radius;
-    Pace { way: body.linvel() * dt, rotation: body.angvel() * dt, radius }
+    Displacement { translation: body.linvel() * dt, rotation: body.angvel() * dt, radius, fall }
 }

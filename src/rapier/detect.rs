@@ -15,7 +15,7 @@ use super::{
     snapshot::RapierStep,
 };
 use crate::{
-    pipeline::Meeting,
+    pipeline::PairFilter,
     plugin::{MedialCcd, MedialSettings, MedialStep},
 };
 
@@ -45,7 +45,7 @@ pub(super) fn detect<Hooks>(
     let hooks = hooks.into_inner();
     step.snapshot_time = rapier.snapshot.took + clock.elapsed();
     step.run(|step, first, second| {
-        let Ok(context) = contexts.get(step.context(first)) else { return Meeting::Apart };
+        let Ok(context) = contexts.get(step.context(first)) else { return PairFilter::Apart };
         let pair = [first, second].map(|side| step.info(side).collider);
         let narrow_phase = &context.simulation.narrow_phase;
         hooks::meeting(&hooks, pair, &context.bodies.bodies, &context.colliders.colliders, narrow_phase)

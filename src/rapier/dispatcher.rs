@@ -22,7 +22,7 @@ use super::{
 };
 use crate::{
     geometry::Pose3,
-    pipeline::{Contact, Manifold, Reach, Second, Shape, contact},
+    pipeline::{Contact, ContactMargin, Manifold, OtherShape, Shape, contacts},
 };
 
 /// Query dispatcher for pairs with a medial shape. Passes all other pairs to the next dispatcher of the chain.
@@ -65,10 +65,10 @@ impl<'a> Pair<'a> {
     }
 
     /// Calls `function` with the medial shape and the other side.
-    fn with_sides<R>(&self, function: impl FnOnce(&Shape, Second) -> R) -> R {
+    fn with_sides<R>(&self, function: impl FnOnce(&Shape, OtherShape) -> R) -> R {
         match self.other.as_shape::<MedialShape>() {
-            Some(other) => function(&self.first.shape, Second::Shape(&other.shape)),
-            None => function(&self.first.shape, Second::Parts(&Foreign(self.other))),
+            Some(other) => function(&self.first.shape, OtherShape::Shape(&other.shape)),
+            None => function(&self.first.shape, OtherShape::Parts(&Foreign(self.other))),
         }
     }
 
@@ -76,13 +76,14 @@ impl<'a> Pair<'a> {
         let second = SecondKey::of(self.other);
         let (reach, has_skins) = table.reach(self.first.key, second, prediction);
         let known = table.get(&PairKey::new(self.first.key, second, &self.pose12), reach, has_skins);
-        known.unwrap_or_else(|| self.with_sides(|first, second| contact::manifolds(first, second, &self.pose12, reach)))
+        known
+            .unwrap_or_else(|| self.with_sides(|first, second| contacts::manifolds(first, second, &self.pose12, reach)))
     }
 
     fn nearest(&self, max_distance: f32, table: &ContactTable) -> Option<Contact> {
         let mut contacts = Vec::new();
-        let reach = Reach::new(max_distance, table.length_unit());
-        self.with_sides(|first, second| contact::find(first, second, &self.pose12, reach, &mut contacts));
+        let reach = ContactMargin::new(max_distance, table.length_unit());
+        self.with_sides(|first, second| contacts::find(first, second, &self.pose12, reach, &mut contacts));
         contacts.into_iter().min_by(|a, b| a.distance.total_cmp(&b.distance))
     }
 

@@ -12,8 +12,8 @@ use bevy_rapier3d::{
 };
 
 use super::{
-    context::{Context, ContextReadOnlyItem, collider_pose, pace},
-    joints::{assemblies, kept_apart},
+    context::{Context, ContextReadOnlyItem, collider_pose, displacement},
+    joints::{joint_islands, kept_apart},
     motion::motion,
     owed::OwedTime,
     parts::solid,
@@ -21,7 +21,7 @@ use super::{
 };
 use crate::{
     geometry::{Pose3, Sweep},
-    pipeline::{Body, Groups, Reach, StaticBody, Statics},
+    pipeline::{Body, ContactMargin, Groups, StaticBody, Statics},
     plugin::{BodyInfo, MedialCcd, MedialStep},
 };
 
@@ -62,6 +62,15 @@ pub(super) struct Gathered {
     pub astray: Vec<u32>,
 }
 
+/// Returns the linear and the angular velocity of a body in the step. Rapier computes those of a kinematic body within the step, so they follow from its
+/// sweep. `dt`: the time that rapier has simulated, in seconds.
+fn velocities(body: &RapierBody, start: &Start, sweep: &Sweep, dt: Option<f32>) -> [Vec3; 2] {
+    match dt.filter(|_| body.is_kinematic()) {
+        Some(dt) => [sweep.translation / dt, sweep.rotation / dt],
+        None => [start.linear, start.angular],
+    }
+}
+
 /// Gathers the input of a step.
 pub(super) struct Gather<'a, 'w, 's> {
     pub step: &'a mut MedialStep,
@@ -78,7 +87,7 @@ struct World<'a, 'c> {
     running: bool,
     /// The time that rapier has simulated, in seconds.
     dt: f32,
-    assemblies: HashMap<RigidBodyHandle, RigidBodyHandle>,
+    joint_islands: HashMap<RigidBodyHandle, RigidBodyHandle>,
     /// Poses of the bodies that slept in the last step. A body that sleeps at another pose was moved there, e.g. by restoring a context, so its pairs are
     /// searched once.
     sleepers: &'a HashMap<Entity, Pose3>,
@@ -104,7 +113,7 @@ impl Gather<'_, '_, '_> {
                 index: gathered.worlds.len() as u32,
                 running: self.rapier.runs(&context),
                 dt: self.rapier.simulated(&context),
-                assemblies: assemblies(context.joints, &context.bodies.bodies),
+                joint_islands: joint_islands(context.joints, &context.bodies.bodies),
                 sleepers: &sleepers,
                 context: &context,
             };
@@ -120,7 +129,7 @@ impl Gather<'_, '_, '_> {
     fn add_world(&mut self, world: &World, gathered: &mut Gathered) {
         let context = world.context;
         let input = &mut self.step.input;
-        let Reach { prediction, length_unit, .. } = context.reach();
+        let ContactMargin { prediction, length_unit, .. } = context.reach();
         input.prediction = input.prediction.max(prediction);
         input.length_unit = input.length_unit.max(length_unit);
         input.apart.extend(kept_apart(context.joints).into_iter().map(|pair| {
@@ -166,37 +175,26 @@ impl Gather<'_, '_, '_> {
         gathered: &mut Gathered,
     ) {
         let Some(solid) = solid(collider.shared_shape()) else { return };
-        let World { index, context, running, dt, ref assemblies, sleepers } = *world;
+        let World { index, context, running, dt, ref joint_islands, sleepers } = *world;
         let (end, sensor) = (collider_pose(collider, Some(body)), collider.is_sensor());
         let start = self.rapier.snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
-        let start = start.unwrap_or(Start { pose: end, linear: Vec3::ZERO, angular: Vec3::ZERO });
-        let center = end.inverse_transform_point(body.center_of_mass());
+        let start = start.unwrap_or(Start::at_rest(end));
         let simulated = running && body.is_enabled();
         let active = simulated && (!body.is_sleeping() || sleepers.get(&entity) != Some(&end));
-        let bodies = &mut self.step.input.bodies;
         if simulated && !active {
-            gathered.resting.push((bodies.len(), sensor || !body.is_dynamic()));
+            gathered.resting.push((self.step.input.bodies.len(), sensor || !body.is_dynamic()));
         }
         // A link of a multibody cannot be moved by itself.
         let linked = context.joints.multibody_joints.rigid_body_link(parent).is_some();
         // Sleeping bodies count too: a fast kinematic body would pass through them before rapier finds a contact.
         let stops = simulated && body.is_dynamic() && !linked;
-        let motion = if stops { motion } else { Sweep::between };
-        let mut sweep = motion(start.pose, end, center, body.angvel() * dt);
-        let owed = self.owed.get(context.entity, parent).filter(|_| active && stops);
-        if let Some(owed) = owed {
-            sweep = owed.longer(&sweep, body);
-        }
+        let (sweep, held) = self.sweep(world, (parent, body), [start.pose, end], stops, active);
         if sweep.end != end {
-            gathered.astray.push(bodies.len() as u32);
+            gathered.astray.push(self.step.input.bodies.len() as u32);
         }
-        // Rapier computes the velocity of a kinematic body within the step, so it is taken from the sweep.
-        let (linear, angular) = if running && body.is_kinematic() {
-            (sweep.translation / dt, sweep.rotation / dt)
-        } else {
-            (start.linear, start.angular)
-        };
+        let [linear, angular] = velocities(body, &start, &sweep, running.then_some(dt));
         let [groups, stop_groups] = groups(collider);
+        let next_dt = to_come(&self.rapier.mode, &self.rapier.time);
         let core_depth = self.ccd.get(entity).ok().and_then(|ccd| ccd.core_depth);
         let passes = self.passes(entity, collider);
         self.step.input.bodies.push(Body {
@@ -208,16 +206,16 @@ impl Gather<'_, '_, '_> {
             types: types(collider, Some(body)),
             stop_groups,
             owner: Some(owner(index, parent)),
-            assembly: Some(owner(index, assemblies.get(&parent).copied().unwrap_or(parent))),
+            joint_island: Some(owner(index, joint_islands.get(&parent).copied().unwrap_or(parent))),
             world: index,
             active,
             stops,
             passes,
             sensor,
             locked: locked(body),
-            held: owed.is_some_and(|owed| owed.is_full),
+            held,
             core_depth: core_depth.unwrap_or(self.step.settings.core_depth),
-            pace: Some(pace(collider, body, to_come(&self.rapier.mode, &self.rapier.time))),
+            next_displacement: Some(displacement(collider, body, context.configuration.gravity, next_dt)),
         });
         self.step.infos.push(BodyInfo {
             entity,
@@ -225,10 +223,27 @@ impl Gather<'_, '_, '_> {
             sensor,
             // Bodies of a paused world are treated like sleeping bodies.
             asleep: !running || body.is_sleeping(),
-            center: start.pose.transform_point(center),
+            center: start.pose.transform_point(sweep.local_center),
             linear,
             angular,
         });
+    }
+
+    /// Returns the motion of a body between two poses, extended by the time that is owed to it, and true if more than a step is owed.
+    fn sweep(
+        &self,
+        world: &World,
+        (parent, body): (RigidBodyHandle, &RapierBody),
+        [start, end]: [Pose3; 2],
+        stops: bool,
+        active: bool,
+    ) -> (Sweep, bool) {
+        let motion = if stops { motion } else { Sweep::between };
+        let sweep = motion(start, end, end.inverse_transform_point(body.center_of_mass()), body.angvel() * world.dt);
+        match self.owed.get(world.context.entity, parent).filter(|_| active && stops) {
+            Some(owed) => (owed.longer(&sweep, body), owed.is_full),
+            None => (sweep, false),
+        }
     }
 
     /// Rebuilds the statics if one of them was added, removed or changed.

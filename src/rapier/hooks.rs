@@ -9,7 +9,7 @@ use bevy_rapier3d::{
     },
 };
 
-use crate::pipeline::Meeting;
+use crate::pipeline::PairFilter;
 
 /// Calls the user's hooks for a pair as rapier does. Rapier itself may not have called them, because it sees a fast pair only after the pair has stopped.
 ///
@@ -21,12 +21,12 @@ pub(super) fn meeting(
     bodies: &RigidBodySet,
     colliders: &ColliderSet,
     narrow_phase: &NarrowPhase,
-) -> Meeting {
+) -> PairFilter {
     // Rapier puts the lower handle first.
     let swapped = first.into_raw_parts() > second.into_raw_parts();
     let [first, second] = if swapped { [second, first] } else { [first, second] };
     let (Some(collider1), Some(collider2)) = (colliders.get(first), colliders.get(second)) else {
-        return Meeting::Apart;
+        return PairFilter::Apart;
     };
     let active = collider1.active_hooks() | collider2.active_hooks();
     let raw = PairFilterContext {
@@ -41,11 +41,11 @@ pub(super) fn meeting(
     if collider1.is_sensor() || collider2.is_sensor() {
         let filtered = active.contains(ActiveHooks::FILTER_INTERSECTION_PAIR);
         let apart = filtered && !hooks.filter_intersection_pair(context);
-        return if apart { Meeting::Apart } else { Meeting::Passing };
+        return if apart { PairFilter::Apart } else { PairFilter::Passing };
     }
     let mut solved = true;
     if active.contains(ActiveHooks::FILTER_CONTACT_PAIRS) {
-        let Some(flags) = hooks.filter_contact_pair(context) else { return Meeting::Apart };
+        let Some(flags) = hooks.filter_contact_pair(context) else { return PairFilter::Apart };
         solved = flags.contains(SolverFlags::COMPUTE_IMPULSES);
     }
     if active.contains(ActiveHooks::MODIFY_SOLVER_CONTACTS)
@@ -54,5 +54,5 @@ pub(super) fn meeting(
         let touch = pair.manifolds.iter().any(|manifold| !manifold.points.is_empty());
         solved &= !touch || pair.has_any_active_contact();
     }
-    if solved { Meeting::Stopping } else { Meeting::Passing }
+    if solved { PairFilter::Stopping } else { PairFilter::Passing }
 }

@@ -27,7 +27,7 @@ pub(super) fn kept_apart(joints: &RapierContextJoints) -> Vec<[RigidBodyHandle; 
 /// Maps each dynamic body on an enabled impulse joint to a representative of all bodies that are joined with it, directly or through others.
 ///
 /// These bodies stop together. If one of them stopped alone, the joints would be violated and the solver would correct them with a jerk.
-pub(super) fn assemblies(
+pub(super) fn joint_islands(
     joints: &RapierContextJoints,
     bodies: &RigidBodySet,
 ) -> HashMap<RigidBodyHandle, RigidBodyHandle> {

@@ -89,17 +89,7 @@ where
     Hooks: 'static + BevyPhysicsHooks,
     for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
 {
-    if !app.is_plugin_added::<RapierPhysicsPlugin<Hooks>>() {
-        // A RapierPhysicsPlugin adds these messages, for any type of hooks.
-        let other = app.world().contains_resource::<Messages<CollisionEvent>>();
-        assert!(!other, "RapierPhysicsPlugin has other hooks: set the same hooks with MedialPhysicsPlugin::with_hooks");
-        app.add_plugins(RapierPhysicsPlugin::<Hooks>::default().in_schedule(schedule));
-    } else if !has_rapier(app, schedule) {
-        warn!(
-            "RapierPhysicsPlugin does not step in {schedule:?}, so no body would stop at an impact: \
-             give MedialPhysicsPlugin the same schedule with in_schedule or in_fixed_schedule"
-        );
-    }
+    add_rapier::<Hooks>(app, schedule);
     app.add_observer(attach::detach_shape)
         .add_observer(attach::detach_box)
         .add_observer(attach::note_freed::<ChildOf>)
@@ -119,46 +109,47 @@ where
             MedialSystems::Detect.after(PhysicsSet::StepSimulation).before(PhysicsSet::Writeback),
             MedialSystems::Report.after(PhysicsSet::Writeback).before(TransformSystems::Propagate),
         ),
-    )
-    .add_systems(
-        schedule,
-        (install_dispatcher, attach::attach_shapes, attach::attach_boxes, attach::keep_unscaled, attach::follow_bodies)
-            .chain()
-            .in_set(MedialSystems::Attach),
-    )
+    );
+    let attach =
+        (install_dispatcher, attach::attach_shapes, attach::attach_boxes, attach::keep_unscaled, attach::follow_bodies);
     // Rapier propagates transforms without marking dirty trees. Changes to entities with children, such as those by character controllers, would be lost.
-    .add_systems(
-        schedule,
-        mark_dirty_trees
-            .run_if(resource_exists::<StaticTransformOptimizations>)
-            .in_set(PhysicsSet::SyncBackend)
-            .after(update_character_controls)
-            .before(RapierTransformPropagateSet),
-    )
-    .add_systems(
-        schedule,
-        (
-            attach::keep_contacts_fresh,
-            attach::wake_attached,
-            quarantine::release,
-            (quarantine::isolate, snapshot::snapshot).chain().run_if(is_needed),
-        )
-            .chain()
-            .in_set(MedialSystems::Snapshot),
-    )
-    .add_systems(
-        schedule,
-        (
-            quarantine::isolate_results,
-            (detect::detect::<Hooks>, substeps::refine, interpolation::show_stops)
-                .chain()
-                .run_if(snapshot::has_stepped),
-        )
-            .chain()
-            .run_if(is_needed)
-            .in_set(MedialSystems::Detect),
-    )
-    .add_systems(schedule, snapshot::note_step.in_set(PhysicsSet::StepSimulation));
+    let mark = mark_dirty_trees
+        .run_if(resource_exists::<StaticTransformOptimizations>)
+        .after(update_character_controls)
+        .before(RapierTransformPropagateSet);
+    let prepare = (
+        attach::keep_contacts_fresh,
+        attach::wake_attached,
+        quarantine::release,
+        (quarantine::isolate, snapshot::snapshot).chain().run_if(is_needed),
+    );
+    let stop =
+        (detect::detect::<Hooks>, substeps::refine, interpolation::show_stops).chain().run_if(snapshot::has_stepped);
+    let detect = (quarantine::isolate_results, stop).chain().run_if(is_needed);
+    app.add_systems(schedule, attach.chain().in_set(MedialSystems::Attach))
+        .add_systems(schedule, mark.in_set(PhysicsSet::SyncBackend))
+        .add_systems(schedule, prepare.chain().in_set(MedialSystems::Snapshot))
+        .add_systems(schedule, detect.in_set(MedialSystems::Detect))
+        .add_systems(schedule, snapshot::note_step.in_set(PhysicsSet::StepSimulation));
+}
+
+/// Adds `RapierPhysicsPlugin` unless the app has it. Warns if the app has it in another schedule.
+fn add_rapier<Hooks>(app: &mut App, schedule: Interned<dyn ScheduleLabel>)
+where
+    Hooks: 'static + BevyPhysicsHooks,
+    for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
+{
+    if !app.is_plugin_added::<RapierPhysicsPlugin<Hooks>>() {
+        // A RapierPhysicsPlugin adds these messages, for any type of hooks.
+        let other = app.world().contains_resource::<Messages<CollisionEvent>>();
+        assert!(!other, "RapierPhysicsPlugin has other hooks: set the same hooks with MedialPhysicsPlugin::with_hooks");
+        app.add_plugins(RapierPhysicsPlugin::<Hooks>::default().in_schedule(schedule));
+    } else if !has_rapier(app, schedule) {
+        warn!(
+            "RapierPhysicsPlugin does not step in {schedule:?}, so no body would stop at an impact: \
+             give MedialPhysicsPlugin the same schedule with in_schedule or in_fixed_schedule"
+        );
+    }
 }
 
 /// Returns true if an entity has a medial mesh or a static box, or if the last step had bodies, because their contacts have to end. Otherwise the systems that

@@ -231,39 +231,20 @@ pub(super) fn release(
 ) {
     for (entity, body_is_out, collider_is_out, link, transform, body, collider, velocity, force) in &changed {
         let Ok((mut bodies, mut colliders)) = contexts.get_mut(link.0) else { continue };
-        let (_, rotation, translation) = transform.to_scale_rotation_translation();
-        let pose = Pose3::from_parts(translation, rotation);
-        let velocity = velocity.copied().unwrap_or_default();
-        let force = force.copied().unwrap_or_default();
-        let sound = is_sound_pose(&pose)
-            && is_bounded(velocity.linear)
-            && is_bounded(velocity.angular)
-            && force.force.is_finite()
-            && force.torque.is_finite();
-        if collider_is_out && sound {
-            let mut collider = collider.and_then(|handle| colliders.colliders.get_mut(handle.0));
-            let aabb = collider.as_ref().map(|collider| collider.shape().compute_local_aabb());
-            if aabb.is_none_or(|aabb| aabb.mins.is_finite() && aabb.maxs.is_finite()) {
-                if let Some(collider) = &mut collider {
-                    collider.set_position(pose);
-                    collider.set_enabled(true);
-                }
-                commands.entity(entity).try_remove::<(QuarantinedCollider, ColliderDisabled)>();
-            }
+        let values = Values::new(transform, velocity, force);
+        let sound = values.are_sound();
+        if collider_is_out
+            && sound
+            && enable_collider(collider.and_then(|handle| colliders.colliders.get_mut(handle.0)), values.pose)
+        {
+            commands.entity(entity).try_remove::<(QuarantinedCollider, ColliderDisabled)>();
         }
         if !body_is_out {
             continue;
         }
         if let Some(body) = body.and_then(|handle| bodies.bodies.get_mut(handle.0)) {
             if sound {
-                body.set_position(pose, true);
-                body.set_linvel(velocity.linear, true);
-                body.set_angvel(velocity.angular, true);
-                body.reset_forces(true);
-                body.reset_torques(true);
-                body.add_force(force.force, true);
-                body.add_torque(force.torque, true);
-                body.set_enabled(true);
+                values.enable_body(body);
             }
             if !sound || !is_sound_body(body) {
                 // The user may have enabled the body without correcting its values.
@@ -273,15 +254,73 @@ pub(super) fn release(
                 }
                 continue;
             }
-            // Rapier may have disabled single colliders of the body that had invalid poses.
-            for &handle in body.colliders() {
-                if !colliders.collider_entity(handle).is_some_and(|entity| disabled.contains(entity))
-                    && let Some(collider) = colliders.colliders.get_mut(handle)
-                {
-                    collider.set_enabled(true);
-                }
-            }
+            enable_colliders_of(body, &mut colliders, &disabled);
         }
         commands.entity(entity).try_remove::<(QuarantinedBody, RigidBodyDisabled)>();
+    }
+}
+
+/// Pose, velocity and force that the user has set for a quarantined entity.
+struct Values {
+    pose: Pose3,
+    velocity: Velocity,
+    force: ExternalForce,
+}
+
+impl Values {
+    fn new(transform: &GlobalTransform, velocity: Option<&Velocity>, force: Option<&ExternalForce>) -> Self {
+        let (_, rotation, translation) = transform.to_scale_rotation_translation();
+        Self {
+            pose: Pose3::from_parts(translation, rotation),
+            velocity: velocity.copied().unwrap_or_default(),
+            force: force.copied().unwrap_or_default(),
+        }
+    }
+
+    fn are_sound(&self) -> bool {
+        is_sound_pose(&self.pose)
+            && is_bounded(self.velocity.linear)
+            && is_bounded(self.velocity.angular)
+            && self.force.force.is_finite()
+            && self.force.torque.is_finite()
+    }
+
+    /// Enables a body with these values.
+    fn enable_body(&self, body: &mut RapierBody) {
+        body.set_position(self.pose, true);
+        body.set_linvel(self.velocity.linear, true);
+        body.set_angvel(self.velocity.angular, true);
+        body.reset_forces(true);
+        body.reset_torques(true);
+        body.add_force(self.force.force, true);
+        body.add_torque(self.force.torque, true);
+        body.set_enabled(true);
+    }
+}
+
+/// Enables a collider, if rapier has it, at a pose. Returns false and leaves it disabled if its shape is not finite.
+fn enable_collider(collider: Option<&mut RapierCollider>, pose: Pose3) -> bool {
+    let Some(collider) = collider else { return true };
+    let aabb = collider.shape().compute_local_aabb();
+    let sound = aabb.mins.is_finite() && aabb.maxs.is_finite();
+    if sound {
+        collider.set_position(pose);
+        collider.set_enabled(true);
+    }
+    sound
+}
+
+/// Enables the colliders of a body that the user has not disabled. Rapier may have disabled single colliders that had invalid poses.
+fn enable_colliders_of(
+    body: &RapierBody,
+    colliders: &mut RapierContextColliders,
+    disabled: &Query<(), With<ColliderDisabled>>,
+) {
+    for &handle in body.colliders() {
+        if !colliders.collider_entity(handle).is_some_and(|entity| disabled.contains(entity))
+            && let Some(collider) = colliders.colliders.get_mut(handle)
+        {
+            collider.set_enabled(true);
+        }
     }
 }

@@ -10,13 +10,13 @@ use bevy::{
 use bevy_rapier3d::{prelude::TimestepMode, rapier::geometry::ColliderHandle};
 
 use super::{
-    context::{Context, ContextReadOnlyItem, collider_pose, pace},
+    context::{Context, ContextReadOnlyItem, collider_pose, displacement},
     owed::OwedTime,
     table::{ContactTable, SecondKey},
 };
 use crate::{
     geometry::Pose3,
-    pipeline::{Pace, Reach},
+    pipeline::{ContactMargin, Displacement},
     plugin::MedialStep,
 };
 
@@ -38,6 +38,13 @@ pub(super) struct Start {
     pub angular: Vec3,
 }
 
+impl Start {
+    /// A body at rest.
+    pub fn at_rest(pose: Pose3) -> Self {
+        Self { pose, linear: Vec3::ZERO, angular: Vec3::ZERO }
+    }
+}
+
 /// Records poses and velocities, and passes the contacts of the last step to rapier.
 pub(super) fn snapshot(
     mut snapshot: ResMut<Snapshot>,
@@ -50,15 +57,15 @@ pub(super) fn snapshot(
 ) {
     let clock = Instant::now();
     let snapshot = snapshot.as_mut();
-    let mut paces = HashMap::new();
-    let mut reach = Reach::new(0.0, 0.0);
+    let mut displacements = HashMap::new();
+    let mut reach = ContactMargin::new(0.0, 0.0);
     let dt = to_come(&mode, &time);
     snapshot.starts.clear();
     snapshot.leads.clear();
     snapshot.leads.extend(contexts.iter().map(|context| (context.entity, context.lead.diff)));
     snapshot.stepped = false;
     for context in contexts.iter().filter(|context| context.is_medial()) {
-        let Reach { prediction, length_unit, .. } = context.reach();
+        let ContactMargin { prediction, length_unit, .. } = context.reach();
         reach.prediction = reach.prediction.max(prediction);
         reach.length_unit = reach.length_unit.max(length_unit);
         for (handle, collider) in context.colliders.colliders.iter() {
@@ -66,12 +73,12 @@ pub(super) fn snapshot(
             let Some(moving) = body.filter(|body| !body.is_fixed()) else { continue };
             let owed = collider.parent().and_then(|parent| owed.get(context.entity, parent));
             let seconds = dt + owed.map_or(0.0, |owed| owed.seconds);
-            let pace = pace(collider, moving, seconds);
+            let displacement = displacement(collider, moving, context.configuration.gravity, seconds);
             // The dispatcher cannot distinguish colliders that share a shape. The fastest one counts, because the reach of a slower one would include bodies
             // that the fastest one only passes.
-            let known = paces.entry(SecondKey::of(collider.shape())).or_insert(pace);
-            if pace.against(&Pace::REST) > known.against(&Pace::REST) {
-                *known = pace;
+            let known = displacements.entry(SecondKey::of(collider.shape())).or_insert(displacement);
+            if displacement.against(&Displacement::REST) > known.against(&Displacement::REST) {
+                *known = displacement;
             }
             let (linear, angular) = (moving.linvel(), moving.angvel());
             let start = Start { pose: collider_pose(collider, body), linear, angular };
@@ -79,7 +86,7 @@ pub(super) fn snapshot(
         }
     }
     let colliders = contexts.iter().filter(|context| context.is_medial()).map(|context| context.colliders);
-    table.prepare(paces, reach, step.contacts(), colliders);
+    table.prepare(displacements, reach, step.contacts(), colliders);
     snapshot.took = clock.elapsed();
 }
 

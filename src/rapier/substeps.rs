@@ -17,7 +17,7 @@ use super::{context::Context, snapshot::RapierStep};
 use crate::{
     constants::{MAX_SUBSTEPS, SUBSTEP_WAY},
     geometry::Sweep,
-    pipeline::{Pace, Pair, Side},
+    pipeline::{Displacement, Pair, Side},
     plugin::MedialStep,
 };
 
@@ -44,7 +44,7 @@ pub(super) fn refine(
     }
     for pair in step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()) {
         let sides = [pair.first, pair.second];
-        let way = pace(&step, pair);
+        let way = sizes_moved(&step, pair);
         // Bodies that fall or tumble are not fast.
         if way < 1.0 {
             continue;
@@ -64,12 +64,12 @@ pub(super) fn refine(
 }
 
 /// Returns the relative displacement of the sides of a pair in the last step, in bounding radii of the smaller one.
-fn pace(step: &MedialStep, pair: &Pair) -> f32 {
-    let [pace1, pace2] = [pair.first, pair.second].map(|side| {
-        let Side::Body(body) = side else { return Pace::REST };
+fn sizes_moved(step: &MedialStep, pair: &Pair) -> f32 {
+    let [first, second] = [pair.first, pair.second].map(|side| {
+        let Side::Body(body) = side else { return Displacement::REST };
         let Sweep { translation, rotation, .. } = step.input.bodies[body as usize].sweep;
-        Pace { way: translation, rotation, radius: step.solid(side).bounding_sphere().radius }
+        Displacement { translation, rotation, radius: step.solid(side).bounding_sphere().radius, fall: 0.0 }
     });
-    let radius = |pace: &Pace| if pace.radius > 0.0 { pace.radius } else { f32::INFINITY };
-    pace1.against(&pace2) / radius(&pace1).min(radius(&pace2))
+    let radius = |side: &Displacement| if side.radius > 0.0 { side.radius } else { f32::INFINITY };
+    first.against(&second) / radius(&first).min(radius(&second))
 }

@@ -9,7 +9,7 @@ use bevy_rapier3d::{parry::shape::Shape, plugin::context::RapierContextColliders
 use super::shape::MedialShape;
 use crate::{
     geometry::Pose3,
-    pipeline::{CachedPair, ContactCache, Manifold, Pace, Reach, ShapeId},
+    pipeline::{CachedPair, ContactCache, ContactMargin, Displacement, Manifold, ShapeId},
 };
 
 /// The manifolds of the last step, by pair and relative pose, and the displacements of the bodies in the next step. The dispatcher reads it.
@@ -23,10 +23,10 @@ use crate::{
 pub struct ContactTable(#[reflect(ignore, clone)] Arc<RwLock<Entries>>);
 
 struct Entries {
-    /// Reach and range of manifolds of each pair.
-    pairs: HashMap<PairKey, (Reach, Range<usize>)>,
+    /// ContactMargin and range of manifolds of each pair.
+    pairs: HashMap<PairKey, (ContactMargin, Range<usize>)>,
     manifolds: Vec<Manifold>,
-    paces: HashMap<SecondKey, Pace>,
+    displacements: HashMap<SecondKey, Displacement>,
     /// Prediction distance of colliders without contact skin, in metres.
     prediction: f32,
     length_unit: f32,
@@ -34,8 +34,8 @@ struct Entries {
 
 impl Default for Entries {
     fn default() -> Self {
-        let (pairs, manifolds, paces) = Default::default();
-        Self { pairs, manifolds, paces, prediction: f32::INFINITY, length_unit: 1.0 }
+        let (pairs, manifolds, displacements) = Default::default();
+        Self { pairs, manifolds, displacements, prediction: f32::INFINITY, length_unit: 1.0 }
     }
 }
 
@@ -102,7 +102,7 @@ impl ContactTable {
     /// Returns the manifolds of a pair if the table has an entry for exactly this pose and about this reach.
     ///
     /// A body that stops loses the velocity of the time that is owed to it after its contacts are searched, which may halve or double the reach.
-    pub(super) fn get(&self, key: &PairKey, reach: Reach, has_skins: bool) -> Option<Vec<Manifold>> {
+    pub(super) fn get(&self, key: &PairKey, reach: ContactMargin, has_skins: bool) -> Option<Vec<Manifold>> {
         let table = self.read();
         let (found, range) = table.pairs.get(key)?;
         // Contacts within contact skins have to be searched.
@@ -115,8 +115,8 @@ impl ContactTable {
     /// Replaces all content: the motion of all moving colliders in the next step, the prediction distance, the length unit, and the contacts of the last step.
     pub(super) fn prepare<'a>(
         &self,
-        paces: HashMap<SecondKey, Pace>,
-        Reach { prediction, length_unit, .. }: Reach,
+        displacements: HashMap<SecondKey, Displacement>,
+        ContactMargin { prediction, length_unit, .. }: ContactMargin,
         contacts: &ContactCache,
         worlds: impl Iterator<Item = &'a RapierContextColliders>,
     ) {
@@ -133,7 +133,7 @@ impl ContactTable {
                 }
             }
         }
-        (table.paces, table.prediction, table.length_unit) = (paces, prediction, length_unit);
+        (table.displacements, table.prediction, table.length_unit) = (displacements, prediction, length_unit);
     }
 
     /// Returns the length unit in metres.
@@ -143,21 +143,21 @@ impl ContactTable {
 
     /// Returns true if the medial shape with this key belongs to a body that is not fixed.
     pub(super) fn moves(&self, key: u64) -> bool {
-        self.read().paces.contains_key(&SecondKey::Medial(key))
+        self.read().displacements.contains_key(&SecondKey::Medial(key))
     }
 
     /// Returns the reach of the contact search of a pair, and true if it includes contact skins.
     ///
     /// `prediction`: rapier's prediction distance for the pair, in metres. The excess over the world's prediction distance is the sum of the colliders' contact
     /// skins. It is added to the reach at any speed, because colliders with skins touch at this distance.
-    pub(super) fn reach(&self, first: u64, second: SecondKey, prediction: f32) -> (Reach, bool) {
+    pub(super) fn reach(&self, first: u64, second: SecondKey, prediction: f32) -> (ContactMargin, bool) {
         let table = self.read();
         let skins = (prediction - table.prediction).max(0.0);
-        let [pace1, pace2] =
-            [SecondKey::Medial(first), second].map(|key| table.paces.get(&key).copied().unwrap_or(Pace::REST));
-        let bare = Reach::new(prediction.min(table.prediction), table.length_unit);
-        let reach = bare.of_pair(pace1.against(&pace2));
-        (Reach { prediction: reach.prediction + skins, in_touch: reach.in_touch + skins, ..reach }, skins > 0.0)
+        let displacements =
+            [SecondKey::Medial(first), second].map(|key| table.displacements.get(&key).unwrap_or(&Displacement::REST));
+        let bare = ContactMargin::new(prediction.min(table.prediction), table.length_unit);
+        let reach = bare.of_pair(displacements);
+        (ContactMargin { prediction: reach.prediction + skins, in_touch: reach.in_touch + skins, ..reach }, skins > 0.0)
     }
 
     /// Returns the number of pairs.

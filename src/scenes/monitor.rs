@@ -6,14 +6,14 @@ use bevy::{platform::time::Instant, prelude::*};
 use bevy_rapier3d::{
     plugin::context::{DefaultRapierContext, RapierContextColliders, RapierContextSimulation, RapierRigidBodySet},
     prelude::{PhysicsSet, RapierConfiguration},
-    rapier::geometry::Collider as RapierCollider,
+    rapier::dynamics::RigidBody as RapierBody,
 };
 use serde::Serialize;
 
 use super::{Bullet, Projectile, SceneEntity, WORLD_RADIUS};
 use crate::{
     pipeline::{Impact, Pair, Side, Times},
-    plugin::{MedialContactStarted, MedialStep, MedialSystems},
+    plugin::{BodyInfo, MedialContactStarted, MedialStep, MedialSystems},
 };
 
 /// Change of speed in metres per second, beyond gravity and damping, that only a contact can cause.
@@ -203,70 +203,102 @@ fn watch(
             }
         }
     }
-
     let was_near = std::mem::take(&mut monitor.near);
-    let mut overlap_percent = 0.0f32;
-    for pair in &step.output.pairs {
-        let [info1, info2] = [pair.first, pair.second].map(|side| step.info(side));
-        monitor.near.extend([info1.entity, info2.entity]);
-        let moving = [pair.first, pair.second].into_iter().filter(|side| side.body().is_some());
-        let size = 2.0 * moving.map(|side| step.solid(side).bounding_sphere().radius).fold(f32::INFINITY, f32::min);
-        let manifolds = &step.output.manifolds[pair.manifolds.clone()];
-        let deepest = manifolds.iter().map(|m| -m.contacts()[0].distance).fold(0.0, f32::max);
-        overlap_percent = overlap_percent.max(100.0 * deepest / size);
-        let parted = manifolds.is_empty() && !info1.sensor && !info2.sensor;
-        if pair.impact.is_some_and(|impact| parted && has_passed(&step, pair, &impact, PASSED * size)) {
-            monitor.tunnelled += 1;
+    let overlap_percent = monitor.watch_pairs(&step);
+    monitor.deepest_overlap_percent = monitor.deepest_overlap_percent.max(overlap_percent);
+    let dynamic = dynamic_bodies(&step, bodies, colliders);
+    monitor.watch_velocities(&step, &dynamic, &was_near, configuration.gravity);
+    monitor.rows.push(Row::new(&step, monitor.response, overlap_percent, &dynamic));
+}
+
+/// Returns the dynamic bodies of a step: their indices and their rapier bodies.
+fn dynamic_bodies<'a>(
+    step: &MedialStep,
+    bodies: &'a RapierRigidBodySet,
+    colliders: &RapierContextColliders,
+) -> Vec<(usize, &'a RapierBody)> {
+    let rigid = |info: &BodyInfo| bodies.bodies.get(colliders.colliders.get(info.collider)?.parent()?);
+    let all = step.infos.iter().enumerate();
+    all.filter_map(|(index, info)| Some((index, rigid(info).filter(|rigid| rigid.is_dynamic())?))).collect()
+}
+
+impl Monitor {
+    /// Counts pairs that have passed each other, and notes the bodies of all pairs as near another one. Returns the deepest overlap in percent of the smaller
+    /// body's size.
+    fn watch_pairs(&mut self, step: &MedialStep) -> f32 {
+        let mut overlap_percent = 0.0f32;
+        for pair in &step.output.pairs {
+            let [info1, info2] = [pair.first, pair.second].map(|side| step.info(side));
+            self.near.extend([info1.entity, info2.entity]);
+            let moving = [pair.first, pair.second].into_iter().filter(|side| side.body().is_some());
+            let size = 2.0 * moving.map(|side| step.solid(side).bounding_sphere().radius).fold(f32::INFINITY, f32::min);
+            let manifolds = &step.output.manifolds[pair.manifolds.clone()];
+            let deepest = manifolds.iter().map(|m| -m.contacts()[0].distance).fold(0.0, f32::max);
+            overlap_percent = overlap_percent.max(100.0 * deepest / size);
+            let parted = manifolds.is_empty() && !info1.sensor && !info2.sensor;
+            if pair.impact.is_some_and(|impact| parted && has_passed(step, pair, &impact, PASSED * size)) {
+                self.tunnelled += 1;
+            }
         }
+        overlap_percent
     }
 
-    let (mut energy, mut mass, mut lowest_y) = (0.0, 0.0, f32::INFINITY);
-    for (index, (body, info)) in (0..).zip(step.input.bodies.iter().zip(&step.infos)) {
-        let parent = colliders.colliders.get(info.collider).and_then(RapierCollider::parent);
-        let Some(rigid) = parent.and_then(|parent| bodies.bodies.get(parent)).filter(|rigid| rigid.is_dynamic()) else {
-            continue;
-        };
-        let explained = info.linear + configuration.gravity * rigid.gravity_scale() * step.dt;
-        let damped = explained / (1.0 + step.dt * rigid.linear_damping());
-        let stopped = step.output.stop_of(index).is_some();
-        if !body.active {
-            // The cause of its waking up is not reported.
-            monitor.near.insert(info.entity);
-        }
-        if body.active
-            && !stopped
-            && !was_near.contains(&info.entity)
-            && rigid.linvel().distance(damped) > UNEXPLAINED_SPEED
-        {
-            monitor.ghosts += 1;
-        }
-        energy += rigid.kinetic_energy();
-        mass += rigid.mass();
-        let Some(shape) = body.solid.medial() else { continue };
-        for sphere in shape.axis.spheres().iter().map(|sphere| sphere.scaled(shape.scale)) {
-            lowest_y = lowest_y.min(rigid.position().transform_point(sphere.center).y - sphere.radius);
+    /// Counts bodies whose velocity has changed by more than gravity and damping, although no body was near at the start of the step.
+    fn watch_velocities(
+        &mut self,
+        step: &MedialStep,
+        dynamic: &[(usize, &RapierBody)],
+        was_near: &HashSet<Entity>,
+        gravity: Vec3,
+    ) {
+        for &(index, rigid) in dynamic {
+            let info = &step.infos[index];
+            if !step.input.bodies[index].active {
+                // The cause of its waking up is not reported.
+                self.near.insert(info.entity);
+                continue;
+            }
+            let explained = info.linear + gravity * rigid.gravity_scale() * step.dt;
+            let damped = explained / (1.0 + step.dt * rigid.linear_damping());
+            let stopped = step.output.stop_of(index as u32).is_some();
+            if !stopped && !was_near.contains(&info.entity) && rigid.linvel().distance(damped) > UNEXPLAINED_SPEED {
+                self.ghosts += 1;
+            }
         }
     }
-    monitor.deepest_overlap_percent = monitor.deepest_overlap_percent.max(overlap_percent);
-    let ms = |duration: Duration| duration.as_secs_f64() * 1e3;
-    let Times { broad, mid, narrow, stop, reduce } = step.output.times;
-    let counts = &step.output.counts;
-    monitor.rows.push(Row {
-        broad_ms: ms(broad),
-        mid_ms: ms(mid),
-        narrow_ms: ms(narrow),
-        stop_ms: ms(stop),
-        reduce_ms: ms(reduce),
-        response_ms: ms(monitor.response),
-        body_pairs: counts.body_pairs,
-        candidates: counts.candidates,
-        toi_tests: counts.toi_tests,
-        contacts: counts.contacts,
-        stopped: step.output.stops.len(),
-        overlap_percent,
-        kinetic_energy_per_kg: if mass > 0.0 { energy / mass } else { 0.0 },
-        lowest_y,
-    });
+}
+
+impl Row {
+    fn new(step: &MedialStep, response: Duration, overlap_percent: f32, dynamic: &[(usize, &RapierBody)]) -> Self {
+        let (mut energy, mut mass, mut lowest_y) = (0.0, 0.0, f32::INFINITY);
+        for &(index, rigid) in dynamic {
+            energy += rigid.kinetic_energy();
+            mass += rigid.mass();
+            let Some(shape) = step.input.bodies[index].solid.medial() else { continue };
+            for sphere in shape.axis.spheres().iter().map(|sphere| sphere.scaled(shape.scale)) {
+                lowest_y = lowest_y.min(rigid.position().transform_point(sphere.center).y - sphere.radius);
+            }
+        }
+        let ms = |duration: Duration| duration.as_secs_f64() * 1e3;
+        let Times { broad, mid, narrow, stop, reduce } = step.output.times;
+        let counts = &step.output.counts;
+        Self {
+            broad_ms: ms(broad),
+            mid_ms: ms(mid),
+            narrow_ms: ms(narrow),
+            stop_ms: ms(stop),
+            reduce_ms: ms(reduce),
+            response_ms: ms(response),
+            body_pairs: counts.body_pairs,
+            candidates: counts.candidates,
+            toi_tests: counts.toi_tests,
+            contacts: counts.contacts,
+            stopped: step.output.stops.len(),
+            overlap_percent,
+            kinetic_energy_per_kg: if mass > 0.0 { energy / mass } else { 0.0 },
+            lowest_y,
+        }
+    }
 }
 
 /// Largest allowed distance between points that have met and passed each other, in sizes of the smaller body. Bodies that slide along each other turn a little.

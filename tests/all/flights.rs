@@ -12,7 +12,7 @@ use bevy::prelude::*;
 use bevy_medial::{
     geometry::{Obb, Pose3, Sweep},
     medial_axis::MedialAxis,
-    pipeline::{Second, Shape, contact},
+    pipeline::{OtherShape, Shape, contacts},
     plugin::MedialStep,
     prelude::*,
     query::Cuboid,
@@ -163,11 +163,11 @@ impl Cell {
             } else {
                 let pose1 = motions[0].pose(time);
                 let (second, pose2) = match motions.get(1) {
-                    Some(motion) => (Second::Shape(&self.shape), motion.pose(time)),
-                    None => (Second::Parts(&Cuboid { half: WALL }), Pose3::IDENTITY),
+                    Some(motion) => (OtherShape::Shape(&self.shape), motion.pose(time)),
+                    None => (OtherShape::Parts(&Cuboid { half: WALL }), Pose3::IDENTITY),
                 };
                 contacts.clear();
-                contact::find(&self.shape, second, &pose1.inv_mul(&pose2), near, &mut contacts);
+                contacts::find(&self.shape, second, &pose1.inv_mul(&pose2), near, &mut contacts);
                 f64::from(contacts.iter().map(|contact| contact.distance).fold(near, f32::min))
             };
             if apart <= f64::from(level) {

@@ -32,7 +32,9 @@ use bevy::tasks::{ParallelSlice, ParallelSliceMut, TaskPool};
 use bevy_medial::{
     constants::{CHORD_TOLERANCE, CONTACT_ROUNDING, LINEAR_SLOP},
     geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
-    pipeline::{Body, Candidates, Meeting, Shape, Side, Solid, StaticBody, Statics, StepInput, StepOutput, Workspace},
+    pipeline::{
+        Body, Candidates, PairFilter, Shape, Side, Solid, StaticBody, Statics, StepInput, StepOutput, Workspace,
+    },
 };
 
 use tree::{Motion, Tree, Volume};
@@ -131,7 +133,7 @@ impl<V: Volume> Baseline for Trees<V> {
         };
         let mid = begin.elapsed();
 
-        let (mut output, filter) = (StepOutput::default(), |_, _| Meeting::Stopping);
+        let (mut output, filter) = (StepOutput::default(), |_, _| PairFilter::Stopping);
         self.workspace.step_from_candidates(input, statics, candidates, filter, pool, &mut output);
         (output.times.broad, output.times.mid) = (broad, mid);
         Ok(output)

@@ -60,7 +60,7 @@ impl Motion {
             end: affine(sweep.end),
             middle: sweep.pose_at(0.5).rotation,
             angle: sweep.rotation.length(),
-            sagitta: sweep.sagitta(1.0, 1),
+            sagitta: sweep.sagitta(1.0),
             local_center: sweep.local_center,
         }
     }

@@ -5,7 +5,7 @@
 
 use bevy_medial::{
     geometry::Pose3,
-    pipeline::{Reach, Second, Shape, contact},
+    pipeline::{ContactMargin, OtherShape, Shape, contacts},
     query::Cuboid,
 };
 use glam::Vec3;
@@ -203,13 +203,13 @@ impl World {
         let Some(shape1) = &self.bodies[first].shape else { return 0.0 };
         let pose12 = self.state(first).pose.inv_mul(&self.state(second).pose);
         let mut contacts = Vec::new();
-        let reach = Reach::new(0.0, self.setup.unit);
+        let reach = ContactMargin::new(0.0, self.setup.unit);
         match (&self.bodies[second].body.form, &self.bodies[second].shape) {
             (Form::Cuboid(half), _) => {
                 let half = *half * self.bodies[second].body.scale;
-                contact::find(shape1, Second::Parts(&Cuboid { half }), &pose12, reach, &mut contacts);
+                contacts::find(shape1, OtherShape::Parts(&Cuboid { half }), &pose12, reach, &mut contacts);
             }
-            (_, Some(shape2)) => contact::find(shape1, Second::Shape(shape2), &pose12, reach, &mut contacts),
+            (_, Some(shape2)) => contacts::find(shape1, OtherShape::Shape(shape2), &pose12, reach, &mut contacts),
             (_, None) => {}
         }
         contacts.iter().map(|contact| -contact.distance).fold(0.0, f32::max)
@@ -286,7 +286,7 @@ pub fn first_touch(first: &Body, second: &Body, end: f32) -> Option<(f32, Vec3, 
         if far < 0.1 {
             contacts.clear();
             let reach = 0.2;
-            contact::find(&shape1, Second::Shape(&shape2), &poses[0].inv_mul(&poses[1]), reach, &mut contacts);
+            contacts::find(&shape1, OtherShape::Shape(&shape2), &poses[0].inv_mul(&poses[1]), reach, &mut contacts);
             let nearest = contacts.iter().min_by(|a, b| a.distance.total_cmp(&b.distance));
             apart = nearest.map_or(reach, |contact| contact.distance);
             if let Some(contact) = nearest.filter(|contact| contact.distance < 1e-4) {

@@ -68,68 +68,98 @@ fn indices(property: Property) -> Option<Vec<i64>> {
 
 /// Parses the elements `vertex` (x, y, z), `face` and `tristrips` (`vertex_indices` or `vertex_index`) in all three encodings.
 pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
-    let parser = Parser::<Element>::new();
-    let (head, body) = bytes.split_at(end_of_header(bytes));
-    // Comments may be in any encoding. The parsed properties are ASCII.
-    let head = String::from_utf8_lossy(head);
-    let header = parser.read_header(&mut Reader::new(head.as_bytes())).map_err(damaged)?;
-    let mut reader = Reader::new(body);
-    let mut lines = (head.lines().count() + 1..).zip(body.split(|&byte| byte == b'\n'));
-    let (mut positions, mut faces, mut strips) = (Vec::new(), Vec::new(), Vec::new());
-    for (name, definition) in &header.elements {
-        let count = definition.count;
-        // Elements without a property would take time and memory, but no bytes of the file.
-        if definition.properties.is_empty() && count > 0 {
-            return Err(FormatError::damaged(format!("element `{name}`"), "it has no property"));
-        }
-        if count > bytes.len() {
-            return Err(FormatError::damaged(
-                format!("element `{name}`"),
-                format!("the file is too short for {count}"),
-            ));
-        }
-        let elements = match header.encoding {
-            Encoding::Ascii => rows(name, definition, &mut lines)?,
-            _ => parser.read_payload_for_element(&mut reader, definition, &header).map_err(damaged)?,
-        };
-        match name.as_str() {
-            "vertex" => {
-                for (number, vertex) in elements.iter().enumerate() {
-                    let [Some(x), Some(y), Some(z)] = vertex.position else {
-                        return Err(FormatError::damaged(format!("vertex {number}"), "x, y or z is missing"));
-                    };
-                    positions.push(Vec3::new(x as f32, y as f32, z as f32));
-                }
+    let content = Content::read(bytes)?;
+    let triangles = content.triangles()?;
+    Ok(TriangleMesh::new(content.positions, triangles)?)
+}
+
+/// The used elements of a file.
+#[derive(Default)]
+struct Content {
+    positions: Vec<Vec3>,
+    faces: Vec<Element>,
+    strips: Vec<Element>,
+}
+
+impl Content {
+    fn read(bytes: &[u8]) -> Result<Self, FormatError> {
+        let parser = Parser::<Element>::new();
+        let (head, body) = bytes.split_at(end_of_header(bytes));
+        // Comments may be in any encoding. The parsed properties are ASCII.
+        let head = String::from_utf8_lossy(head);
+        let header = parser.read_header(&mut Reader::new(head.as_bytes())).map_err(damaged)?;
+        let mut reader = Reader::new(body);
+        let mut lines = (head.lines().count() + 1..).zip(body.split(|&byte| byte == b'\n'));
+        let mut content = Self::default();
+        for (name, definition) in &header.elements {
+            check_size(name, definition, bytes.len())?;
+            let elements = match header.encoding {
+                Encoding::Ascii => rows(name, definition, &mut lines)?,
+                _ => parser.read_payload_for_element(&mut reader, definition, &header).map_err(damaged)?,
+            };
+            match name.as_str() {
+                "vertex" => content.add_vertices(&elements)?,
+                "face" => content.faces = elements,
+                "tristrips" => content.strips = elements,
+                _ => {}
             }
-            "face" => faces = elements,
-            "tristrips" => strips = elements,
-            _ => {}
         }
+        Ok(content)
     }
-    let vertices = |what: &str, number: usize, corners: &[i64]| -> Result<Vec<u32>, FormatError> {
-        let in_range =
-            |&index: &i64| u32::try_from(index).ok().filter(|&i| (i as usize) < positions.len()).ok_or(index);
+
+    fn add_vertices(&mut self, vertices: &[Element]) -> Result<(), FormatError> {
+        for (number, vertex) in vertices.iter().enumerate() {
+            let [Some(x), Some(y), Some(z)] = vertex.position else {
+                return Err(FormatError::damaged(format!("vertex {number}"), "x, y or z is missing"));
+            };
+            self.positions.push(Vec3::new(x as f32, y as f32, z as f32));
+        }
+        Ok(())
+    }
+
+    /// Returns the triangles of all faces, then those of all strips.
+    fn triangles(&self) -> Result<Vec<[u32; 3]>, FormatError> {
+        let mut triangles = Vec::with_capacity(self.faces.len());
+        for (number, face) in self.faces.iter().enumerate() {
+            let corners = self.vertices("face", number, &face.corners)?;
+            if corners.len() < 3 {
+                let problem = format!("it has {} corners in `vertex_indices`, not 3 or more", corners.len());
+                return Err(FormatError::damaged(format!("face {number}"), problem));
+            }
+            triangulate(&corners, &self.positions, &mut triangles);
+        }
+        for (number, strips) in self.strips.iter().enumerate() {
+            // A negative index ends a strip.
+            for corners in strips.corners.split(|&index| index < 0) {
+                triangles.extend(strip(&self.vertices("strip", number, corners)?));
+            }
+        }
+        Ok(triangles)
+    }
+
+    /// Returns the corners of a face or strip as indices of vertices, or an error if a vertex does not exist.
+    fn vertices(&self, what: &str, number: usize, corners: &[i64]) -> Result<Vec<u32>, FormatError> {
+        let count = self.positions.len();
+        let in_range = |&index: &i64| u32::try_from(index).ok().filter(|&i| (i as usize) < count).ok_or(index);
         corners.iter().map(in_range).collect::<Result<_, _>>().map_err(|index| {
-            let problem = format!("there is no vertex {index} among {}", positions.len());
+            let problem = format!("there is no vertex {index} among {count}");
             FormatError::damaged(format!("{what} {number}"), problem)
         })
+    }
+}
+
+/// Returns an error for more elements than a file of this many bytes can contain.
+fn check_size(name: &str, definition: &ElementDef, bytes: usize) -> Result<(), FormatError> {
+    let count = definition.count;
+    let problem = if definition.properties.is_empty() && count > 0 {
+        // Elements without a property would take time and memory, but no bytes of the file.
+        "it has no property".into()
+    } else if count > bytes {
+        format!("the file is too short for {count}")
+    } else {
+        return Ok(());
     };
-    let mut triangles = Vec::with_capacity(faces.len());
-    for (number, face) in faces.iter().enumerate() {
-        let corners = vertices("face", number, &face.corners)?;
-        if corners.len() < 3 {
-            let problem = format!("it has {} corners in `vertex_indices`, not 3 or more", corners.len());
-            return Err(FormatError::damaged(format!("face {number}"), problem));
-        }
-        triangulate(&corners, &positions, &mut triangles);
-    }
-    for (number, strips) in strips.iter().enumerate() {
-        // A negative index ends a strip.
-        for corners in strips.corners.split(|&index| index < 0) {
-            triangles.extend(strip(&vertices("strip", number, corners)?));
-        }
-    }
-    Ok(TriangleMesh::new(positions, triangles)?)
+    Err(FormatError::damaged(format!("element `{name}`"), problem))
 }
 
 /// End of the last line of the header, or the number of bytes without such a line.

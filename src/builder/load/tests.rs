@@ -160,8 +160,8 @@ fn all_formats_give_the_same_mesh() {
     }
 }
 
-#[test]
-fn damaged_files_are_meshes_or_clear_errors() {
+/// Damages a file at a random place. There are six kinds of damage.
+fn damage(bytes: &mut Vec<u8>, kind: usize, random: &mut Random) {
     const TOKENS: [&str; 16] = [
         "nan",
         "-inf",
@@ -180,50 +180,59 @@ fn damaged_files_are_meshes_or_clear_errors() {
         "null",
         "1e6",
     ];
-    let mesh = ring();
-    let mut random = Random(17);
-    for (name, format, good) in files(&mesh) {
-        let (mut meshes, mut errors) = (0, 0);
-        for round in 0..1200 {
-            let mut bytes = good.clone();
-            let place = |random: &mut Random, bytes: &[u8]| random.below(bytes.len() + 1);
-            for _ in 0..1 + random.below(3) {
-                let [a, b] = [place(&mut random, &bytes), place(&mut random, &bytes)];
-                let (from, to) = (a.min(b), a.max(b));
-                match round % 6 {
-                    0 => bytes.truncate(from),
-                    1 => drop(bytes.drain(from..to.min(from + 40))),
-                    2 => {
-                        let part = bytes[from..to.min(from + 200)].to_vec();
-                        drop(bytes.splice(to..to, part));
-                    }
-                    3 => bytes.iter_mut().skip(from).take(1).for_each(|byte| *byte ^= 1 << random.below(8)),
-                    4 => bytes.iter_mut().skip(from).take(4).for_each(|byte| *byte = random.bits() as u8),
-                    // A word is replaced by another token.
-                    _ => {
-                        let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || b".-+".contains(byte);
-                        let start = from + bytes[from..].iter().position(is_word).unwrap_or(0);
-                        let length = bytes[start..].iter().position(|byte| !is_word(byte)).unwrap_or(0);
-                        let token = TOKENS[random.below(TOKENS.len())];
-                        drop(bytes.splice(start..start + length, token.bytes()));
-                    }
-                }
-            }
-            match parse(format, &bytes) {
-                Ok(mesh) => {
-                    let _ = MeshReport::new(&mesh).to_string();
-                    assert!(mesh.triangles.len() < 1000, "{name}: {} triangles", mesh.triangles.len());
-                    TriangleMesh::new(mesh.positions, mesh.triangles).unwrap();
-                    meshes += 1;
-                }
-                Err(error) => {
-                    let lengths = [error.place.len(), error.problem.len(), error.remedy.len()];
-                    assert!(lengths.iter().all(|length| (1..600).contains(length)), "{name}: {error}");
-                    assert!(!error.to_string().contains('\n'), "{name}: {error}");
-                    errors += 1;
-                }
-            }
+    let [a, b] = [0; 2].map(|_| random.below(bytes.len() + 1));
+    let (from, to) = (a.min(b), a.max(b));
+    match kind {
+        0 => bytes.truncate(from),
+        1 => drop(bytes.drain(from..to.min(from + 40))),
+        2 => {
+            let part = bytes[from..to.min(from + 200)].to_vec();
+            drop(bytes.splice(to..to, part));
         }
+        3 => bytes.iter_mut().skip(from).take(1).for_each(|byte| *byte ^= 1 << random.below(8)),
+        4 => bytes.iter_mut().skip(from).take(4).for_each(|byte| *byte = random.bits() as u8),
+        // A word is replaced by another token.
+        _ => {
+            let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || b".-+".contains(byte);
+            let start = from + bytes[from..].iter().position(is_word).unwrap_or(0);
+            let length = bytes[start..].iter().position(|byte| !is_word(byte)).unwrap_or(0);
+            let token = TOKENS[random.below(TOKENS.len())];
+            drop(bytes.splice(start..start + length, token.bytes()));
+        }
+    }
+}
+
+/// Checks the result for a damaged file. Returns true for a mesh.
+fn is_mesh_or_clear_error(name: &str, result: Result<TriangleMesh, FormatError>) -> bool {
+    match &result {
+        Ok(mesh) => {
+            let _ = MeshReport::new(mesh).to_string();
+            assert!(mesh.triangles.len() < 1000, "{name}: {} triangles", mesh.triangles.len());
+            TriangleMesh::new(mesh.positions.clone(), mesh.triangles.clone()).unwrap();
+        }
+        Err(error) => {
+            let lengths = [error.place.len(), error.problem.len(), error.remedy.len()];
+            assert!(lengths.iter().all(|length| (1..600).contains(length)), "{name}: {error}");
+            assert!(!error.to_string().contains('\n'), "{name}: {error}");
+        }
+    }
+    result.is_ok()
+}
+
+#[test]
+fn damaged_files_are_meshes_or_clear_errors() {
+    const ROUNDS: usize = 1200;
+    let mut random = Random(17);
+    for (name, format, good) in files(&ring()) {
+        let damaged = (0..ROUNDS).map(|round| {
+            let mut bytes = good.clone();
+            for _ in 0..1 + random.below(3) {
+                damage(&mut bytes, round % 6, &mut random);
+            }
+            bytes
+        });
+        let meshes = damaged.filter(|bytes| is_mesh_or_clear_error(name, parse(format, bytes))).count();
+        let errors = ROUNDS - meshes;
         println!("{name}: {meshes} meshes, {errors} errors");
         assert!(meshes > 20 && errors > 300, "{name}: {meshes} meshes, {errors} errors");
         assert!(parse(format, b"").is_err() && parse(format, b"\n").is_err(), "{name}");

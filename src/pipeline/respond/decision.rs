@@ -1,6 +1,6 @@
 //! Decides how an impact changes a body's state: a pure function of both bodies' states.
 
-use super::course::State;
+use super::trajectory::State;
 
 /// The effect of an impact on a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

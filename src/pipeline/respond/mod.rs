@@ -6,8 +6,8 @@
 //! A body that has left its path invalidates the impacts of its pairs, which assume that path. They are searched again from that time on. A body goes
 //! through a few states and a limited number of pushes, so the loop ends.
 
-mod course;
 mod decision;
+mod trajectory;
 
 use std::{cmp::Ordering, collections::BinaryHeap, time::Duration};
 
@@ -16,17 +16,19 @@ use glam::Vec3;
 
 use super::{
     Body, Impact, Scratch, Statics, StepInput,
-    assemblies::Assemblies,
-    first_impact::{ImpactResult, Question, first_impact},
-    motion::PairMotion,
+    joint_islands::JointIslands,
     pairs::{BodyPair, PairsOf},
     parallel::{self, Scratches},
+    sweep::{
+        first_impact::{ImpactResult, Question, first_impact},
+        motion::PairMotion,
+    },
 };
 use crate::{constants::MAX_PUSHES, geometry::Sweep};
 
-pub(super) use course::Courses;
-use course::{Course, State, displaced, displacement_at};
 use decision::{Decision, Obstacle, decide};
+pub(super) use trajectory::Trajectories;
+use trajectory::{State, Trajectory, displaced, displacement_at};
 
 /// An impact of a pair in the queue. It is outdated if the time of the pair's next impact differs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,16 +62,38 @@ impl Ord for Event {
 /// Buffers that are reused from step to step.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
-    courses: Courses,
+    trajectories: Trajectories,
     pairs_of: PairsOf,
-    assemblies: Assemblies,
+    joint_islands: JointIslands,
     queue: BinaryHeap<Event>,
     /// Per pair, time of the next impact as a fraction of the step; infinite without an impact.
     next: Vec<f32>,
     happened: Vec<bool>,
-    outcomes: Vec<(u32, Course)>,
+    outcomes: Vec<(u32, Trajectory)>,
     searches: Vec<(usize, f32)>,
     found: Vec<Option<Impact>>,
+}
+
+impl Buffers {
+    /// Prepares for a step, and queues the impacts that stop a body. Returns false if there are none.
+    fn begin(&mut self, input: &StepInput, pairs: &[BodyPair], results: &[ImpactResult]) -> bool {
+        self.trajectories.reset(input.bodies.len());
+        self.queue.clear();
+        self.queue.extend((0..pairs.len()).filter(|&pair| pairs[pair].stops).filter_map(|pair| {
+            let impact = results[pair].impact.filter(|_| pairs[pair].bodies().any(|body| input.is_stopping(body)))?;
+            Some(Event { impact, pair })
+        }));
+        if self.queue.is_empty() {
+            return false;
+        }
+        self.pairs_of.set(input.bodies.len(), pairs);
+        self.joint_islands.set(input);
+        self.next.clear();
+        self.next.extend(results.iter().map(|result| fraction_of(result.impact)));
+        self.happened.clear();
+        self.happened.resize(pairs.len(), false);
+        true
+    }
 }
 
 /// Handles impacts one after the other. Afterwards `results` holds the first impact of each pair that did happen.
@@ -81,28 +105,17 @@ pub(super) fn run<'b>(
     buffers: &'b mut Buffers,
     tasks: &Scratches<Scratch>,
     pool: &TaskPool,
-) -> &'b Courses {
-    let Buffers { courses, pairs_of, assemblies, queue, next, happened, outcomes, searches, found } = buffers;
-    courses.reset(input.bodies.len());
-    queue.clear();
-    queue.extend((0..pairs.len()).filter(|&pair| pairs[pair].stops).filter_map(|pair| {
-        let impact = results[pair].impact.filter(|_| pairs[pair].bodies().any(|body| input.is_stopping(body)))?;
-        Some(Event { impact, pair })
-    }));
-    if queue.is_empty() {
-        return courses;
+) -> &'b Trajectories {
+    if !buffers.begin(input, pairs, results) {
+        return &buffers.trajectories;
     }
-    pairs_of.set(input.bodies.len(), pairs);
-    assemblies.set(input);
-    next.clear();
-    next.extend(results.iter().map(|result| fraction_of(result.impact)));
-    happened.clear();
-    happened.resize(pairs.len(), false);
-    let search = |courses: &Courses, results: &[ImpactResult], searches: &[(usize, f32)], found: &mut Vec<_>| {
-        parallel::map(pool, tasks, searches, 4, found, |scratch, _, &(pair, fraction)| {
-            impact_from(input, statics, &pairs[pair], courses, fraction, &results[pair], scratch)
-        });
-    };
+    let Buffers { trajectories, pairs_of, joint_islands, queue, next, happened, outcomes, searches, found } = buffers;
+    let search =
+        |trajectories: &Trajectories, results: &[ImpactResult], searches: &[(usize, f32)], found: &mut Vec<_>| {
+            parallel::map(pool, tasks, searches, 4, found, |scratch, _, &(pair, fraction)| {
+                impact_from(input, statics, &pairs[pair], trajectories, fraction, &results[pair], scratch)
+            });
+        };
     while let Some(event) = queue.pop() {
         if next[event.pair] != event.impact.fraction {
             continue;
@@ -110,17 +123,17 @@ pub(super) fn run<'b>(
         next[event.pair] = f32::INFINITY;
         happened[event.pair] = true;
         outcomes.clear();
-        respond(input, courses, assemblies, &pairs[event.pair], &event, outcomes);
-        outcomes.iter().for_each(|&(body, course)| courses.set(body, course));
+        respond(input, trajectories, joint_islands, &pairs[event.pair], &event, outcomes);
+        outcomes.iter().for_each(|&(body, trajectory)| trajectories.set(body, trajectory));
         // A pusher that turns may hit the pushed body again.
-        let pushes = outcomes.iter().any(|(_, course)| course.state == State::Pushed);
+        let pushes = outcomes.iter().any(|(_, trajectory)| trajectory.state == State::Pushed);
         let is_searched = |&pair: &usize| (pair != event.pair || pushes) && pairs[pair].stops;
         let affected = outcomes.iter().flat_map(|(body, _)| pairs_of.of(*body)).filter(is_searched);
         searches.clear();
         searches.extend(affected.map(|pair| (pair, event.fraction())));
         searches.sort_unstable_by_key(|(pair, _)| *pair);
         searches.dedup();
-        search(courses, results, searches, found);
+        search(trajectories, results, searches, found);
         for (&(pair, _), found) in searches.iter().zip(found.drain(..)) {
             next[pair] = fraction_of(found);
             if !happened[pair] {
@@ -129,57 +142,58 @@ pub(super) fn run<'b>(
             queue.extend(found.map(|impact| Event { impact, pair }));
         }
     }
-    // Impacts that stop no body are searched once, when all courses are known.
+    // Impacts that stop no body are searched once, when all trajectories are known.
     searches.clear();
     searches.extend(
-        (0..pairs.len())
-            .filter(|&pair| !pairs[pair].stops)
-            .filter_map(|pair| Some((pair, courses.searched_from(&pairs[pair], fraction_of(results[pair].impact))?))),
+        (0..pairs.len()).filter(|&pair| !pairs[pair].stops).filter_map(|pair| {
+            Some((pair, trajectories.searched_from(&pairs[pair], fraction_of(results[pair].impact))?))
+        }),
     );
-    search(courses, results, searches, found);
+    search(trajectories, results, searches, found);
     for (&(pair, _), found) in searches.iter().zip(found.drain(..)) {
         results[pair].impact = found;
     }
-    courses
+    trajectories
 }
 
-/// Adds the new courses of the bodies of a pair after an impact, and of the bodies that are joined with them.
+/// Adds the new trajectories of the bodies of a pair after an impact, and of the bodies that are joined with them.
 fn respond(
     input: &StepInput,
-    courses: &Courses,
-    assemblies: &Assemblies,
+    trajectories: &Trajectories,
+    joint_islands: &JointIslands,
     pair: &BodyPair,
     event: &Event,
-    outcomes: &mut Vec<(u32, Course)>,
+    outcomes: &mut Vec<(u32, Trajectory)>,
 ) {
     let (impact, fraction) = (&event.impact, event.fraction());
     let sides = [(pair.first, pair.second, -impact.normal), (pair.second, pair.first, impact.normal)];
     for (side, other, away) in sides {
         let Some(body) = side.body().filter(|&body| input.is_stopping(body)) else { continue };
-        let advance = |body: u32| displacement_at(&courses.sweep_from(input, body, fraction), impact.point).dot(away);
+        let advance =
+            |body: u32| displacement_at(&trajectories.sweep_from(input, body, fraction), impact.point).dot(away);
         let pusher = |other: u32, gives_way: bool| Obstacle::Pusher {
             approach: advance(other) - advance(body),
             gives_way,
-            exhausted: courses.pushed(body) >= courses.push_reach(input, other),
+            exhausted: trajectories.pushed(body) >= trajectories.push_reach(input, other),
         };
         let obstacle = match other.body() {
             None => Obstacle::Fixed,
             Some(other) if !input.is_stopping(other) => pusher(other, false),
-            Some(other) if courses.state(other) == State::Pushed => pusher(other, true),
-            Some(other) => Obstacle::Stopping(courses.state(other)),
+            Some(other) if trajectories.state(other) == State::Pushed => pusher(other, true),
+            Some(other) => Obstacle::Stopping(trajectories.state(other)),
         };
-        let decision = decide(courses.state(body), obstacle);
-        let mut push = Push { displacement: Vec3::ZERO, pushed: courses.pushed(body), reach: 0.0 };
+        let decision = decide(trajectories.state(body), obstacle);
+        let mut push = Push { displacement: Vec3::ZERO, pushed: trajectories.pushed(body), reach: 0.0 };
         if let (Obstacle::Pusher { approach, .. }, Some(other)) = (obstacle, other.body()) {
-            push.reach = courses.push_reach(input, other);
+            push.reach = trajectories.push_reach(input, other);
             let length = approach.clamp(0.0, (push.reach - push.pushed).max(0.0));
             push.displacement = away * length;
             // A push counts at least this much, even without a displacement. This limits the number of pushes to MAX_PUSHES.
             push.pushed += length.max(push.reach / MAX_PUSHES as f32);
         }
-        outcomes.extend(assemblies.of(input, body).filter_map(|body| {
-            let now = courses.sweep_from(input, body, fraction);
-            Some((body, course(&input.bodies[body as usize], fraction, &now, decision, &push)?))
+        outcomes.extend(joint_islands.of(input, body).filter_map(|body| {
+            let now = trajectories.sweep_from(input, body, fraction);
+            Some((body, trajectory(&input.bodies[body as usize], fraction, &now, decision, &push)?))
         }));
     }
 }
@@ -194,15 +208,15 @@ struct Push {
     reach: f32,
 }
 
-/// Returns the course of a body after a decision; `None` if the body continues its motion. `now`: motion of the body from the fraction on.
-fn course(body: &Body, from: f32, now: &Sweep, decision: Decision, push: &Push) -> Option<Course> {
+/// Returns the trajectory of a body after a decision; `None` if the body continues its motion. `now`: motion of the body from the fraction on.
+fn trajectory(body: &Body, from: f32, now: &Sweep, decision: Decision, push: &Push) -> Option<Trajectory> {
     let (state, rest) = match decision {
         Decision::GoOn => return None,
         Decision::Stop => (State::Stopped, Sweep::at_rest(now.start)),
         Decision::Wedge => (State::Wedged, Sweep::at_rest(now.start)),
         Decision::Push => (State::Pushed, displaced(now, body.free_path(push.displacement))),
     };
-    Some(Course { from, rest, state, pushed: push.pushed, push_reach: push.reach })
+    Some(Trajectory { from, rest, state, pushed: push.pushed, push_reach: push.reach })
 }
 
 /// Returns the time of an impact as a fraction of the step; infinite without an impact.
@@ -215,13 +229,13 @@ fn impact_from(
     input: &StepInput,
     statics: &Statics,
     pair: &BodyPair,
-    courses: &Courses,
+    trajectories: &Trajectories,
     fraction: f32,
     before: &ImpactResult,
     scratch: &mut Scratch,
 ) -> Option<Impact> {
-    let motions = PairMotion::all(input, statics, pair, |body| courses.sweep_from(input, body, fraction));
-    let times = [pair.first, pair.second].map(|side| courses.times(side, fraction));
+    let motions = PairMotion::all(input, statics, pair, |body| trajectories.sweep_from(input, body, fraction));
+    let times = [pair.first, pair.second].map(|side| trajectories.times(side, fraction));
     let question = Question { input, statics, pair, known: None, times, normal: before.normal };
     // The time of searches after impacts is not split between stages.
     let found = first_impact(&question, motions, scratch, || Duration::ZERO).impact?;

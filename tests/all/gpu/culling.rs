@@ -4,7 +4,7 @@ use bevy::tasks::{ComputeTaskPool, TaskPool};
 use bevy_medial::{
     gpu::{GpuCapacity, GpuCulling},
     medial_axis::MedialAxis,
-    pipeline::{Meeting, Shape, Solid, Statics, StepInput, StepOutput, step, step_from_candidates},
+    pipeline::{PairFilter, Shape, Solid, Statics, StepInput, StepOutput, step, step_from_candidates},
 };
 use glam::Vec3;
 
@@ -20,7 +20,7 @@ pub fn pool() -> &'static TaskPool {
 
 pub fn run_on_gpu(culling: &mut GpuCulling, input: &StepInput, statics: &Statics) -> StepOutput {
     let candidates = culling.cull(input, statics).unwrap();
-    step_from_candidates(input, statics, candidates, |_, _| Meeting::Stopping, pool())
+    step_from_candidates(input, statics, candidates, |_, _| PairFilter::Stopping, pool())
 }
 
 /// Compares the GPU with the CPU and with itself on random steps. Returns the numbers of impacts, contacts, stops and pairs.
@@ -35,7 +35,7 @@ pub fn compare(
         let cpu = step(&input, &statics, pool());
         let candidates = culling.cull(&input, &statics).unwrap();
         assert_eq!(candidates, culling.cull(&input, &statics).unwrap(), "step {number}, culled twice");
-        let gpu = step_from_candidates(&input, &statics, candidates, |_, _| Meeting::Stopping, pool());
+        let gpu = step_from_candidates(&input, &statics, candidates, |_, _| PairFilter::Stopping, pool());
         assert_eq!(cpu.pairs, gpu.pairs, "step {number}");
         assert_eq!(cpu.manifolds, gpu.manifolds, "step {number}");
         assert_eq!(cpu.stops, gpu.stops, "step {number}");

@@ -8,7 +8,7 @@ use bevy::{
 use bevy_medial::{
     geometry::{Pose3, Primitive, Sphere, Sweep},
     medial_axis::MedialAxis,
-    pipeline::{Body, Manifold, Second, Shape, Solid, StaticBody, Statics, StepInput, contact, step},
+    pipeline::{Body, Manifold, OtherShape, Shape, Solid, StaticBody, Statics, StepInput, contacts, step},
     rapier::{ContactTable, MedialDispatcher, MedialShape},
     scenes::Monitor,
 };
@@ -554,7 +554,7 @@ fn a_lying_cylinder_or_cone_touches_a_slab_along_its_length() {
                 Vec3::new(0.1, 0.05 + height, 0.0),
                 Quat::from_rotation_y(yaw) * Quat::from_rotation_z(turn),
             );
-            let manifolds = contact::manifolds(&slab, Second::Parts(&collider.raw), &pose12, 0.01);
+            let manifolds = contacts::manifolds(&slab, OtherShape::Parts(&collider.raw), &pose12, 0.01);
             let along: Vec<f32> = manifolds
                 .iter()
                 .flat_map(Manifold::contacts)
@@ -579,12 +579,15 @@ fn a_body_across_a_beam_touches_both_edges_of_it() {
     let plank = MedialAxis::rounded_box(Vec3::new(1.0, 0.05, 0.4), 0.05).unwrap();
     for (what, axis, width) in [("rod", rod, 0.0), ("plank", plank, 0.35)] {
         let shape = Shape::new(axis);
-        let seconds =
-            [("box", Second::Parts(&cuboid.raw)), ("hull", Second::Parts(&hull.raw)), ("medial", Second::Shape(&beam))];
+        let seconds = [
+            ("box", OtherShape::Parts(&cuboid.raw)),
+            ("hull", OtherShape::Parts(&hull.raw)),
+            ("medial", OtherShape::Shape(&beam)),
+        ];
         for (name, second) in seconds {
             for tilt in [-1e-4, 0.0, 1e-4] {
                 let pose12 = Pose3::from_parts(Vec3::Y * -(half.y + 0.05), Quat::from_rotation_z(tilt));
-                let places: Vec<Vec3> = contact::manifolds(&shape, second, &pose12, 0.01)
+                let places: Vec<Vec3> = contacts::manifolds(&shape, second, &pose12, 0.01)
                     .iter()
                     .flat_map(Manifold::contacts)
                     .map(|contact| contact.point1)

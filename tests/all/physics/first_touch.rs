@@ -1,10 +1,10 @@
 //! The query for the first touch of two bodies, compared with the distances of all primitives at many times.
 
 use bevy_medial::{
-    constants::CHORD_TOLERANCE,
+    constants::{CHORD_TOLERANCE, INTERVAL_PATH, MANY_PRIMITIVES},
     geometry::{Placement, Pose3, Sweep},
     medial_axis::MedialAxis,
-    pipeline::{Body, Culling, Hull, Shape, first_touch, search_parts},
+    pipeline::{Body, Culling, Hull, Shape, first_touch},
     query::separation,
 };
 use glam::Vec3;
@@ -28,12 +28,13 @@ fn distance(shapes: [&Shape; 2], poses: [Pose3; 2]) -> f32 {
 #[test]
 fn a_first_touch_is_the_first_zero_of_the_distance() {
     assert_eq!(check([14, 9]), 0);
-    // Long motions of fine shapes are searched in parts.
+    // Long motions of fine shapes are searched in several intervals.
     let long = check([28, 18]);
     assert!(long > 150, "{long}");
 }
 
-/// Checks first touches of two rings with the given numbers of primitives. Returns how many motions without fast spin are searched in parts.
+/// Checks first touches of two rings with the given numbers of primitives. Returns how many motions without fast spin are searched in several
+/// intervals.
 fn check(counts: [u32; 2]) -> usize {
     const LOOKS: u32 = 200;
     let ring = Shape::new(MedialAxis::torus(0.6, 0.1, counts[0]).unwrap());
@@ -56,13 +57,13 @@ fn check(counts: [u32; 2]) -> usize {
             Sweep::between(start, end, shape.center_of_mass(), turn)
         });
         let bodies = || [0, 1].map(|side: usize| Body::new(shapes[side].clone(), sweeps[side]));
-        long += usize::from(spin < 2.0 && search_parts(bodies()) > 1);
+        let path = sweeps[0].translation.distance(sweeps[1].translation);
+        let is_fine = (counts[0] * counts[1]) as usize > MANY_PRIMITIVES;
+        long += usize::from(spin < 2.0 && is_fine && path > INTERVAL_PATH * 0.35);
         let found = first_touch(bodies(), Culling::Hybrid, None);
         assert_eq!(found, first_touch(bodies(), Culling::None, None), "round {round}: culling changes the result");
         let all: Vec<[u32; 2]> = (0..counts[0]).flat_map(|i| (0..counts[1]).map(move |j| [i, j])).collect();
-        if spin < 2.0 {
-            assert_eq!(found, first_touch(bodies(), Culling::Hybrid, Some(&all)), "round {round}");
-        }
+        assert_eq!(found, first_touch(bodies(), Culling::Hybrid, Some(&all)), "round {round}");
         let at = |fraction: f32| distance(shapes, sweeps.map(|sweep| sweep.pose_at(fraction)));
         let until = found.map_or(1.0, |impact| impact.fraction);
         for look in 0..LOOKS {

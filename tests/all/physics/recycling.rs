@@ -5,7 +5,9 @@ use bevy_medial::{
     constants::LINEAR_SLOP,
     geometry::{Obb, Pose3, Sweep},
     medial_axis::MedialAxis,
-    pipeline::{Body, Meeting, Pace, Pair, Shape, Solid, StaticBody, Statics, StepInput, StepOutput, Workspace, step},
+    pipeline::{
+        Body, Displacement, Pair, PairFilter, Shape, Solid, StaticBody, Statics, StepInput, StepOutput, Workspace, step,
+    },
 };
 use glam::{Quat, Vec3};
 
@@ -54,14 +56,15 @@ impl Room {
             if !body.active {
                 body.sweep = Sweep::at_rest(start);
             }
-            body.pace = Some(Pace { way: Vec3::splat(1.0e-4), rotation: Vec3::ZERO, radius: 1.0 });
+            body.next_displacement =
+                Some(Displacement { translation: Vec3::splat(1.0e-4), rotation: Vec3::ZERO, radius: 1.0, fall: 0.0 });
         }
     }
 
     fn step(&mut self) -> [StepOutput; 2] {
         let pool = ComputeTaskPool::get_or_init(Default::default);
         let mut output = StepOutput::default();
-        self.workspace.step(&self.input, &self.statics, |_, _| Meeting::Stopping, pool, &mut output);
+        self.workspace.step(&self.input, &self.statics, |_, _| PairFilter::Stopping, pool, &mut output);
         [output, step(&self.input, &self.statics, pool)]
     }
 }
@@ -170,7 +173,7 @@ fn is_recycled(displacement: f32) -> bool {
     let mut point = |bodies: &[Body; 2]| {
         let mut output = StepOutput::default();
         let input = StepInput { bodies: bodies.to_vec(), prediction: 0.02, ..Default::default() };
-        workspace.step(&input, &Statics::default(), |_, _| Meeting::Stopping, pool, &mut output);
+        workspace.step(&input, &Statics::default(), |_, _| PairFilter::Stopping, pool, &mut output);
         output.manifolds[0].contacts()[0].point1
     };
     let before = point(&bodies);
@@ -202,7 +205,7 @@ fn recycled_normals_do_not_turn_with_a_rolling_ball() {
         let body = Body { id: Some(1), ..Body::new(ball.clone(), Sweep::at_rest(pose)) };
         let input = StepInput { bodies: vec![body], prediction: 0.02, ..Default::default() };
         let mut output = StepOutput::default();
-        workspace.step(&input, &statics, |_, _| Meeting::Stopping, pool, &mut output);
+        workspace.step(&input, &statics, |_, _| PairFilter::Stopping, pool, &mut output);
         let contact = output.manifolds[0].contacts()[0];
         kept += usize::from(first == Some(contact.point1));
         first.get_or_insert(contact.point1);

@@ -5,7 +5,7 @@ use bevy_medial::{
     constants::LINEAR_SLOP,
     geometry::Pose3,
     medial_axis::MedialAxis,
-    pipeline::{Reach, Shape, contact},
+    pipeline::{ContactMargin, Shape, contacts},
     plugin::{MedialSettings, MedialStep, MedialSystems},
     prelude::{MedialMesh, StaticObb},
     rapier::{ContactTable, MedialDispatcher, MedialShape},
@@ -77,7 +77,7 @@ fn contacts_of_a_step_equal_those_computed_at_its_end() {
                 let [first, second] = [pair.first, pair.second].map(|side| step.solid(side));
                 *if pair.second.body().is_some() { &mut bodies } else { &mut statics } += 1;
                 let (shape1, second) = (first.medial().unwrap(), second.second());
-                let computed = contact::manifolds(shape1, second, &step.final_pose12(pair), pair.reach);
+                let computed = contacts::manifolds(shape1, second, &step.final_pose12(pair), pair.reach);
                 let found = &step.output.manifolds[pair.manifolds.clone()];
                 assert_eq!(found, computed, "{name}: {pair:?}");
                 contacts += found.iter().map(|manifold| manifold.contacts().len()).sum::<usize>();
@@ -173,7 +173,7 @@ impl Routes {
                     self.misses += 1;
                     continue;
                 }
-                let Reach { prediction, in_touch, .. } = pair.reach;
+                let ContactMargin { prediction, in_touch, .. } = pair.reach;
                 assert!([prediction, in_touch].map(computed).contains(&answer), "{what}");
                 assert_eq!(found, answer, "{what}");
                 *if pair.second.body().is_some() { &mut self.with_bodies } else { &mut self.with_statics } += 1;

@@ -5,7 +5,7 @@ use bevy::tasks::TaskPoolBuilder;
 use bevy_medial::{
     geometry::{Pose3, Sweep},
     medial_axis::MedialAxis,
-    pipeline::{Body, Meeting, Shape, Statics, StepInput, StepOutput, Workspace, step},
+    pipeline::{Body, PairFilter, Shape, Statics, StepInput, StepOutput, Workspace, step},
     plugin::MedialStep,
     scenes::Scene,
 };
@@ -44,7 +44,7 @@ fn a_reused_workspace_changes_no_result_and_allocates_nothing() {
     let mut total = [0; 4];
     let rounds = [0, 1].map(|_| {
         let allocations = |(input, statics): &(StepInput, Statics)| {
-            let filter = |_, _| Meeting::Stopping;
+            let filter = |_, _| PairFilter::Stopping;
             let counted = measure(|| workspace.step(input, statics, filter, &pool, &mut output));
             let alone = step(input, statics, &pool);
             assert_eq!(output.pairs, alone.pairs);
@@ -75,7 +75,7 @@ fn bytes_of(rings: usize, apart: f32) -> (f64, usize) {
     let (mut workspace, mut output) = (Workspace::default(), StepOutput::default());
     let pool = TaskPoolBuilder::new().num_threads(0).build();
     let statics = Statics::default();
-    let mut step = || workspace.step(&input, &statics, |_, _| Meeting::Stopping, &pool, &mut output);
+    let mut step = || workspace.step(&input, &statics, |_, _| PairFilter::Stopping, &pool, &mut output);
     let counted = measure(|| {
         step();
         step();

@@ -4,12 +4,14 @@
 //! each other (paper, section 4). The bodies need not be there at the same time, because one may stop on its path and the other may hit it there. A body
 //! and a static are a pair if the cone comes within the prediction distance of the static's box (section 4.1).
 
+mod kinematic_reach;
+mod swept_sphere;
+
 use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Body, Candidates, Culling, Meeting, Scratch, Shape, Side, Solid, Statics, StepInput,
-    assemblies::Assemblies,
+    Body, Candidates, Culling, PairFilter, Scratch, Shape, Side, Solid, Statics, StepInput,
     pairs::{BodyPair, PrimitivePair},
     parallel::{self, Scratches},
 };
@@ -18,39 +20,8 @@ use crate::{
     query::{Cuboid, separation},
 };
 
-/// The bounding sphere of a body at the start of the step, in the world, and its displacement.
-#[derive(Clone, Copy, Debug)]
-struct SweptSphere {
-    sphere: Sphere,
-    motion: Vec3,
-}
-
-impl SweptSphere {
-    /// Sweeps the bounding sphere along the chord of its centre and adds the sagitta to the radius. The sagitta is at most twice the arm, for any rotation.
-    fn new(body: &Body, margin: f32) -> Self {
-        let bound = body.solid.bounding_sphere();
-        let arm = bound.center.distance(body.sweep.local_center);
-        let start = body.sweep.start.transform_point(bound.center);
-        let end = body.sweep.pose_at(1.0).transform_point(bound.center);
-        let radius = bound.radius + body.sweep.sagitta(arm, 1) + margin;
-        Self { sphere: Sphere::new(start, radius), motion: end - start }
-    }
-
-    fn aabb(&self) -> Aabb {
-        let end = Sphere::new(self.sphere.center + self.motion, self.sphere.radius);
-        Aabb::from_spheres([self.sphere, end])
-    }
-
-    /// Returns the cone relative to `origin`. An origin near the cone keeps f32 precision far from the world's origin.
-    fn cone(&self, origin: Vec3) -> [Sphere; 2] {
-        [Vec3::ZERO, self.motion].map(|motion| Sphere::new(self.sphere.center - origin + motion, self.sphere.radius))
-    }
-
-    fn meets(&self, other: &SweptSphere) -> bool {
-        let origin = self.sphere.center;
-        separation(&self.cone(origin), &other.cone(origin), 0).distance <= 0.0
-    }
-}
+pub(crate) use kinematic_reach::KinematicReach;
+use swept_sphere::SweptSphere;
 
 /// Returns the cone that the bounding sphere of a body sweeps: its spheres at the start and at the end of the step, in the world.
 #[cfg(feature = "debug")]
@@ -67,7 +38,7 @@ pub(super) fn meet(bodies: &[Body; 2]) -> bool {
 /// Buffers that are kept from step to step to avoid allocations.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
-    widening: Widening,
+    kinematic_reach: KinematicReach,
     spheres: Vec<SweptSphere>,
     boxes: Vec<Aabb>,
     bvh: Bvh,
@@ -79,25 +50,25 @@ pub(super) struct Buffers {
 pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
-    filter: impl Fn(Side, Side) -> Meeting,
+    filter: impl Fn(Side, Side) -> PairFilter,
     (buffers, tasks): (&mut Buffers, &Scratches<Scratch>),
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {
-    let mut widening = std::mem::take(&mut buffers.widening);
-    widening.reset(input);
-    if input.culling == Culling::Hybrid || widening.somebody_carries() {
+    let mut kinematic_reach = std::mem::take(&mut buffers.kinematic_reach);
+    kinematic_reach.reset(input);
+    if input.culling == Culling::Hybrid || kinematic_reach.has_pushers() {
         loop {
-            near(input, statics, &widening, (buffers, tasks), pairs, pool);
-            if !widening.widen(input, pairs.iter().map(|pair| [pair.first, pair.second])) {
+            near(input, statics, &kinematic_reach, (buffers, tasks), pairs, pool);
+            if !kinematic_reach.widen(input, pairs.iter().map(|pair| [pair.first, pair.second])) {
                 break;
             }
         }
     }
     if input.culling == Culling::None {
-        all_pairs(input, statics, &widening, pairs);
+        all_pairs(input, statics, &kinematic_reach, pairs);
     }
-    buffers.widening = widening;
+    buffers.kinematic_reach = kinematic_reach;
     pairs.retain_mut(|pair| consents(input, statics, pair, filter(pair.first, pair.second)));
 }
 
@@ -106,17 +77,17 @@ pub(super) fn from_candidates(
     input: &StepInput,
     statics: &Statics,
     candidates: Vec<Candidates>,
-    filter: impl Fn(Side, Side) -> Meeting,
+    filter: impl Fn(Side, Side) -> PairFilter,
 ) -> Vec<(BodyPair, Option<Vec<PrimitivePair>>)> {
-    let mut widening = Widening::new(input);
-    widening.widen(input, candidates.iter().map(|pair| pair.sides));
+    let mut kinematic_reach = KinematicReach::new(input);
+    kinematic_reach.widen(input, candidates.iter().map(|pair| pair.sides));
     let mut pairs: Vec<(BodyPair, Option<Vec<PrimitivePair>>)> = candidates
         .into_iter()
         .filter_map(|Candidates { sides, mut primitives }| {
             let pair = match sides {
-                [Side::Body(i), Side::Body(j)] => between(input, &widening, i, j),
+                [Side::Body(i), Side::Body(j)] => between(input, &kinematic_reach, i, j),
                 [Side::Body(body), Side::Static(item)] | [Side::Static(item), Side::Body(body)] => {
-                    with_static(input, statics, &widening, body, item)
+                    with_static(input, statics, &kinematic_reach, body, item)
                 }
                 [Side::Static(_), Side::Static(_)] => None,
             }?;
@@ -136,170 +107,40 @@ pub(super) fn from_candidates(
 }
 
 /// Sets [`BodyPair::stops`], which requires the consent of both sides. Returns false if the bodies do not collide.
-fn consents(input: &StepInput, statics: &Statics, pair: &mut BodyPair, meeting: Meeting) -> bool {
+fn consents(input: &StepInput, statics: &Statics, pair: &mut BodyPair, meeting: PairFilter) -> bool {
     let consent = |side| match side {
         Side::Body(body) => (input.bodies[body as usize].passes, input.bodies[body as usize].stop_groups),
         Side::Static(body) => (statics.bodies[body as usize].passes, statics.bodies[body as usize].stop_groups),
     };
     let [(passes1, groups1), (passes2, groups2)] = [pair.first, pair.second].map(consent);
-    pair.stops = meeting == Meeting::Stopping && !passes1 && !passes2 && groups1.test(&groups2);
-    meeting != Meeting::Apart
+    pair.stops = meeting == PairFilter::Stopping && !passes1 && !passes2 && groups1.test(&groups2);
+    meeting != PairFilter::Apart
 }
 
-/// Returns the sides of all pairs that may come within the prediction distance of each other, if bodies leave their paths by at most `widening`.
+/// Returns the sides of all pairs that may come within the prediction distance of each other, if bodies leave their paths by at most `kinematic_reach`.
 #[cfg(feature = "gpu")]
-pub(crate) fn near_sides(input: &StepInput, statics: &Statics, widening: &Widening, pool: &TaskPool) -> Vec<[Side; 2]> {
+pub(crate) fn near_sides(
+    input: &StepInput,
+    statics: &Statics,
+    kinematic_reach: &KinematicReach,
+    pool: &TaskPool,
+) -> Vec<[Side; 2]> {
     let mut pairs = Vec::new();
-    near(input, statics, widening, (&mut Buffers::default(), &Scratches::default()), &mut pairs, pool);
+    near(input, statics, kinematic_reach, (&mut Buffers::default(), &Scratches::default()), &mut pairs, pool);
     pairs.into_iter().map(|pair| [pair.first, pair.second]).collect()
-}
-
-/// How far bodies may leave their own paths, because kinematic bodies push them or because pushed bodies do.
-#[derive(Debug, Default)]
-pub(crate) struct Widening {
-    /// Per body, how far it can push a body that it hits, or be pushed itself, in metres.
-    carries: Vec<f32>,
-    /// Per body, the largest rotation of the bodies that may push it, in radians. At most 2, because no chord of a turn is longer than twice the arm.
-    /// Empty if no body pushes; the fields below are not used then.
-    turns: Vec<f32>,
-    /// Joined bodies are pushed together.
-    assemblies: Assemblies,
-    /// Per body, the diagonal of the box around its assembly, in metres; 0 for a body without joints.
-    spans: Vec<f32>,
-}
-
-impl Widening {
-    pub fn new(input: &StepInput) -> Self {
-        let mut new = Self::default();
-        new.reset(input);
-        new
-    }
-
-    /// Resets to the state in which no pair is known.
-    fn reset(&mut self, input: &StepInput) {
-        let carries = |body: &Body| {
-            if body.stops || body.passes { 0.0 } else { body.push_reach() }
-        };
-        self.carries.clear();
-        self.carries.extend(input.bodies.iter().map(carries));
-        self.turns.clear();
-        if self.carries.iter().all(|&way| way == 0.0) {
-            return;
-        }
-        let turn = |(body, &way): (&Body, &f32)| if way > 0.0 { body.sweep.rotation.length().min(2.0) } else { 0.0 };
-        self.turns.extend(input.bodies.iter().zip(&self.carries).map(turn));
-        self.spans.clear();
-        self.spans.resize(input.bodies.len(), 0.0);
-        self.assemblies.set(input);
-        for members in self.assemblies.iter().filter(|members| members.len() > 1) {
-            let sphere = |body: u32| {
-                let Body { solid, sweep, .. } = &input.bodies[body as usize];
-                let Sphere { center, radius } = solid.bounding_sphere();
-                Sphere::new(sweep.start.transform_point(center), radius)
-            };
-            let around = Aabb::from_spheres(members.iter().map(|&(_, body)| sphere(body)));
-            members.iter().for_each(|&(_, body)| self.spans[body as usize] = 2.0 * around.half_extents().length());
-        }
-    }
-
-    fn somebody_carries(&self) -> bool {
-        !self.turns.is_empty()
-    }
-
-    /// Returns the margin around the swept bounding sphere within which a body may meet another one, in metres. Each body of a pair takes half of the
-    /// prediction distance.
-    pub fn margin(&self, input: &StepInput, body: usize) -> f32 {
-        let turn = self.turns.get(body).map_or(0.0, |turn| turn * self.spans[body]);
-        0.5 * input.prediction + self.carried(input, body) + turn
-    }
-
-    /// Returns how far a body may be pushed off its path, in metres.
-    fn carried(&self, input: &StepInput, body: usize) -> f32 {
-        if input.bodies[body].stops { self.carries[body] } else { 0.0 }
-    }
-
-    /// Returns true if pairs of this body are searched. A sleeping body counts if it may be pushed, because it may then hit other resting bodies.
-    pub fn is_awake(&self, input: &StepInput, body: usize) -> bool {
-        input.bodies[body].active || self.is_wider(input, body)
-    }
-
-    /// Returns true if a body may be pushed off its path.
-    pub fn is_wider(&self, input: &StepInput, body: usize) -> bool {
-        self.carried(input, body) > 0.0
-    }
-
-    /// Propagates pushes along the given pairs that may collide. Returns true if the reach of a body has grown, so that more pairs have to be searched.
-    pub fn widen(&mut self, input: &StepInput, pairs: impl Iterator<Item = [Side; 2]> + Clone) -> bool {
-        if !input.stop_at_impact || !self.somebody_carries() {
-            return false;
-        }
-        let mut wider = false;
-        loop {
-            let mut more = false;
-            for sides in pairs.clone() {
-                let [Some(a), Some(b)] = sides.map(Side::body) else { continue };
-                if !may_collide(input, self, [a, b]) {
-                    continue;
-                }
-                let [a, b] = [a, b].map(|body| body as usize);
-                for (body, other) in [(a, b), (b, a)].into_iter().filter(|(body, _)| input.bodies[*body].stops) {
-                    let farther = self.carries[other] + self.beyond(input, body, other) - self.carries[body];
-                    if farther > 0.0 {
-                        self.carries[body] += farther;
-                        self.turns[body] = self.turns[body].max(self.turns[other]);
-                        more = true;
-                    }
-                }
-            }
-            more |= self.join(input);
-            if !more {
-                return wider;
-            }
-            wider = true;
-        }
-    }
-
-    /// Gives all members of an assembly the largest push of any member. Returns true if the reach of a body has grown.
-    fn join(&mut self, input: &StepInput) -> bool {
-        let Self { carries, turns, assemblies, .. } = self;
-        let mut more = false;
-        for members in assemblies.iter().filter(|members| members.len() > 1) {
-            let members = members.iter().map(|&(_, body)| body as usize).filter(|&body| input.bodies[body].stops);
-            let most = |values: &[f32]| {
-                members.clone().filter(|&body| carries[body] > 0.0).map(|body| values[body]).fold(0.0, f32::max)
-            };
-            let (way, turn) = (most(carries), most(turns));
-            for body in members {
-                if carries[body] < way {
-                    carries[body] = way;
-                    turns[body] = turns[body].max(turn);
-                    more = true;
-                }
-            }
-        }
-        more
-    }
-
-    /// Returns how much farther than the touched point of a pusher the points of `body` may move, because the pusher turns, in metres.
-    fn beyond(&self, input: &StepInput, body: usize, pusher: usize) -> f32 {
-        if input.bodies[pusher].stops {
-            return 0.0;
-        }
-        self.turns[pusher] * 2.0 * input.bodies[body].solid.bounding_sphere().radius
-    }
 }
 
 /// Finds the pairs whose swept spheres, or swept sphere and box, come within the prediction distance of each other.
 fn near(
     input: &StepInput,
     statics: &Statics,
-    widening: &Widening,
+    kinematic_reach: &KinematicReach,
     (Buffers { spheres, boxes, bvh, items, leaves, .. }, tasks): (&mut Buffers, &Scratches<Scratch>),
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {
     parallel::map(pool, tasks, &input.bodies, 256, spheres, |_, index, body| {
-        SweptSphere::new(body, widening.margin(input, index))
+        SweptSphere::new(body, kinematic_reach.margin(input, index))
     });
     boxes.clear();
     boxes.extend(spheres.iter().map(SweptSphere::aabb));
@@ -315,15 +156,15 @@ fn near(
         bvh.overlapping_later(leaf, |other| {
             // The lower index comes first, because rounding depends on the order of the spheres and the order of leaves depends on earlier steps.
             let [a, b] = [index.min(other), index.max(other)].map(|i| &spheres[i as usize]);
-            pairs.extend(between(input, widening, index, other).filter(|_| a.meets(b)));
+            pairs.extend(between(input, kinematic_reach, index, other).filter(|_| a.meets(b)));
         });
-        if !widening.is_awake(input, i) {
+        if !kinematic_reach.is_awake(input, i) {
             return;
         }
         // The swept sphere includes half of the prediction distance.
         let reach = boxes[i].inflated(0.5 * input.prediction);
         statics.bvh.overlapping(&reach, |item| {
-            let Some(pair) = with_static(input, statics, widening, index, item) else { return };
+            let Some(pair) = with_static(input, statics, kinematic_reach, index, item) else { return };
             let obb = &statics.boxes[item as usize];
             let to_box = |point| obb.pose.inverse_transform_point(point);
             let cone = [Vec3::ZERO, sphere.motion]
@@ -344,9 +185,9 @@ fn kept_apart(input: &StepInput, [owner1, owner2]: [Option<u64>; 2], sensor: boo
     }
 }
 
-fn may_collide(input: &StepInput, widening: &Widening, bodies: [u32; 2]) -> bool {
+fn may_collide(input: &StepInput, kinematic_reach: &KinematicReach, bodies: [u32; 2]) -> bool {
     let [body1, body2] = bodies.map(|body| &input.bodies[body as usize]);
-    bodies.iter().any(|&body| widening.is_awake(input, body as usize))
+    bodies.iter().any(|&body| kinematic_reach.is_awake(input, body as usize))
         && body1.world == body2.world
         && (body1.solid.medial().is_some() || body2.solid.medial().is_some())
         && body1.groups.test(&body2.groups)
@@ -355,22 +196,28 @@ fn may_collide(input: &StepInput, widening: &Widening, bodies: [u32; 2]) -> bool
 }
 
 /// Returns the pair of two bodies if they may collide.
-fn between(input: &StepInput, widening: &Widening, i: u32, j: u32) -> Option<BodyPair> {
+fn between(input: &StepInput, kinematic_reach: &KinematicReach, i: u32, j: u32) -> Option<BodyPair> {
     let [lesser, greater] = [i.min(j), i.max(j)];
     let is_medial = input.bodies[lesser as usize].solid.medial().is_some();
     let (first, second) = if is_medial { (lesser, greater) } else { (greater, lesser) };
-    may_collide(input, widening, [first, second]).then(|| BodyPair::new(Side::Body(first), Side::Body(second)))
+    may_collide(input, kinematic_reach, [first, second]).then(|| BodyPair::new(Side::Body(first), Side::Body(second)))
 }
 
 /// Returns the pair of a body and a static if they may collide.
-fn with_static(input: &StepInput, statics: &Statics, widening: &Widening, index: u32, item: u32) -> Option<BodyPair> {
+fn with_static(
+    input: &StepInput,
+    statics: &Statics,
+    kinematic_reach: &KinematicReach,
+    index: u32,
+    item: u32,
+) -> Option<BodyPair> {
     let (body, target) = (&input.bodies[index as usize], &statics.bodies[item as usize]);
     let sides = if body.solid.medial().is_some() {
         Some((Side::Body(index), Side::Static(item)))
     } else {
         target.solid.medial().map(|_| (Side::Static(item), Side::Body(index)))
     };
-    let collide = widening.is_awake(input, index as usize)
+    let collide = kinematic_reach.is_awake(input, index as usize)
         && body.world == target.world
         && body.groups.test(&target.groups)
         && body.types.test_either(&target.types)
@@ -379,12 +226,12 @@ fn with_static(input: &StepInput, statics: &Statics, widening: &Widening, index:
 }
 
 /// Collects every pair that may collide, without culling.
-fn all_pairs(input: &StepInput, statics: &Statics, widening: &Widening, pairs: &mut Vec<BodyPair>) {
+fn all_pairs(input: &StepInput, statics: &Statics, kinematic_reach: &KinematicReach, pairs: &mut Vec<BodyPair>) {
     pairs.clear();
     let [bodies, still] = [input.bodies.len(), statics.bodies.len()].map(|count| count as u32);
     for i in 0..bodies {
-        pairs.extend((i + 1..bodies).filter_map(|j| between(input, widening, i, j)));
-        pairs.extend((0..still).filter_map(|item| with_static(input, statics, widening, i, item)));
+        pairs.extend((i + 1..bodies).filter_map(|j| between(input, kinematic_reach, i, j)));
+        pairs.extend((0..still).filter_map(|item| with_static(input, statics, kinematic_reach, i, item)));
     }
     pairs.sort_unstable();
 }
@@ -430,7 +277,8 @@ mod tests {
                 [[Side::Body(0), Side::Body(1)], [Side::Body(0), Side::Static(0)], [Side::Body(1), Side::Static(0)]];
             let candidates = sides.map(|sides| Candidates { sides, primitives: None }).to_vec();
             let found = step(&input, &statics, &TaskPool::new());
-            let known = step_from_candidates(&input, &statics, candidates, |_, _| Meeting::Stopping, &TaskPool::new());
+            let known =
+                step_from_candidates(&input, &statics, candidates, |_, _| PairFilter::Stopping, &TaskPool::new());
             assert_eq!(found.pairs, known.pairs);
             let rests = found.pairs.iter().any(|pair| [pair.first, pair.second] == sides[2]);
             assert_eq!(rests, !is_apart, "{:?}", found.pairs);
@@ -441,10 +289,10 @@ mod tests {
     #[test]
     fn what_is_joined_with_a_body_that_is_carried_stops_at_a_wall_as_well() {
         const RADIUS: f32 = 0.1;
-        let body = |center: Vec3, way: f32, assembly: Option<u64>| {
+        let body = |center: Vec3, way: f32, joint_island: Option<u64>| {
             let shape = Shape { axis: MedialAxis::sphere(RADIUS).unwrap(), scale: 1.0 };
             let sweep = Sweep::at_rates(Pose3::from_translation(center), Vec3::ZERO, Vec3::X * way, Vec3::ZERO);
-            Body { stops: assembly.is_some(), assembly, ..Body::new(shape, sweep) }
+            Body { stops: joint_island.is_some(), joint_island, ..Body::new(shape, sweep) }
         };
         let [near, far] = [Vec3::X * 0.25, Vec3::new(0.25, 3.0, 0.0)];
         let bodies = vec![body(Vec3::ZERO, 0.5, None), body(near, 0.0, Some(1)), body(far, 0.0, Some(1))];

@@ -22,7 +22,7 @@ pub(in crate::pipeline) enum State {
 
 /// The motion of a body after an impact.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Course {
+pub(in crate::pipeline) struct Trajectory {
     /// Time of the impact, as a fraction of the step.
     pub from: f32,
     /// Motion over the rest of the step.
@@ -35,62 +35,62 @@ pub(super) struct Course {
     pub push_reach: f32,
 }
 
-/// The courses of the bodies that have left their own paths.
+/// The trajectories of the bodies that have left their own paths.
 #[derive(Debug, Default)]
-pub(in crate::pipeline) struct Courses {
-    courses: Vec<Course>,
-    /// Index of each body's course, or [`NONE`].
+pub(in crate::pipeline) struct Trajectories {
+    trajectories: Vec<Trajectory>,
+    /// Index of each body's trajectory, or [`NONE`].
     of: Vec<u32>,
 }
 
 const NONE: u32 = u32::MAX;
 
-impl Courses {
+impl Trajectories {
     /// Puts all bodies on their own paths. `bodies`: the number of bodies.
-    pub(super) fn reset(&mut self, bodies: usize) {
-        self.courses.clear();
+    pub(in crate::pipeline) fn reset(&mut self, bodies: usize) {
+        self.trajectories.clear();
         self.of.clear();
         self.of.resize(bodies, NONE);
     }
 
-    pub(super) fn get(&self, body: u32) -> Option<&Course> {
+    pub(in crate::pipeline) fn get(&self, body: u32) -> Option<&Trajectory> {
         // NONE is out of range.
-        self.courses.get(self.of[body as usize] as usize)
+        self.trajectories.get(self.of[body as usize] as usize)
     }
 
-    pub(super) fn set(&mut self, body: u32, course: Course) {
+    pub(in crate::pipeline) fn set(&mut self, body: u32, trajectory: Trajectory) {
         let of = &mut self.of[body as usize];
-        match self.courses.get_mut(*of as usize) {
-            Some(known) => *known = course,
+        match self.trajectories.get_mut(*of as usize) {
+            Some(known) => *known = trajectory,
             None => {
-                *of = self.courses.len() as u32;
-                self.courses.push(course);
+                *of = self.trajectories.len() as u32;
+                self.trajectories.push(trajectory);
             }
         }
     }
 
-    pub(super) fn state(&self, body: u32) -> State {
-        self.get(body).map_or(State::Free, |course| course.state)
+    pub(in crate::pipeline) fn state(&self, body: u32) -> State {
+        self.get(body).map_or(State::Free, |trajectory| trajectory.state)
     }
 
     /// Returns the total length of the pushes of a body in the step, in metres.
-    pub(super) fn pushed(&self, body: u32) -> f32 {
-        self.get(body).map_or(0.0, |course| course.pushed)
+    pub(in crate::pipeline) fn pushed(&self, body: u32) -> f32 {
+        self.get(body).map_or(0.0, |trajectory| trajectory.pushed)
     }
 
     /// Returns how far a pusher can move other bodies, in metres. A pusher is a kinematic body or a pushed body.
-    pub(super) fn push_reach(&self, input: &StepInput, body: u32) -> f32 {
-        self.get(body).map_or_else(|| input.bodies[body as usize].push_reach(), |course| course.push_reach)
+    pub(in crate::pipeline) fn push_reach(&self, input: &StepInput, body: u32) -> f32 {
+        self.get(body).map_or_else(|| input.bodies[body as usize].push_reach(), |trajectory| trajectory.push_reach)
     }
 
     /// Returns the pose of a body at the end of the step.
     pub fn final_pose(&self, input: &StepInput, body: u32) -> Pose3 {
-        self.get(body).map_or(input.bodies[body as usize].sweep.end, |course| course.rest.end)
+        self.get(body).map_or(input.bodies[body as usize].sweep.end, |trajectory| trajectory.rest.end)
     }
 
     /// Returns the fraction of the step for which a body has moved: less than 1 for a body that an impact has stopped.
     pub fn moved_until(&self, body: u32) -> f32 {
-        self.get(body).filter(|course| course.state != State::Pushed).map_or(1.0, |course| course.from)
+        self.get(body).filter(|trajectory| trajectory.state != State::Pushed).map_or(1.0, |trajectory| trajectory.from)
     }
 
     /// Returns true if a body leaves its own path.
@@ -104,40 +104,40 @@ impl Courses {
     }
 
     /// Returns the fraction of the step from which a pair has to be searched again, because one of its bodies has left its path before the fraction `impact`.
-    pub(super) fn searched_from(&self, pair: &BodyPair, impact: f32) -> Option<f32> {
-        let from = pair.bodies().filter_map(|body| self.get(body)).map(|course| course.from);
+    pub(in crate::pipeline) fn searched_from(&self, pair: &BodyPair, impact: f32) -> Option<f32> {
+        let from = pair.bodies().filter_map(|body| self.get(body)).map(|trajectory| trajectory.from);
         let [first, last] = from.fold([f32::INFINITY, 0.0], |[first, last], from| [from.min(first), from.max(last)]);
         (first < impact && first <= last).then_some(last)
     }
 
     /// Returns the fractions of its own path between which a body moves from `fraction` on. `None` for a pushed or wedged body, because it is off its path.
-    pub(super) fn times(&self, side: Side, fraction: f32) -> Option<[f32; 2]> {
+    pub(in crate::pipeline) fn times(&self, side: Side, fraction: f32) -> Option<[f32; 2]> {
         match side.body().and_then(|body| self.get(body)) {
             None => Some([fraction, 1.0]),
-            Some(Course { state: State::Stopped, from, .. }) => Some([*from; 2]),
+            Some(Trajectory { state: State::Stopped, from, .. }) => Some([*from; 2]),
             Some(_) => None,
         }
     }
 
     /// Returns the motion of a body from a fraction of the step on.
-    pub(super) fn sweep_from(&self, input: &StepInput, body: u32, fraction: f32) -> Sweep {
+    pub(in crate::pipeline) fn sweep_from(&self, input: &StepInput, body: u32, fraction: f32) -> Sweep {
         match self.get(body) {
-            Some(course) if fraction > course.from => {
-                course.rest.rest_from((fraction - course.from) / (1.0 - course.from))
+            Some(trajectory) if fraction > trajectory.from => {
+                trajectory.rest.rest_from((fraction - trajectory.from) / (1.0 - trajectory.from))
             }
-            Some(course) => course.rest,
+            Some(trajectory) => trajectory.rest,
             None => input.bodies[body as usize].sweep.rest_from(fraction),
         }
     }
 }
 
 /// Returns the displacement of a point that moves with a body, in metres.
-pub(super) fn displacement_at(sweep: &Sweep, point: Vec3) -> Vec3 {
+pub(in crate::pipeline) fn displacement_at(sweep: &Sweep, point: Vec3) -> Vec3 {
     sweep.end.transform_point(sweep.start.inverse_transform_point(point)) - point
 }
 
 /// Returns the motion with an additional displacement at its end, in metres.
-pub(super) fn displaced(sweep: &Sweep, more: Vec3) -> Sweep {
+pub(in crate::pipeline) fn displaced(sweep: &Sweep, more: Vec3) -> Sweep {
     let end = Pose3::from_parts(sweep.end.translation + more, sweep.end.rotation);
     Sweep { end, translation: sweep.translation + more, ..*sweep }
 }

@@ -7,10 +7,10 @@
 use bevy::platform::collections::{HashMap, hash_map::Entry};
 use glam::{Quat, Vec3};
 
-use super::Contact;
 use crate::{
-    constants::{LINEAR_SLOP, SEAM_COSINE},
+    constants::{LINEAR_SLOP, SAME_NORMAL_COSINE},
     geometry::Aabb,
+    pipeline::Contact,
     query::Separation,
 };
 
@@ -21,7 +21,7 @@ const SEAM_REACH: f32 = 4.0;
 const FLUSH: f32 = 0.1;
 
 /// One side of a pair, in its own frame.
-pub(super) trait Side {
+pub(in crate::pipeline) trait Side {
     /// Returns the bounding box of a part.
     fn aabb(&self, part: u32) -> Aabb;
 
@@ -33,7 +33,7 @@ pub(super) trait Side {
 
 /// Buffers of the search.
 #[derive(Debug, Default)]
-pub(super) struct Room {
+pub(in crate::pipeline) struct Scratch {
     kept: Vec<(Contact, [Touch; 2])>,
     /// Covered contacts.
     removed: Vec<Contact>,
@@ -71,12 +71,12 @@ impl TouchedParts {
 /// Removes contacts with edges and sides of parts that are covered by other parts, if these parts have deeper contacts or contacts of about the same depth.
 ///
 /// `contacts` have to be sorted by depth and stay sorted. `rotation12`: rotation of body 2 in the frame of body 1. `unit`: the length unit in metres.
-pub(super) fn remove(
+pub(in crate::pipeline) fn remove(
     contacts: &mut Vec<Contact>,
     rotation12: Quat,
     sides: [&dyn Side; 2],
     unit: f32,
-    Room { kept, removed, parts }: &mut Room,
+    Scratch { kept, removed, parts }: &mut Scratch,
 ) {
     let rotation21 = rotation12.inverse();
     let slop = LINEAR_SLOP * unit;
@@ -161,7 +161,7 @@ fn remove_covered_by_later(
 impl Contact {
     /// Returns true if the normals of two contacts are nearly equal.
     fn pushes_as(&self, other: &Self) -> bool {
-        self.normal1.dot(other.normal1) >= SEAM_COSINE
+        self.normal1.dot(other.normal1) >= SAME_NORMAL_COSINE
     }
 }
 
@@ -195,7 +195,7 @@ impl Touch {
         // Height of the contact point above the surface, and height of the surface above the contact plane.
         let height = distance - around * cosine;
         let rise = around - distance * cosine;
-        let most = if self.carries { 0.5 } else { SEAM_COSINE };
+        let most = if self.carries { 0.5 } else { SAME_NORMAL_COSINE };
         if height > flush || rise < 2.0e-4 * around || !(-0.1..most).contains(&cosine) {
             return false;
         }

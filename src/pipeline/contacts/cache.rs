@@ -8,10 +8,10 @@ use std::ops::Range;
 use bevy::platform::collections::HashMap;
 use glam::Quat;
 
-use super::{Manifold, Reach, ShapeId, Solid};
 use crate::{
     constants::{LINEAR_SLOP, SLOP_OF_SIZE},
     geometry::{Pose3, Sphere},
+    pipeline::{ContactMargin, Manifold, ShapeId, Solid},
 };
 
 /// The contacts of all pairs of the last step, searched or recycled. It is part of the state of a simulation: steps with equal input and equal caches have equal
@@ -32,8 +32,8 @@ pub struct CachedPair {
     pub ids: [u64; 2],
     /// The shapes of both sides.
     pub shapes: [ShapeId; 2],
-    /// Reach of the search.
-    pub reach: Reach,
+    /// Margin of the search.
+    pub reach: ContactMargin,
     /// Pose of the second side in the frame of the first at the end of the last step.
     pub pose12: Pose3,
     /// That pose when the contacts were searched.
@@ -46,14 +46,14 @@ pub struct CachedPair {
 
 impl ContactCache {
     /// Removes all pairs and keeps the allocations.
-    pub(super) fn clear(&mut self) {
+    pub(in crate::pipeline) fn clear(&mut self) {
         self.places.clear();
         self.pairs.clear();
         self.manifolds.clear();
     }
 
     /// Adds a pair that was searched in this step, with its manifolds.
-    pub(super) fn push(&mut self, pair: CachedPair, manifolds: &[Manifold]) {
+    pub(in crate::pipeline) fn push(&mut self, pair: CachedPair, manifolds: &[Manifold]) {
         let begin = self.manifolds.len();
         self.manifolds.extend_from_slice(manifolds);
         self.places.insert(pair.ids, self.pairs.len() as u32);
@@ -61,7 +61,7 @@ impl ContactCache {
     }
 
     /// Adds a pair of an earlier cache at another pose.
-    pub(super) fn keep(&mut self, earlier: &ContactCache, index: u32, pose12: Pose3) {
+    pub(in crate::pipeline) fn keep(&mut self, earlier: &ContactCache, index: u32, pose12: Pose3) {
         let pair = &earlier.pairs[index as usize];
         self.push(CachedPair { pose12, ..pair.clone() }, &earlier.manifolds[pair.manifolds.clone()]);
     }
@@ -69,7 +69,13 @@ impl ContactCache {
     /// Returns the index of a pair, if it has manifolds that are valid for these shapes at this pose.
     ///
     /// Pairs without manifolds are searched in every step. Otherwise contacts would depend on the step in which culling has first listed the pair.
-    pub(super) fn find(&self, ids: [u64; 2], solids: [&Solid; 2], reach: Reach, pose12: &Pose3) -> Option<u32> {
+    pub(in crate::pipeline) fn find(
+        &self,
+        ids: [u64; 2],
+        solids: [&Solid; 2],
+        reach: ContactMargin,
+        pose12: &Pose3,
+    ) -> Option<u32> {
         let index = *self.places.get(&ids)?;
         let pair = &self.pairs[index as usize];
         if pair.manifolds.is_empty() || pair.reach != reach || pair.shapes != solids.map(Solid::id) {
@@ -82,7 +88,7 @@ impl ContactCache {
     }
 
     /// Returns the manifolds of a pair at another pose.
-    pub(super) fn manifolds_at(&self, index: u32, pose12: Pose3) -> impl Iterator<Item = Manifold> {
+    pub(in crate::pipeline) fn manifolds_at(&self, index: u32, pose12: Pose3) -> impl Iterator<Item = Manifold> {
         let CachedPair { searched, on_second, manifolds, .. } = &self.pairs[index as usize];
         // Normals keep their direction on the larger body. On a ball that rolls they would turn, and push the ball forward.
         let turn = if *on_second { pose12.rotation * searched.rotation.inverse() } else { Quat::IDENTITY };
@@ -108,7 +114,7 @@ impl ContactCache {
 
 impl CachedPair {
     /// Creates a pair that was searched at this pose, without manifolds.
-    pub(super) fn new(ids: [u64; 2], solids: [&Solid; 2], reach: Reach, pose12: Pose3) -> Self {
+    pub(in crate::pipeline) fn new(ids: [u64; 2], solids: [&Solid; 2], reach: ContactMargin, pose12: Pose3) -> Self {
         let [radius1, radius2] = solids.map(|solid| solid.bounding_sphere().radius);
         let shapes = solids.map(Solid::id);
         Self { ids, shapes, reach, pose12, searched: pose12, on_second: radius1 < radius2, manifolds: 0..0 }

@@ -2,22 +2,22 @@
 
 use glam::{BVec4A, Vec3, Vec4};
 
-use super::{
-    Core, Part, Shape,
-    directions::Directions,
-    motion::{Facing, PairMotion},
-    with_spheres,
-};
 use crate::{
-    constants::{CONTACT_ROUNDING, MAX_PARTING_CHORDS},
+    constants::CONTACT_ROUNDING,
     geometry::{Placement, Primitive, Sphere},
-    query::{Chords, Convex, Cuboid, Support},
+    pipeline::{
+        Core, Part, Shape,
+        directions::Directions,
+        sweep::motion::{OtherPart, PairMotion},
+        with_spheres,
+    },
+    query::{Chord, Convex, Cuboid, Support},
 };
 
 /// Directions that separate primitives of a pair.
-pub(super) struct Parting<'a> {
+pub(in crate::pipeline) struct SeparatingAxis<'a> {
     first: Placed<'a>,
-    second: Second<'a>,
+    second: OtherSide<'a>,
     /// Smallest gaps that count as separation, in metres: at the start of the motion, and later.
     least: [f32; 2],
     directions: Directions,
@@ -25,52 +25,46 @@ pub(super) struct Parting<'a> {
 
 /// Buffers for the spheres of both sides.
 #[derive(Debug, Default)]
-pub(super) struct Room([Vec<Sphere>; 2]);
+pub(in crate::pipeline) struct SphereBuffers([Vec<[Sphere; 2]>; 2]);
 
-/// The spheres of a shape at all ends of chords.
+/// The spheres of a shape at the start and at the end of a chord.
 struct Placed<'a> {
     primitives: &'a [Primitive],
-    /// Index: sphere * instants + instant.
-    spheres: &'a [Sphere],
-    instants: usize,
+    spheres: &'a [[Sphere; 2]],
 }
 
-enum Second<'a> {
+enum OtherSide<'a> {
     Shape(Placed<'a>),
-    /// A part at rest in the frame of the chords, and its smallest coordinate along each direction.
+    /// A part at rest in the frame of the chord, and its smallest coordinate along each direction.
     Part(&'a Part<'a>, Vec4),
 }
 
-impl<'a> Parting<'a> {
-    /// Creates the test with a first direction: a unit vector from the first side to the second, in the frame of the chords. Returns `None` if there are more
-    /// than [`MAX_PARTING_CHORDS`] chords.
-    pub fn new(motion: &'a PairMotion, chords: &Chords, direction: Vec3, room: &'a mut Room) -> Option<Self> {
-        let placements = chords.placements();
-        if placements.len() > MAX_PARTING_CHORDS + 1 {
-            return None;
-        }
-        let growth = chords.deviation() + motion.facing.rounding();
-        let Room([room1, room2]) = room;
-        let first = Placed::new(motion.shape1, placements.iter().map(|p| &p[0]), growth, room1);
-        let second = match &motion.facing {
-            Facing::Shape(shape) => Second::Shape(Placed::new(shape, placements.iter().map(|p| &p[1]), 0.0, room2)),
-            Facing::Part(part) => Second::Part(part, Vec4::ZERO),
+impl<'a> SeparatingAxis<'a> {
+    /// Creates the test with a first direction: a unit vector from the first side to the second, in the frame of the chord.
+    pub fn new(motion: &'a PairMotion, chord: &Chord, direction: Vec3, spheres: &'a mut SphereBuffers) -> Self {
+        let [start, end] = chord.ends();
+        let growth = chord.deviation() + motion.other.rounding();
+        let SphereBuffers([spheres1, spheres2]) = spheres;
+        let first = Placed::new(motion.shape1, [&start[0], &end[0]], growth, spheres1);
+        let second = match &motion.other {
+            OtherPart::Shape(shape) => OtherSide::Shape(Placed::new(shape, [&start[1], &end[1]], 0.0, spheres2)),
+            OtherPart::Part(part) => OtherSide::Part(part, Vec4::ZERO),
         };
         let extent = match &second {
-            Second::Shape(placed) => placed.extent(),
-            Second::Part(part, _) => part.aabb().extent_squared().sqrt(),
+            OtherSide::Shape(placed) => placed.extent(),
+            OtherSide::Part(part, _) => part.aabb().extent_squared().sqrt(),
         };
         let rounding = CONTACT_ROUNDING * first.extent().max(extent);
         let least = [rounding.max(motion.tolerances.touch), rounding];
-        let mut parting = Self { first, second, least, directions: Directions::default() };
-        parting.learn(direction);
-        Some(parting)
+        let mut separating_axis = Self { first, second, least, directions: Directions::default() };
+        separating_axis.push_axis(direction);
+        separating_axis
     }
 
     /// Adds a direction that separates a pair of primitives, because it may separate others.
-    pub fn learn(&mut self, direction: Vec3) {
-        let lane = self.directions.learn(direction);
-        if let Second::Part(part, low) = &mut self.second {
+    pub fn push_axis(&mut self, direction: Vec3) {
+        let lane = self.directions.push_axis(direction);
+        if let OtherSide::Part(part, low) = &mut self.second {
             low[lane] = match &part.core {
                 Core::Cuboid(half) => Cuboid { half: *half }.low(direction),
                 Core::Hull(hull) => with_spheres!(hull, |spheres| spheres.low(direction)),
@@ -82,47 +76,41 @@ impl<'a> Parting<'a> {
     /// Returns true if one known direction separates two primitives over the whole motion, and if they are not in touch at the start. Pairs in touch always get
     /// a full test; otherwise the tested pairs would depend on the order of the pairs.
     ///
-    /// Spheres move on lines between the instants, so the gap of two spheres along a direction is smallest at one of the instants.
+    /// Spheres move on lines, so the gap of two spheres along a direction is smallest at the start or at the end.
     pub fn is_apart(&self, [first, second]: [u32; 2]) -> bool {
         let mut apart = BVec4A::TRUE;
-        (0..self.first.instants).all(|instant| {
+        (0..2).all(|instant| {
             let high = self.directions.high(self.first.at(first, instant));
             let low = match &self.second {
-                Second::Shape(placed) => self.directions.low(placed.at(second, instant)),
-                Second::Part(_, low) => *low,
+                OtherSide::Shape(placed) => self.directions.low(placed.at(second, instant)),
+                OtherSide::Part(_, low) => *low,
             };
-            apart &= (low - high).cmpgt(Vec4::splat(self.least[instant.min(1)]));
+            apart &= (low - high).cmpgt(Vec4::splat(self.least[instant]));
             apart.any()
         })
     }
 }
 
 impl<'a> Placed<'a> {
-    fn new<'p>(
-        shape: &'a Shape,
-        placements: impl ExactSizeIterator<Item = &'p Placement> + Clone,
-        growth: f32,
-        spheres: &'a mut Vec<Sphere>,
-    ) -> Self {
-        let instants = placements.len();
+    fn new(shape: &'a Shape, ends: [&Placement; 2], growth: f32, spheres: &'a mut Vec<[Sphere; 2]>) -> Self {
         spheres.clear();
-        for sphere in shape.axis.spheres() {
+        spheres.extend(shape.axis.spheres().iter().map(|sphere| {
             let Sphere { center, radius } = sphere.scaled(shape.scale);
-            spheres.extend(placements.clone().map(|placement| Sphere::new(placement.point(center), radius + growth)));
-        }
-        Self { primitives: shape.axis.primitives(), spheres, instants }
+            ends.map(|placement| Sphere::new(placement.point(center), radius + growth))
+        }));
+        Self { primitives: shape.axis.primitives(), spheres }
     }
 
-    /// Returns the spheres of a primitive at an instant.
-    fn at(&self, primitive: u32, instant: usize) -> impl Iterator<Item = &Sphere> {
+    /// Returns the spheres of a primitive at the start or at the end.
+    fn at(&self, primitive: u32, end: usize) -> impl Iterator<Item = &Sphere> {
         let indices = self.primitives[primitive as usize].indices();
-        indices.iter().map(move |&sphere| &self.spheres[sphere as usize * self.instants + instant])
+        indices.iter().map(move |&sphere| &self.spheres[sphere as usize][end])
     }
 
     /// Returns the largest absolute coordinate or radius, in metres.
     fn extent(&self) -> f32 {
         let most = |s: &Sphere| s.center.abs().max_element().max(s.radius);
-        self.spheres.iter().map(most).fold(0.0, f32::max)
+        self.spheres.as_flattened().iter().map(most).fold(0.0, f32::max)
     }
 }
 
@@ -148,7 +136,7 @@ mod tests {
     fn what_is_apart_never_touches() {
         let mut random = Random(4);
         let torus = Shape { axis: MedialAxis::torus(0.2, 0.05, 12).unwrap(), scale: 1.5 };
-        let (mut apart, mut touching, mut parting_from_touch, mut many_chords) = (0, 0, 0, 0);
+        let (mut apart, mut touching, mut parting_from_touch, mut curved) = (0, 0, 0, 0);
         for case in 0..60 {
             let mut sweep = |speed: f32, turn: f32| {
                 let rotation = Quat::from_scaled_axis(random.in_cube() * 3.0);
@@ -169,15 +157,14 @@ mod tests {
             for second in [Side::Body(1), Side::Static(0)] {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
                 for motion in PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep) {
-                    let (mut chords, mut room) = (Chords::default(), Room::default());
-                    motion.set_chords(&mut chords);
-                    many_chords += usize::from(chords.placements().len() > 2);
-                    let mut parting = Parting::new(&motion, &chords, Vec3::Y, &mut room).unwrap();
+                    let (chord, mut spheres) = (motion.chord(), SphereBuffers::default());
+                    curved += usize::from(!motion.is_one_interval(&chord));
+                    let mut separating_axis = SeparatingAxis::new(&motion, &chord, Vec3::Y, &mut spheres);
                     let count = if second == Side::Static(0) { 1 } else { torus.len() as u32 };
                     for pair in (0..torus.len() as u32).flat_map(|i| (0..count).map(move |j| [i, j])) {
-                        parting.learn(random.in_cube().normalize());
+                        separating_axis.push_axis(random.in_cube().normalize());
                         let [begin, least] = distances(&motion, pair);
-                        if parting.is_apart(pair) {
+                        if separating_axis.is_apart(pair) {
                             apart += 1;
                             assert!(least > 0.0, "{pair:?} of case {case} come within {least} m");
                             assert!(begin > motion.tolerances.touch, "{pair:?} of case {case} begin {begin} m apart");
@@ -189,9 +176,7 @@ mod tests {
                 }
             }
         }
-        println!(
-            "{apart} apart, {touching} touching, {parting_from_touch} touching at first, {many_chords} with many chords"
-        );
-        assert!(apart > 3000 && touching > 500 && parting_from_touch > 10 && many_chords > 20);
+        println!("{apart} apart, {touching} touching, {parting_from_touch} touching at first, {curved} curved");
+        assert!(apart > 3000 && touching > 500 && parting_from_touch > 10 && curved > 20);
     }
 }

@@ -3,32 +3,32 @@
 use glam::{Quat, Vec3};
 use smallvec::{SmallVec, smallvec};
 
-use super::{
-    Part, Second, Side, Statics, StepInput,
-    pairs::{BodyPair, PrimitivePair},
-    shape::Shape,
-    tolerances::Tolerances,
-};
 use crate::{
-    constants::{CHORD_TOLERANCE, MAX_STEP_PARTS, PART_ANGLE, PART_PRIMITIVES, PART_WAY},
+    constants::{CHORD_TOLERANCE, INTERVAL_PATH, MANY_PRIMITIVES},
     geometry::{Aabb, Pose3, Sphere, Sweep},
-    query::Chords,
+    pipeline::{
+        OtherShape, Part, Side, Statics, StepInput,
+        pairs::{BodyPair, PrimitivePair},
+        shape::Shape,
+        tolerances::Tolerances,
+    },
+    query::Chord,
 };
 
 /// The second side of a pair motion.
-pub(super) enum Facing<'a> {
+pub(in crate::pipeline) enum OtherPart<'a> {
     /// A medial mesh.
     Shape(&'a Shape),
     /// A convex part of any other body.
     Part(Part<'a>),
 }
 
-impl Facing<'_> {
+impl OtherPart<'_> {
     /// Returns the distance of a part's surface from its core, in metres; 0 for a medial mesh.
     pub fn rounding(&self) -> f32 {
         match self {
-            Facing::Shape(_) => 0.0,
-            Facing::Part(part) => part.rounding,
+            OtherPart::Shape(_) => 0.0,
+            OtherPart::Part(part) => part.rounding,
         }
     }
 }
@@ -36,12 +36,12 @@ impl Facing<'_> {
 /// Runs an expression with a primitive of the first side and one of the second: a primitive of a medial mesh, or the core of a part. The rounding of a part is
 /// added to the radii of the first primitive.
 macro_rules! with_sides {
-    ($facing:expr, $hull:expr, $primitive2:expr, |$first:ident, $second:ident| $body:expr) => {
-        $crate::pipeline::with_spheres!($hull, |$first| match &$facing {
-            $crate::pipeline::motion::Facing::Shape(shape2) => {
+    ($other:expr, $hull:expr, $primitive2:expr, |$first:ident, $second:ident| $body:expr) => {
+        $crate::pipeline::with_spheres!($hull, |$first| match &$other {
+            $crate::pipeline::sweep::motion::OtherPart::Shape(shape2) => {
                 $crate::pipeline::with_spheres!(&shape2.hull($primitive2), |$second| $body)
             }
-            $crate::pipeline::motion::Facing::Part(part) => {
+            $crate::pipeline::sweep::motion::OtherPart::Part(part) => {
                 let $first = $first.map(|s| $crate::geometry::Sphere::new(s.center, s.radius + part.rounding));
                 match &part.core {
                     $crate::pipeline::Core::Cuboid(half) => {
@@ -58,15 +58,15 @@ macro_rules! with_sides {
         })
     };
 }
-pub(super) use with_sides;
+pub(in crate::pipeline) use with_sides;
 
 /// A medial body and a second side, in relative coordinates.
 ///
 /// If the second side is a medial mesh, the frame has the world's axes and its origin is the position of body 1 at the start. If it is a part, the
 /// frame is the part's frame at the start. Relative coordinates keep f32 precision far from the world's origin.
-pub(super) struct PairMotion<'a> {
+pub(in crate::pipeline) struct PairMotion<'a> {
     pub shape1: &'a Shape,
-    pub facing: Facing<'a>,
+    pub other: OtherPart<'a>,
     pub sweep1: Sweep,
     pub sweep2: Sweep,
     /// Pose of the frame in the world.
@@ -78,7 +78,7 @@ pub(super) struct PairMotion<'a> {
 }
 
 /// The motions of a pair. Most pairs have one.
-pub(super) type Motions<'a> = SmallVec<[PairMotion<'a>; 1]>;
+pub(in crate::pipeline) type Motions<'a> = SmallVec<[PairMotion<'a>; 1]>;
 
 impl<'a> PairMotion<'a> {
     /// Creates the motions of a pair: one for a medial second side, or one for each part of another collider that is in reach.
@@ -99,11 +99,11 @@ impl<'a> PairMotion<'a> {
         let radius1 = shape1.bounding_sphere().radius;
         let tolerances = |size: f32| Tolerances::new(input, statics, pair, size);
         match second.second() {
-            Second::Shape(shape2) => {
+            OtherShape::Shape(shape2) => {
                 let frame = Pose3::from_translation(sweep1.start.translation);
                 smallvec![Self {
                     shape1,
-                    facing: Facing::Shape(shape2),
+                    other: OtherPart::Shape(shape2),
                     sweep1: sweep1.seen_from(&frame),
                     sweep2: sweep2.seen_from(&frame),
                     frame,
@@ -111,7 +111,7 @@ impl<'a> PairMotion<'a> {
                     tolerances: tolerances(radius1.min(shape2.bounding_sphere().radius)),
                 }]
             }
-            Second::Parts(parts) => {
+            OtherShape::Parts(parts) => {
                 let bound = parts.bounding_sphere();
                 let arm2 = bound.farthest(sweep2.local_center);
                 let arms = [shape1.arm(sweep1.local_center), arm2];
@@ -121,7 +121,7 @@ impl<'a> PairMotion<'a> {
                     let sweep2 = sweep2.of_part(&part.pose);
                     Self {
                         shape1,
-                        facing: Facing::Part(part),
+                        other: OtherPart::Part(part),
                         sweep1: sweep1.seen_from(&frame),
                         sweep2: sweep2.seen_from(&frame),
                         frame,
@@ -134,47 +134,51 @@ impl<'a> PairMotion<'a> {
         }
     }
 
-    /// Splits the motion into chords. For a moving part, the chords are those of the first side in the part's frame, because kernels for boxes require a box
-    /// at rest.
-    pub fn set_chords(&self, chords: &mut Chords) {
+    /// Returns the chord of the motion. For a moving part, it is that of the first side in the part's frame, because kernels for boxes require a box at
+    /// rest.
+    pub fn chord(&self) -> Chord {
         let sweeps = [&self.sweep1, &self.sweep2];
-        let tolerance = CHORD_TOLERANCE * self.tolerances.size;
-        match self.facing {
-            Facing::Part(_) if !self.sweep2.is_at_rest() => {
-                chords.set_in_frame_of_second(sweeps, self.arms[0], tolerance)
-            }
-            _ => chords.set(sweeps, self.arms, tolerance),
+        match self.other {
+            OtherPart::Part(_) if !self.sweep2.is_at_rest() => Chord::in_frame_of_second(sweeps, self.arms[0]),
+            _ => Chord::new(sweeps, self.arms),
         }
     }
 
-    /// Returns the pose of the chords' frame in the world at a fraction of the motion.
+    /// Returns true if the motion is short enough for one search: points move almost on lines, and few primitives come near each other.
+    pub fn is_one_interval(&self, chord: &Chord) -> bool {
+        let count2 = if let OtherPart::Shape(shape2) = &self.other { shape2.len() } else { 1 };
+        let has_few = self.shape1.len() * count2 <= MANY_PRIMITIVES;
+        chord.deviation() <= self.tolerance() && (has_few || self.path() <= INTERVAL_PATH * self.tolerances.size)
+    }
+
+    /// Returns the pose of the chord's frame in the world at a fraction of the motion.
     pub fn frame_at(&self, fraction: f32) -> Pose3 {
-        match self.facing {
-            Facing::Part(_) if !self.sweep2.is_at_rest() => self.frame * self.sweep2.pose_at(fraction),
+        match self.other {
+            OtherPart::Part(_) if !self.sweep2.is_at_rest() => self.frame * self.sweep2.pose_at(fraction),
             _ => self.frame,
         }
     }
 
-    /// Transforms a direction from the world to the frame of the chords at the start.
-    pub fn to_chords(&self, direction: Vec3) -> Vec3 {
+    /// Transforms a direction from the world to the frame of the chord at the start.
+    pub fn to_chord(&self, direction: Vec3) -> Vec3 {
         self.frame_at(0.0).rotation.inverse() * direction
     }
 
-    /// Returns the unit vector from the centre of the first shape to the centre of the second side at the start, in the frame of the chords.
+    /// Returns the unit vector from the centre of the first shape to the centre of the second side at the start, in the frame of the chord.
     pub fn center_line(&self) -> Vec3 {
         let center1 = self.sweep1.start.transform_point(self.shape1.bounding_sphere().center);
-        let center2 = self.sweep2.start.transform_point(match &self.facing {
-            Facing::Shape(shape2) => shape2.bounding_sphere().center,
-            Facing::Part(part) => part.aabb().center(),
+        let center2 = self.sweep2.start.transform_point(match &self.other {
+            OtherPart::Shape(shape2) => shape2.bounding_sphere().center,
+            OtherPart::Part(part) => part.aabb().center(),
         });
-        self.to_chords(self.frame.rotation * (center2 - center1).normalize_or(Vec3::Y))
+        self.to_chord(self.frame.rotation * (center2 - center1).normalize_or(Vec3::Y))
     }
 
     /// Returns [`Tolerances::core_overlap`] of two primitives.
     pub fn core_overlap(&self, [first, second]: PrimitivePair) -> f32 {
-        let radius2 = match &self.facing {
-            Facing::Shape(shape2) => shape2.hull(second).min_radius(),
-            Facing::Part(_) => 0.0,
+        let radius2 = match &self.other {
+            OtherPart::Shape(shape2) => shape2.hull(second).min_radius(),
+            OtherPart::Part(_) => 0.0,
         };
         self.tolerances.core_overlap([self.shape1.hull(first).min_radius(), radius2])
     }
@@ -182,9 +186,9 @@ impl<'a> PairMotion<'a> {
     /// Returns the summed thickness of two primitives in metres. The thickness is the largest radius of a primitive, or half of the smallest width of another
     /// part.
     pub fn thickness(&self, [first, second]: PrimitivePair) -> f32 {
-        let second = match &self.facing {
-            Facing::Shape(shape2) => shape2.hull(second).max_radius(),
-            Facing::Part(part) => part.thickness(),
+        let second = match &self.other {
+            OtherPart::Shape(shape2) => shape2.hull(second).max_radius(),
+            OtherPart::Part(part) => part.thickness(),
         };
         self.shape1.hull(first).max_radius() + second
     }
@@ -194,42 +198,25 @@ impl<'a> PairMotion<'a> {
         self.path() <= self.tolerances.slop
     }
 
-    /// Returns the number of equal parts in which the step is searched, in order. Few primitives are near each other in a short part, and the parts after an
-    /// impact are skipped.
-    pub fn parts(&self) -> usize {
-        let count2 = if let Facing::Shape(shape2) = &self.facing { shape2.len() } else { 1 };
-        let is_long = self.shape1.len() * count2 > PART_PRIMITIVES;
-        let angle = self.sweep1.rotation.length() + self.sweep2.rotation.length();
-        let of_way = if is_long { self.path() / (PART_WAY * self.tolerances.size) } else { 0.0 };
-        let parts = of_way.max(angle / PART_ANGLE);
-        if parts > 2.0 { (parts.ceil() as usize).min(MAX_STEP_PARTS) } else { 1 }
-    }
-
-    /// Restricts the motion to the part between two fractions of it.
-    pub fn cut(&mut self, times: [f32; 2]) {
-        self.sweep1 = self.sweep1.part(times);
-        self.sweep2 = self.sweep2.part(times);
-    }
-
     /// Returns an upper bound of the path length of any point of one body relative to the other, in metres.
     pub fn path(&self) -> f32 {
         let turn = self.sweep1.rotation.length() * self.arms[0] + self.sweep2.rotation.length() * self.arms[1];
         (self.sweep1.translation - self.sweep2.translation).length() + turn
     }
 
-    /// Returns the largest combined deviation of both bodies' paths from their chords, in metres.
-    fn stray(&self) -> f32 {
-        2.0 * CHORD_TOLERANCE * self.tolerances.size
+    /// Returns the deviation of points from their chords that is small enough, in metres.
+    fn tolerance(&self) -> f32 {
+        CHORD_TOLERANCE * self.tolerances.size
     }
 
-    /// Returns the distance within which primitives are candidates, along chords, in metres.
+    /// Returns the distance within which primitives are candidates, along a chord, in metres.
     pub fn reach(&self) -> f32 {
-        self.stray().max(self.tolerances.touch)
+        (2.0 * self.tolerance()).max(self.tolerances.touch)
     }
 
     /// Returns the largest distance of a point of the second body from its chord over the motion, in metres.
     pub fn sagitta_of_second(&self) -> f32 {
-        self.sweep2.sagitta(self.arms[1], 1)
+        self.sweep2.sagitta(self.arms[1])
     }
 
     /// Returns the position of the sweeps' frame in the world. `None` if the frame is rotated.
@@ -244,7 +231,7 @@ impl PairMotion<'_> {
     pub fn distance_at(&self, fraction: f32, [first, second]: [u32; 2]) -> f32 {
         let [pose1, pose2] = [&self.sweep1, &self.sweep2].map(|sweep| sweep.pose_at(fraction));
         let ours = self.shape1.hull(first).placed(&pose2.inv_mul(&pose1).into());
-        with_sides!(self.facing, ours, second, |ours, theirs| crate::query::separation(&ours, theirs, 0).distance)
+        with_sides!(self.other, ours, second, |ours, theirs| crate::query::separation(&ours, theirs, 0).distance)
     }
 }
 

@@ -25,7 +25,7 @@ pub struct Contact {
 
 impl Contact {
     /// Total order with the deepest contact first. It depends only on the contacts themselves.
-    pub(super) fn order(&self, other: &Self) -> Ordering {
+    pub(in crate::pipeline) fn order(&self, other: &Self) -> Ordering {
         let parts = |contact: &Self| (contact.primitive1, contact.primitive2);
         let place = |a: Vec3, b: Vec3| (0..3).map(|i| a[i].total_cmp(&b[i])).fold(Ordering::Equal, Ordering::then);
         self.distance
@@ -46,7 +46,7 @@ pub struct Manifold {
 
 impl Manifold {
     /// Creates a manifold of 1 to 4 contacts, sorted by depth, the deepest first.
-    pub(super) fn new(contacts: &[Contact]) -> Self {
+    pub(in crate::pipeline) fn new(contacts: &[Contact]) -> Self {
         let points = std::array::from_fn(|i| contacts[i.min(contacts.len() - 1)]);
         Self { normal1: contacts[0].normal1, points, len: contacts.len().min(4) as u8 }
     }
@@ -57,7 +57,7 @@ impl Manifold {
     }
 
     /// Returns the manifold with the same points on both bodies at another relative pose. `turn`: rotation of the normals.
-    pub(super) fn at(&self, pose12: &Pose3, turn: Quat) -> Self {
+    pub(in crate::pipeline) fn at(&self, pose12: &Pose3, turn: Quat) -> Self {
         let mut points = self.points;
         let points = &mut points[..usize::from(self.len)];
         for contact in points.iter_mut() {

@@ -2,8 +2,10 @@
 
 use glam::{Vec3, Vec3A};
 
-use super::{Shape, Side};
-use crate::geometry::{Aabb, Placement, Pose3, Sphere, Sweep, Values};
+use crate::{
+    geometry::{Aabb, Placement, Pose3, Sphere, Sweep, Values},
+    pipeline::{Shape, Side},
+};
 
 /// Number of cache rows. A row keeps the boxes of two bodies while a step runs. With fewer rows the boxes of a body in many pairs are placed more often; each
 /// row more takes tens of kilobytes of memory.
@@ -11,7 +13,7 @@ const ROWS: usize = 16;
 
 /// Cache of the boxes of recently requested bodies. Boxes are relative to the position of their body at the start, with the world's axes.
 #[derive(Debug, Default)]
-pub(super) struct BoxCache {
+pub(in crate::pipeline) struct BoxCache {
     rows: Vec<[Slot; 2]>,
 }
 
@@ -25,7 +27,7 @@ struct Slot {
 
 /// Location of a body's boxes in the cache. Valid until the boxes of two other bodies have been placed.
 #[derive(Clone, Copy)]
-pub(super) struct Place([usize; 2]);
+pub(in crate::pipeline) struct Place([usize; 2]);
 
 impl BoxCache {
     /// Invalidates all boxes, because the bodies have moved.
@@ -63,7 +65,7 @@ impl BoxCache {
 /// Boxes of all BVH nodes of a moving shape, at the start and at the end of its motion. The boxes include the sagitta of the primitives' arcs, so linear
 /// interpolation between both is conservative.
 #[derive(Debug, Default)]
-pub(super) struct MovingBoxes {
+pub(in crate::pipeline) struct MovingBoxes {
     nodes: Values<MovingBox>,
     /// Origin of the boxes' coordinates, in the frame of the sweep.
     origin: Vec3,
@@ -71,7 +73,7 @@ pub(super) struct MovingBoxes {
 
 /// A box whose faces move at constant velocities.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct MovingBox {
+pub(in crate::pipeline) struct MovingBox {
     /// Minimum corners at the start and at the end.
     min: [Vec3A; 2],
     max: [Vec3A; 2],
@@ -79,7 +81,7 @@ pub(super) struct MovingBox {
 
 /// Boxes between two fractions of their motion.
 #[derive(Clone, Copy)]
-pub(super) struct TimedBoxes<'a> {
+pub(in crate::pipeline) struct TimedBoxes<'a> {
     boxes: &'a MovingBoxes,
     times: [f32; 2],
     is_whole: bool,
@@ -92,7 +94,7 @@ impl MovingBoxes {
         let frame = Pose3::from_translation(origin);
         let placements = [sweep.start, sweep.end].map(|pose| Placement::from(frame.inv_mul(&pose)));
         // Largest distance of a sphere centre from its chord, per metre from the centre of mass.
-        let stray = sweep.sagitta(1.0, 1);
+        let stray = sweep.sagitta(1.0);
         let place = |sphere: &Sphere| {
             let Sphere { center, radius } = sphere.scaled(shape.scale);
             let reach = Vec3A::splat(radius + stray * center.distance(sweep.local_center));
@@ -122,7 +124,7 @@ impl MovingBoxes {
 }
 
 /// Visits the pairs of primitives of two shapes whose boxes pass `test`. The arguments of `test` are two boxes and the offset to add to the second.
-pub(super) fn visit_pairs(
+pub(in crate::pipeline) fn visit_pairs(
     [shape1, shape2]: [&Shape; 2],
     [boxes1, boxes2]: [TimedBoxes; 2],
     test: impl Fn(&MovingBox, &MovingBox, Vec3A) -> bool,

@@ -1,11 +1,13 @@
 //! Primitives that are near each other at one instant.
 
-use super::{Hull, Part, Shape};
-use crate::geometry::{Aabb, Box3A, Placement, Pose3};
+use crate::{
+    geometry::{Aabb, Box3A, Placement, Pose3},
+    pipeline::{Hull, Part, Shape},
+};
 
 /// Buffers for the primitives that are near.
 #[derive(Debug, Default)]
-pub(super) struct Room {
+pub(in crate::pipeline) struct Room {
     in_reach: Vec<u32>,
     first: Vec<(u32, Hull, Box3A)>,
     second: Vec<(u32, Box3A)>,
@@ -15,7 +17,7 @@ pub(super) struct Room {
 /// `visit` is the first primitive in the frame of the second shape. `pose12`: pose of the second shape in the frame of the first.
 ///
 /// Only few primitives of a shape are near the other shape, so these are compared pair by pair.
-pub(super) fn near_shape(
+pub(in crate::pipeline) fn near_shape(
     shape1: &Shape,
     shape2: &Shape,
     pose12: &Pose3,
@@ -53,7 +55,7 @@ pub(super) fn near_shape(
 
 /// [`near_shape`] for the primitives of a shape that are near a part. Primitives are visited in the part's frame. `pose12`: pose of the part in the frame of
 /// the shape.
-pub(super) fn near_part(
+pub(in crate::pipeline) fn near_part(
     shape1: &Shape,
     part: &Part,
     pose12: &Pose3,

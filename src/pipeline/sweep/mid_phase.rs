@@ -4,55 +4,60 @@
 //! other. The result is the pairs of primitives whose moving boxes meet. The boxes include the arcs of their primitives, so no pair is missed while the bodies
 //! stay on their paths.
 //!
-//! A step that is searched for impacts in parts is culled part by part. In each part, boxes are computed only for primitives that the other body may reach.
+//! A step that is searched for impacts in intervals is culled in each of them. Boxes are then computed only for primitives that the other body may reach.
+
+use std::cell::Cell;
 
 use glam::{Vec3, Vec3A};
 
-use super::{
-    Culling, Part, Shape,
-    motion::{Facing, PairMotion},
-    moving_boxes::{self, MovingBox, MovingBoxes, TimedBoxes},
-    pairs::PrimitivePair,
-};
 use crate::{
     constants::CONTACT_ROUNDING,
     geometry::{Aabb, Sweep},
+    pipeline::{
+        Culling, Part, Shape,
+        pairs::PrimitivePair,
+        sweep::{
+            motion::{OtherPart, PairMotion},
+            moving_boxes::{self, MovingBox, MovingBoxes, TimedBoxes},
+        },
+    },
 };
 
 /// Primitive pairs of a body pair that may touch, in any order.
-pub(super) type Candidates = Vec<PrimitivePair>;
+pub(in crate::pipeline) type Candidates = Vec<PrimitivePair>;
 
 /// Boxes of both sides that are computed for a single search.
-pub(super) type OwnBoxes = [MovingBoxes; 2];
+pub(in crate::pipeline) type OwnBoxes = [MovingBoxes; 2];
 
 /// Adds the given candidates of a pair that belong to one motion: all, or those of one part.
-pub(super) fn of_motion(motion: &PairMotion, primitives: &[PrimitivePair], found: &mut Candidates) {
-    match &motion.facing {
-        Facing::Shape(_) => found.extend(primitives),
-        Facing::Part(part) => {
+pub(in crate::pipeline) fn of_motion(motion: &PairMotion, primitives: &[PrimitivePair], found: &mut Candidates) {
+    match &motion.other {
+        OtherPart::Shape(_) => found.extend(primitives),
+        OtherPart::Part(part) => {
             found.extend(primitives.iter().filter(|[_, j]| *j == part.id).map(|&[i, _]| [i, 0]));
         }
     }
 }
 
-/// Adds the primitive pairs that may come within `reach` metres of each other over the motion.
+/// Adds the primitive pairs that may come within `reach` metres of each other over the motion. The search ends soon after `max` pairs.
 ///
 /// `boxes`: cached boxes of each side over its motion, if there are any. `own`: buffers for boxes that are not cached.
-pub(super) fn candidates(
+pub(in crate::pipeline) fn candidates(
     motion: &PairMotion,
     culling: Culling,
     reach: f32,
+    max: usize,
     boxes: [Option<TimedBoxes>; 2],
     own: &mut OwnBoxes,
     found: &mut Candidates,
 ) {
     if culling == Culling::None {
-        let count2 = if let Facing::Shape(shape2) = &motion.facing { shape2.len() } else { 1 };
+        let count2 = if let OtherPart::Shape(shape2) = &motion.other { shape2.len() } else { 1 };
         return found.extend(all(motion.shape1.len(), count2));
     }
-    match &motion.facing {
-        Facing::Shape(shape2) => of_shapes(motion, shape2, boxes, reach, own, found),
-        Facing::Part(part) => of_part(motion, part, boxes[0], reach, own, found),
+    match &motion.other {
+        OtherPart::Shape(shape2) => of_shapes(motion, shape2, boxes, reach, max, own, found),
+        OtherPart::Part(part) => of_part(motion, part, boxes[0], reach, own, found),
     }
 }
 
@@ -88,6 +93,7 @@ fn of_shapes(
     shape2: &Shape,
     boxes: [Option<TimedBoxes>; 2],
     reach: f32,
+    max: usize,
     own: &mut OwnBoxes,
     found: &mut Candidates,
 ) {
@@ -103,8 +109,12 @@ fn of_shapes(
             [own1.whole(), own2.whole()]
         }
     };
-    let meets = |box1: &MovingBox, box2: &MovingBox, offset| box1.meets(box2, offset, reach);
-    moving_boxes::visit_pairs(shapes, boxes, meets, |i, j| found.push([i, j]));
+    let left = Cell::new(max);
+    let meets = |box1: &MovingBox, box2: &MovingBox, offset| left.get() > 0 && box1.meets(box2, offset, reach);
+    moving_boxes::visit_pairs(shapes, boxes, meets, |i, j| {
+        found.push([i, j]);
+        left.set(left.get().saturating_sub(1));
+    });
 }
 
 /// Returns the box in the shape's frame that contains all points of the other body within `reach` metres of the moving shape. `aabb`: bounding box of the other
@@ -114,7 +124,7 @@ fn view(shape: &Shape, sweep: &Sweep, other: &Sweep, aabb: &Aabb, reach: f32) ->
 }
 
 /// Returns every pair of `count1` and `count2` primitives.
-pub(super) fn all(count1: usize, count2: usize) -> impl Iterator<Item = PrimitivePair> {
+pub(in crate::pipeline) fn all(count1: usize, count2: usize) -> impl Iterator<Item = PrimitivePair> {
     (0..count1 as u32).flat_map(move |i| (0..count2 as u32).map(move |j| [i, j]))
 }
 
@@ -155,7 +165,7 @@ mod tests {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
                 for motion in PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep) {
                     let (mut own, mut found) = (OwnBoxes::default(), Candidates::new());
-                    candidates(&motion, Culling::Hybrid, 0.01, [None; 2], &mut own, &mut found);
+                    candidates(&motion, Culling::Hybrid, 0.01, usize::MAX, [None; 2], &mut own, &mut found);
                     for pair in all(shape.len(), count) {
                         let is_near = distance(&motion, pair) <= 0.01;
                         assert!(!is_near || found.contains(&pair), "{pair:?} of case {case} is missing");

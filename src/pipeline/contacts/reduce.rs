@@ -3,15 +3,17 @@
 use arrayvec::ArrayVec;
 use glam::Vec3;
 
-use super::{Contact, Manifold};
-use crate::constants::{CLOSE_CONTACT, DEPTH_WEIGHT, LINEAR_SLOP, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS};
+use crate::{
+    constants::{CLOSE_CONTACT, DEPTH_WEIGHT, LINEAR_SLOP, MANIFOLD_NORMAL_COSINE, MAX_MANIFOLDS},
+    pipeline::{Contact, Manifold},
+};
 
 /// A direction that is usually not an axis of a shape. One of two mirrored contacts is then farther out across it.
 const OBLIQUE_AXIS: Vec3 = Vec3::new(0.48, 0.6, 0.64);
 
 /// Buffers of the reduction.
 #[derive(Debug, Default)]
-pub(super) struct Room {
+pub(in crate::pipeline) struct Room {
     /// Index of the group of each contact; `None` for a contact without a group.
     groups: Vec<Option<usize>>,
     group: Vec<Contact>,
@@ -22,7 +24,7 @@ type Kept = ArrayVec<Contact, 4>;
 
 /// Groups contacts whose normals are close to that of the deepest contact of the group, and keeps up to four contacts of each group. `unit`: the length unit in
 /// metres.
-pub(super) fn reduce(
+pub(in crate::pipeline) fn reduce(
     contacts: &mut [Contact],
     unit: f32,
     Room { groups, group }: &mut Room,

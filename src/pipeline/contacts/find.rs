@@ -1,0 +1,233 @@
+//! Contacts of a pair at an instant: a pure function of shapes, relative pose and prediction distance.
+//!
+//! The narrow phase and rapier's dispatcher call the same function, so contacts from the step and contacts that are computed on demand have the same bits.
+
+use arrayvec::ArrayVec;
+use bevy::platform::collections::HashSet;
+use glam::{Vec3, Vec4};
+
+use crate::{
+    geometry::{Aabb, Placement, Pose3, Sphere},
+    pipeline::{
+        ContactMargin, ConvexParts, Core, Culling, Hull, Part, Parts, Shape,
+        contacts::{
+            cluster::{self, cluster},
+            features::{NONE_SHARED, SharedSpheres, crossings, face, on_face, one_sided, two_sided},
+            internal_edges,
+            manifold::{Contact, Manifold},
+            near::{self, near_part, near_shape},
+            reduce::reduce,
+        },
+        directions::Directions,
+        sweep::mid_phase,
+        with_spheres,
+    },
+    query::{Cuboid, Separation, Support},
+};
+
+/// The second side of a pair.
+#[derive(Clone, Copy)]
+pub enum OtherShape<'a> {
+    /// A medial shape.
+    Shape(&'a Shape),
+    /// Any other collider.
+    Parts(&'a dyn ConvexParts),
+}
+
+/// Buffers that are kept from pair to pair to avoid allocations.
+#[derive(Debug, Default)]
+pub(in crate::pipeline) struct Buffers {
+    near: near::Room,
+    /// Per side, each sphere and the primitive of the other side with which it needs no further test.
+    settled: [HashSet<[u32; 2]>; 2],
+    taken: cluster::Taken,
+    edges: internal_edges::Scratch,
+}
+
+/// Returns all manifolds of a pair. `pose12`: pose of body 2 in the frame of body 1.
+pub fn manifolds(shape1: &Shape, second: OtherShape, pose12: &Pose3, reach: impl Into<ContactMargin>) -> Vec<Manifold> {
+    let (reach, mut contacts, mut manifolds) = (reach.into(), Vec::new(), Vec::new());
+    find(shape1, second, pose12, reach, &mut contacts);
+    reduce(&mut contacts, reach.length_unit, &mut Default::default(), |manifold| manifolds.push(manifold));
+    manifolds
+}
+
+/// Replaces `contacts` with all contacts of a pair.
+pub fn find(
+    shape1: &Shape,
+    second: OtherShape,
+    pose12: &Pose3,
+    reach: impl Into<ContactMargin>,
+    contacts: &mut Vec<Contact>,
+) {
+    contacts.clear();
+    find_with(shape1, second, pose12, reach.into(), Culling::Hybrid, contacts, &mut Buffers::default());
+}
+
+/// [`find`] with buffers. `contacts` has to be empty.
+pub(in crate::pipeline) fn find_with(
+    shape1: &Shape,
+    second: OtherShape,
+    pose12: &Pose3,
+    reach: ContactMargin,
+    culling: Culling,
+    contacts: &mut Vec<Contact>,
+    buffers: &mut Buffers,
+) {
+    let mut find = |reach: ContactMargin, contacts: &mut Vec<Contact>| match second {
+        OtherShape::Shape(shape2) => {
+            let all = (culling == Culling::None).then(|| mid_phase::all(shape1.len(), shape2.len()));
+            of_shapes(shape1, shape2, pose12, reach, all, contacts, buffers);
+        }
+        OtherShape::Parts(parts) => of_parts(shape1, parts, pose12, reach, contacts, buffers),
+    };
+    find(reach, contacts);
+    let touch = reach.touch();
+    if reach.in_touch > reach.prediction && contacts.iter().any(|contact| contact.distance <= touch) {
+        contacts.clear();
+        find(ContactMargin::new(reach.in_touch, reach.length_unit), contacts);
+    }
+}
+
+/// Finds the contacts of a medial shape and another collider.
+fn of_parts(
+    shape1: &Shape,
+    parts: &dyn ConvexParts,
+    pose12: &Pose3,
+    ContactMargin { prediction, length_unit, .. }: ContactMargin,
+    contacts: &mut Vec<Contact>,
+    buffers: &mut Buffers,
+) {
+    let parts = parts.within(&surroundings(shape1, pose12, prediction));
+    for part in &parts {
+        collect_part(shape1, part, pose12, prediction, contacts, &mut buffers.near);
+    }
+    contacts.sort_unstable_by(Contact::order);
+    let sides: [&dyn internal_edges::Side; 2] = [shape1, &parts];
+    internal_edges::remove(contacts, pose12.rotation, sides, length_unit, &mut buffers.edges);
+}
+
+/// Returns the box in the frame of body 2 that contains all points within a distance of the shape.
+fn surroundings(shape1: &Shape, pose12: &Pose3, distance: f32) -> Aabb {
+    shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(distance)
+}
+
+/// Finds the contacts of two medial shapes. `candidates`: the primitive pairs that may have contacts, if they are known.
+fn of_shapes(
+    shape1: &Shape,
+    shape2: &Shape,
+    pose12: &Pose3,
+    ContactMargin { prediction, length_unit, .. }: ContactMargin,
+    candidates: Option<impl IntoIterator<Item = [u32; 2]>>,
+    contacts: &mut Vec<Contact>,
+    Buffers { near, settled, taken, edges }: &mut Buffers,
+) {
+    let to_second = Placement::from(pose12.inverse());
+    let to_first = Placement::from(*pose12);
+    let mut directions = Directions::default();
+    settled.iter_mut().for_each(HashSet::clear);
+    let mut collect = |[primitive1, primitive2]: [u32; 2], hull: Hull| {
+        let mut push = |s: &Separation| {
+            contacts.push(Contact {
+                point1: to_first.point(s.point1),
+                point2: s.point2,
+                normal1: to_first.vector(s.normal),
+                distance: s.distance,
+                primitive1,
+                primitive2,
+            });
+        };
+        with_spheres!(hull, |first| with_spheres!(shape2.hull(primitive2), |second| {
+            let gaps = directions.low(&second) - directions.high(&first);
+            if !gaps.cmpgt(Vec4::splat(prediction)).any() {
+                let [settled1, settled2] = &mut *settled;
+                let spheres1 = SharedSpheres::new(shape1, primitive1, primitive2, settled1);
+                let spheres2 = SharedSpheres::new(shape2, primitive2, primitive1, settled2);
+                let (main, is_near) = two_sided((&first, spheres1), (&second, spheres2), prediction, &mut push);
+                if is_near {
+                    crossings(&first, &second, &main, prediction, &mut push);
+                }
+                directions.push_axis(main.normal);
+            }
+        }));
+    };
+    match candidates {
+        Some(known) => known.into_iter().for_each(|pair| collect(pair, shape1.hull(pair[0]).placed(&to_second))),
+        None => near_shape(shape1, shape2, pose12, prediction, near, collect),
+    }
+    cluster(contacts, taken);
+    internal_edges::remove(contacts, pose12.rotation, [shape1, shape2], length_unit, edges);
+}
+
+impl internal_edges::Side for Shape {
+    fn aabb(&self, primitive: u32) -> Aabb {
+        self.hull(primitive).aabb()
+    }
+
+    fn separation(&self, primitive: u32, point: Vec3, normal: Vec3, height: f32, flush: f32) -> Option<Separation> {
+        let hull = self.hull(primitive);
+        let reaches = hull.height(point, normal) >= -flush;
+        reaches.then(|| hull.separation_from(point, [Sphere::new(normal * height, 0.0)]))
+    }
+}
+
+impl internal_edges::Side for Parts<'_> {
+    fn aabb(&self, id: u32) -> Aabb {
+        part(self, id).map_or(Aabb::EMPTY, |part| part.aabb().transformed(&part.pose, 1.0))
+    }
+
+    fn separation(&self, id: u32, point: Vec3, normal: Vec3, height: f32, _: f32) -> Option<Separation> {
+        part(self, id).map(|part| part.separation_from(point, normal * height))
+    }
+}
+
+/// Returns the part with an id, by binary search.
+fn part<'p, 'a>(parts: &'p Parts<'a>, id: u32) -> Option<&'p Part<'a>> {
+    parts.binary_search_by_key(&id, |part| part.id).ok().map(|at| &parts[at])
+}
+
+/// Collects the contacts within `prediction` metres of a convex part of another collider.
+fn collect_part(
+    shape1: &Shape,
+    part: &Part,
+    pose12: &Pose3,
+    prediction: f32,
+    contacts: &mut Vec<Contact>,
+    near: &mut near::Room,
+) {
+    let pose12 = *pose12 * part.pose;
+    let to_first = Placement::from(pose12);
+    let within = prediction + part.rounding;
+    near_part(shape1, part, &pose12, prediction, near, |primitive1, hull| {
+        let mut push = |s: &Separation| {
+            contacts.push(Contact {
+                point1: to_first.point(s.point1),
+                point2: part.pose.transform_point(s.point2 - s.normal * part.rounding),
+                normal1: to_first.vector(s.normal),
+                distance: s.distance - part.rounding,
+                primitive1,
+                primitive2: part.id,
+            });
+        };
+        with_spheres!(hull, |first| match &part.core {
+            Core::Cuboid(half) => {
+                if let (main, true) = one_sided((&first, NONE_SHARED), &Cuboid { half: *half }, within, &mut push) {
+                    on_face(&first, &face(*half, -main.normal), &main, within, &mut push);
+                }
+            }
+            Core::Support(shape) => {
+                if let (main, true) = one_sided((&first, NONE_SHARED), &Support(&**shape), within, &mut push) {
+                    let mut corners = ArrayVec::<Sphere, 4>::new();
+                    shape.face(-main.normal, main.point2, &mut |corner| {
+                        // Four corners are enough.
+                        let _ = corners.try_push(Sphere::new(corner, 0.0));
+                    });
+                    on_face(&first, &corners, &main, within, &mut push);
+                }
+            }
+            Core::Hull(hull) => with_spheres!(*hull, |second| {
+                two_sided((&first, NONE_SHARED), (&second, NONE_SHARED), within, &mut push);
+            }),
+        });
+    });
+}

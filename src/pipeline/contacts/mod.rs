@@ -1,0 +1,16 @@
+//! Contacts of a pair: found, thinned out, freed from internal edges, reduced to manifolds, and kept for the next step.
+
+mod cache;
+mod cluster;
+mod features;
+pub(in crate::pipeline) mod find;
+mod internal_edges;
+mod manifold;
+mod margin;
+mod near;
+pub(in crate::pipeline) mod reduce;
+
+pub use cache::{CachedPair, ContactCache};
+pub use find::{OtherShape, find, manifolds};
+pub use manifold::{Contact, Manifold};
+pub use margin::{ContactMargin, Displacement};

@@ -1,0 +1,329 @@
+//! The first impact of a pair within the step.
+
+use std::time::Duration;
+
+use bevy::platform::collections::HashMap;
+use glam::Vec3;
+use smallvec::SmallVec;
+
+use crate::{
+    constants::{FEW_PRIMITIVES, SHORTEST_INTERVAL},
+    geometry::Sweep,
+    pipeline::{
+        Impact, Scratch, Statics, StepInput,
+        pairs::{BodyPair, PrimitivePair},
+        sweep::{
+            mid_phase::{self, Candidates, OwnBoxes},
+            motion::{Motions, OtherPart, PairMotion, with_sides},
+            moving_boxes::{BoxCache, TimedBoxes},
+            separating_axis::{SeparatingAxis, SphereBuffers},
+        },
+    },
+    query::{Chord, RigidStart, TimeOfImpact, TimeOfImpactStatus, rigid_end, rigid_impact, rigid_start},
+};
+
+/// The first impact of a pair, and a hint for later searches.
+#[derive(Clone, Debug, Default)]
+pub(in crate::pipeline) struct ImpactResult {
+    pub impact: Option<Impact>,
+    /// Unit normal between the primitives that are nearest to each other at the start, in the world; zero if no primitives were tested.
+    pub normal: Vec3,
+}
+
+/// Counters of searches.
+#[derive(Debug, Default)]
+pub(in crate::pipeline) struct Tally {
+    /// Primitive pairs that culling leaves.
+    pub candidates: usize,
+    pub toi_tests: usize,
+    pub unresolved: usize,
+}
+
+/// Input of a search for the first impact of a pair.
+#[derive(Clone, Copy)]
+pub(in crate::pipeline) struct Question<'a> {
+    pub input: &'a StepInput,
+    pub statics: &'a Statics,
+    pub pair: &'a BodyPair,
+    /// Primitive pairs that culling leaves, if they are known. Used only for a step that is not halved.
+    pub known: Option<&'a [PrimitivePair]>,
+    /// Per side, the fractions of its original motion between which the side moves. `None` for a side that is off its original path.
+    pub times: [Option<[f32; 2]>; 2],
+    /// A direction from the first body to the second, in the world, along which many of their primitives may be apart; zero if it is not known.
+    pub normal: Vec3,
+}
+
+/// Buffers that are kept from search to search to avoid allocations.
+#[derive(Debug, Default)]
+pub(in crate::pipeline) struct Buffers {
+    own: OwnBoxes,
+    /// Chords of the motions in an interval.
+    chords: Vec<Chord>,
+    /// Candidates of each motion.
+    candidates: Vec<Candidates>,
+    /// Candidates of the last searched pair after culling, if they are part of the output.
+    pub reported: Vec<PrimitivePair>,
+    spheres: SphereBuffers,
+    /// Primitive pairs that may touch in the interval: index of the motion, primitives, and state at the start of the interval.
+    approaching: Vec<(usize, PrimitivePair, RigidStart)>,
+    /// Overlaps at the start of the step in metres, by motion and primitives.
+    overlaps: HashMap<(usize, PrimitivePair), f32>,
+    grazes: Vec<Graze>,
+}
+
+/// Finds the earliest impact of a pair's motions: the first touch of cores. Motions with a path shorter than the slop have no impact, so that piles come to
+/// rest.
+///
+/// `lap`: a clock that measures culling and searching.
+pub(in crate::pipeline) fn first_impact(
+    question: &Question,
+    mut motions: Motions,
+    scratch: &mut Scratch,
+    lap: impl FnMut() -> Duration,
+) -> ImpactResult {
+    let Scratch { boxes, first_impact: buffers, tally, laps, .. } = scratch;
+    buffers.reported.clear();
+    buffers.overlaps.clear();
+    buffers.grazes.clear();
+    motions.retain(|motion| !motion.is_short());
+    let result = ImpactResult { normal: question.normal, ..Default::default() };
+    let mut search = Search { question, result, deepest: None, boxes, tally, buffers, laps, lap };
+    search.interval(&mut motions, [0.0, 1.0]);
+    search.result
+}
+
+impl Question<'_> {
+    /// Returns the cached boxes of each side on its original path. `None` for a side that is off its path or is not medial.
+    fn boxes<'c>(&self, cache: &'c mut BoxCache) -> [Option<TimedBoxes<'c>>; 2] {
+        let places = [(self.pair.first, self.times[0]), (self.pair.second, self.times[1])].map(|(side, times)| {
+            let (solid, sweep) = self.input.side(self.statics, side);
+            let (shape, times) = (solid.medial()?, times?);
+            Some((cache.place(side, shape, &sweep), times))
+        });
+        places.map(|place| place.map(|(place, times)| cache.between(place, times)))
+    }
+}
+
+/// The kind of touch of two primitives in an interval.
+enum Touch {
+    /// An impact: cores touch, or surfaces touch and separate again.
+    Stop(TimeOfImpact),
+    /// Surfaces touch and are still in touch at the end of the interval. Cores do not touch.
+    Graze(TimeOfImpact),
+    /// Surfaces that touched in an earlier interval separate.
+    GrazeEnd,
+}
+
+/// The start of a touch of surfaces in an earlier interval of the step.
+#[derive(Debug)]
+struct Graze {
+    index: usize,
+    pair: PrimitivePair,
+    impact: Impact,
+}
+
+impl Graze {
+    fn is_of(&self, index: usize, pair: PrimitivePair) -> bool {
+        (self.index, self.pair) == (index, pair)
+    }
+}
+
+/// Returns an impact of two primitives in the world. `toi`: their touch in an interval. `times`: start and end of the interval, in steps.
+fn in_world(motion: &PairMotion, [primitive1, second]: PrimitivePair, toi: &TimeOfImpact, times: [f32; 2]) -> Impact {
+    let frame = motion.frame_at(toi.fraction);
+    let normal = frame.rotation * toi.contact.normal;
+    let primitive2 = match &motion.other {
+        OtherPart::Shape(_) => second,
+        OtherPart::Part(part) => part.id,
+    };
+    let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
+    let point = middle - normal * motion.other.rounding();
+    let fraction = times[0] + toi.fraction * (times[1] - times[0]);
+    Impact { fraction, point, normal, primitive1, primitive2 }
+}
+
+/// A search for the first impact of a pair.
+struct Search<'b, L> {
+    question: &'b Question<'b>,
+    result: ImpactResult,
+    /// Largest overlap of the bodies at the start of the step, in metres. `None` if they are not in touch there.
+    deepest: Option<f32>,
+    boxes: &'b mut BoxCache,
+    tally: &'b mut Tally,
+    buffers: &'b mut Buffers,
+    /// Times of culling and searching.
+    laps: &'b mut [Duration; 2],
+    lap: L,
+}
+
+impl<L: FnMut() -> Duration> Search<'_, L> {
+    /// Searches an interval of the step, given in steps. An interval that is too long for one search is halved unless culling clears it. The second half
+    /// is skipped after an impact in the first.
+    fn interval(&mut self, motions: &mut [PairMotion], times: [f32; 2]) {
+        self.buffers.chords.clear();
+        self.buffers.chords.extend(motions.iter().map(PairMotion::chord));
+        let mut all = motions.iter().zip(&self.buffers.chords);
+        let is_one =
+            times[1] - times[0] <= SHORTEST_INTERVAL || all.all(|(motion, chord)| motion.is_one_interval(chord));
+        let is_clear = !self.cull(motions, times, if is_one { usize::MAX } else { 1 });
+        self.laps[0] += (self.lap)();
+        if is_clear {
+            return;
+        }
+        if is_one {
+            self.search(motions, times);
+            self.laps[1] += (self.lap)();
+            return;
+        }
+        let whole: SmallVec<[[Sweep; 2]; 1]> = motions.iter().map(|motion| [motion.sweep1, motion.sweep2]).collect();
+        let middle = times[0].midpoint(times[1]);
+        for (half, of_step) in [([0.0, 0.5], [times[0], middle]), ([0.5, 1.0], [middle, times[1]])] {
+            for (motion, sweeps) in motions.iter_mut().zip(&whole) {
+                [motion.sweep1, motion.sweep2] = sweeps.map(|sweep| sweep.part(half));
+            }
+            self.interval(motions, of_step);
+            if self.result.impact.is_some() {
+                return;
+            }
+        }
+    }
+
+    /// Finds the candidates of each motion in an interval, and stops after `max` of them. Returns false if there are none.
+    fn cull(&mut self, motions: &[PairMotion], times: [f32; 2], max: usize) -> bool {
+        let Buffers { own, candidates, .. } = &mut *self.buffers;
+        candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
+        let is_whole = times == [0.0, 1.0];
+        let known = self.question.known.filter(|_| is_whole);
+        // Cached boxes have margins for the whole path, so they are too large for a part of it.
+        let boxes = if is_whole && known.is_none() { self.question.boxes(self.boxes) } else { [None; 2] };
+        for (motion, found) in motions.iter().zip(candidates.iter_mut()) {
+            found.clear();
+            match known {
+                Some(known) => mid_phase::of_motion(motion, known, found),
+                None => {
+                    mid_phase::candidates(motion, self.question.input.culling, motion.reach(), max, boxes, own, found)
+                }
+            }
+        }
+        candidates[..motions.len()].iter().any(|found| !found.is_empty())
+    }
+
+    /// Searches the candidates of an interval.
+    fn search(&mut self, motions: &[PairMotion], times: [f32; 2]) {
+        self.find_approaching(motions, times[0] == 0.0);
+        let Self { deepest, ref mut result, ref mut tally, .. } = *self;
+        let Buffers { chords, approaching, overlaps, grazes, .. } = &mut *self.buffers;
+        // The nearest primitives are likely to touch first. An early impact shortens the search of later pairs.
+        approaching.sort_unstable_by(|a, b| {
+            let order = a.2.distance().total_cmp(&b.2.distance());
+            order.then_with(|| (a.0, a.1).cmp(&(b.0, b.1)))
+        });
+        for (index, pair, start) in approaching.iter() {
+            let motion = &motions[*index];
+            let graze = grazes.iter().find(|graze| graze.is_of(*index, *pair));
+            let length = times[1] - times[0];
+            let limit = result.impact.map_or(1.0, |impact| (impact.fraction - times[0]) / length);
+            let overlap = overlaps.get(&(*index, *pair)).copied().unwrap_or(0.0);
+            let known_overlap = |deepest| {
+                motion.tolerances.known_overlap(motion.thickness(*pair), overlap, deepest).max(start.overlap())
+            };
+            let shallow = deepest.map_or(0.0, known_overlap);
+            let found = match touch(motion, &chords[*index], *pair, start, limit, shallow, graze.is_some(), tally) {
+                Some(Touch::Stop(toi)) => in_world(motion, *pair, &toi, times),
+                Some(Touch::GrazeEnd) => graze.expect("only known grazes end").impact,
+                Some(Touch::Graze(toi)) => {
+                    let impact = in_world(motion, *pair, &toi, times);
+                    grazes.push(Graze { index: *index, pair: *pair, impact });
+                    continue;
+                }
+                None => continue,
+            };
+            if result.impact.is_none_or(|first| found.fraction < first.fraction) {
+                result.impact = Some(found);
+            }
+        }
+    }
+
+    /// Collects the primitive pairs that may touch in an interval. `is_first`: true at the start of the step.
+    fn find_approaching(&mut self, motions: &[PairMotion], is_first: bool) {
+        let Buffers { chords, candidates, reported, spheres, approaching, overlaps, grazes, .. } = &mut *self.buffers;
+        approaching.clear();
+        let mut nearest = f32::INFINITY;
+        for (index, ((motion, chord), candidates)) in motions.iter().zip(chords.iter()).zip(candidates).enumerate() {
+            if candidates.is_empty() {
+                continue;
+            }
+            if self.question.input.report_candidates {
+                reported.extend_from_slice(candidates);
+            }
+            self.tally.candidates += candidates.len();
+            self.tally.toi_tests += candidates.len();
+            let direction = match self.result.normal {
+                normal if normal == Vec3::ZERO => motion.center_line(),
+                normal => motion.to_chord(normal),
+            };
+            let many = candidates.len() > FEW_PRIMITIVES;
+            let mut separating_axis = many.then(|| SeparatingAxis::new(motion, chord, direction, spheres));
+            for &pair in candidates.iter() {
+                if separating_axis.as_ref().is_some_and(|separating_axis| separating_axis.is_apart(pair)) {
+                    continue;
+                }
+                let start = with_sides!(motion.other, motion.shape1.hull(pair[0]), pair[1], |first, second| {
+                    rigid_start(&first, second, chord)
+                });
+                if let Some(separating_axis) = &mut separating_axis {
+                    separating_axis.push_axis(start.normal());
+                }
+                if start.distance() < nearest {
+                    nearest = start.distance();
+                    self.result.normal = motion.frame_at(0.0).rotation * start.normal();
+                }
+                if is_first && start.distance() <= motion.tolerances.touch {
+                    self.deepest = Some(start.overlap().max(self.deepest.unwrap_or(0.0)));
+                    if start.overlap() > 0.0 {
+                        overlaps.insert((index, pair), start.overlap());
+                    }
+                }
+                if !start.stay_apart() || grazes.iter().any(|graze| graze.is_of(index, pair)) {
+                    approaching.push((index, pair, start));
+                }
+            }
+        }
+    }
+}
+
+/// Returns the touch of two primitives in an interval, up to a fraction of it.
+///
+/// `shallow`: overlap of the surfaces that the solver handles. `grazes`: true if the surfaces touched in an earlier interval.
+fn touch(
+    motion: &PairMotion,
+    chord: &Chord,
+    pair: PrimitivePair,
+    start: &RigidStart,
+    limit: f32,
+    shallow: f32,
+    grazes: bool,
+    tally: &mut Tally,
+) -> Option<Touch> {
+    let core = motion.core_overlap(pair);
+    with_sides!(motion.other, motion.shape1.hull(pair[0]), pair[1], |first, second| {
+        let mut impact = |depth: f32| {
+            let toi = rigid_impact(&first, second, chord, start, limit, depth);
+            tally.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
+            (toi.status != TimeOfImpactStatus::Separated).then_some(toi)
+        };
+        // Test surfaces before cores, because most candidates do not even touch with their surfaces.
+        let is_above = core > shallow && start.distance() > -shallow;
+        let surface = if is_above { impact(shallow) } else { None };
+        let may_reach_core = !is_above || surface.is_some();
+        if may_reach_core && let Some(core) = impact(core.max(shallow)) {
+            return Some(Touch::Stop(core));
+        }
+        let separates = || rigid_end(&first, second, chord) > motion.tolerances.touch;
+        match surface {
+            Some(surface) if separates() => Some(Touch::Stop(surface)),
+            Some(surface) => Some(Touch::Graze(surface)),
+            None => (grazes && separates()).then_some(Touch::GrazeEnd),
+        }
+    })
+}
