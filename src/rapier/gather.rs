@@ -71,6 +71,11 @@ fn velocities(body: &RapierBody, start: &Start, sweep: &Sweep, dt: Option<f32>) 
     }
 }
 
+/// Returns true if a body is a link of a multibody.
+fn is_link(context: &ContextReadOnlyItem, body: RigidBodyHandle) -> bool {
+    context.joints.multibody_joints.rigid_body_link(body).is_some()
+}
+
 /// Gathers the input of a step.
 pub(super) struct Gather<'a, 'w, 's> {
     pub step: &'a mut MedialStep,
@@ -165,6 +170,11 @@ impl Gather<'_, '_, '_> {
         collider.is_sensor() || self.ccd.get(entity).is_ok_and(|ccd| !ccd.enabled)
     }
 
+    /// Returns the core depth of a collider, per metre of the bounding radius.
+    fn core_depth(&self, entity: Entity) -> f32 {
+        self.ccd.get(entity).ok().and_then(|ccd| ccd.core_depth).unwrap_or(self.step.settings.core_depth)
+    }
+
     /// Adds a collider of a body that is not fixed.
     fn add_body(
         &mut self,
@@ -184,10 +194,9 @@ impl Gather<'_, '_, '_> {
         if simulated && !active {
             gathered.resting.push((self.step.input.bodies.len(), sensor || !body.is_dynamic()));
         }
-        // A link of a multibody cannot be moved by itself.
-        let linked = context.joints.multibody_joints.rigid_body_link(parent).is_some();
-        // Sleeping bodies count too: a fast kinematic body would pass through them before rapier finds a contact.
-        let stops = simulated && body.is_dynamic() && !linked;
+        // Sleeping bodies count too: a fast kinematic body would pass through them before rapier finds a contact. A link of a multibody cannot be moved by
+        // itself.
+        let stops = simulated && body.is_dynamic() && !is_link(context, parent);
         let (sweep, held) = self.sweep(world, (parent, body), [start.pose, end], stops, active);
         if sweep.end != end {
             gathered.astray.push(self.step.input.bodies.len() as u32);
@@ -195,8 +204,7 @@ impl Gather<'_, '_, '_> {
         let [linear, angular] = velocities(body, &start, &sweep, running.then_some(dt));
         let [groups, stop_groups] = groups(collider);
         let next_dt = to_come(&self.rapier.mode, &self.rapier.time);
-        let core_depth = self.ccd.get(entity).ok().and_then(|ccd| ccd.core_depth);
-        let passes = self.passes(entity, collider);
+        let (core_depth, passes) = (self.core_depth(entity), self.passes(entity, collider));
         self.step.input.bodies.push(Body {
             solid,
             sweep,
@@ -214,7 +222,7 @@ impl Gather<'_, '_, '_> {
             sensor,
             locked: locked(body),
             held,
-            core_depth: core_depth.unwrap_or(self.step.settings.core_depth),
+            core_depth,
             next_displacement: Some(displacement(collider, body, context.configuration.gravity, next_dt)),
         });
         self.step.infos.push(BodyInfo {

@@ -197,6 +197,18 @@ fn put_away(body: &mut RapierBody, colliders: &mut RapierContextColliders) {
     }
 }
 
+/// Selects entities with new values, or with a body that is enabled.
+type MayBeCorrected = Or<(
+    Changed<GlobalTransform>,
+    Changed<Velocity>,
+    Changed<ExternalForce>,
+    Changed<GravityScale>,
+    Changed<Damping>,
+    Changed<AdditionalMassProperties>,
+    Changed<Collider>,
+    Without<RigidBodyDisabled>,
+)>;
+
 /// Enables quarantined bodies and colliders again after the user has set valid values.
 pub(super) fn release(
     mut commands: Commands,
@@ -213,19 +225,7 @@ pub(super) fn release(
             Option<&Velocity>,
             Option<&ExternalForce>,
         ),
-        (
-            Or<(With<QuarantinedBody>, With<QuarantinedCollider>)>,
-            Or<(
-                Changed<GlobalTransform>,
-                Changed<Velocity>,
-                Changed<ExternalForce>,
-                Changed<GravityScale>,
-                Changed<Damping>,
-                Changed<AdditionalMassProperties>,
-                Changed<Collider>,
-                Without<RigidBodyDisabled>,
-            )>,
-        ),
+        (Or<(With<QuarantinedBody>, With<QuarantinedCollider>)>, MayBeCorrected),
     >,
     disabled: Query<(), With<ColliderDisabled>>,
 ) {

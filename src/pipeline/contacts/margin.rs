@@ -101,7 +101,7 @@ mod tests {
 
     /// The margin of a body that moves towards a body at rest.
     fn of_moving(margin: ContactMargin, way: f32) -> f32 {
-        let moving = Displacement { translation: Vec3::X * way, ..Displacement::REST };
+        let moving = Displacement { translation: Vec3::new(way, 0.0, 0.0), ..Displacement::REST };
         margin.of_pair([&moving, &Displacement::REST]).prediction
     }
 
