@@ -72,9 +72,9 @@ pub const FEW_PRIMITIVES: usize = 8;
 
 /// Largest relative displacement in an interval of a search for impacts, per metre of the smaller body's bounding radius. It applies to body pairs with
 /// more than [`MANY_PRIMITIVES`] primitive pairs: few of them are near each other in a short interval, and the intervals after an impact are skipped.
-pub const INTERVAL_PATH: f32 = 0.25;
+pub const INTERVAL_PATH: f32 = 0.36;
 
-/// Number of primitive pairs up to which a search of the whole displacement takes no longer than a search of its intervals.
+/// Number of primitive pairs up to which testing all of them takes no longer than culling the halves of an interval.
 pub const MANY_PRIMITIVES: usize = 256;
 
 /// Length of the shortest interval of a search for impacts, in steps. With intervals of this length, ten turns in a step deviate from their path by

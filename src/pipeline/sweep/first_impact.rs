@@ -7,7 +7,7 @@ use glam::Vec3;
 use smallvec::SmallVec;
 
 use crate::{
-    constants::{FEW_PRIMITIVES, SHORTEST_INTERVAL},
+    constants::{FEW_PRIMITIVES, MANY_PRIMITIVES, SHORTEST_INTERVAL},
     geometry::Sweep,
     pipeline::{
         Impact, Scratch, Statics, StepInput,
@@ -45,7 +45,7 @@ pub(in crate::pipeline) struct Question<'a> {
     pub input: &'a StepInput,
     pub statics: &'a Statics,
     pub pair: &'a BodyPair,
-    /// Primitive pairs that culling leaves, if they are known. Used only for a step that is not halved.
+    /// Primitive pairs that culling leaves, if they are known. If there are many, the halves of a step are culled again.
     pub known: Option<&'a [PrimitivePair]>,
     /// Per side, the fractions of its original motion between which the side moves. `None` for a side that is off its original path.
     pub times: [Option<[f32; 2]>; 2],
@@ -88,7 +88,7 @@ pub(in crate::pipeline) fn first_impact(
     motions.retain(|motion| !motion.is_short());
     let result = ImpactResult { normal: question.normal, ..Default::default() };
     let mut search = Search { question, result, deepest: None, boxes, tally, buffers, laps, lap };
-    search.interval(&mut motions, [0.0, 1.0]);
+    search.interval(&mut motions, [0.0, 1.0], false);
     search.result
 }
 
@@ -158,16 +158,18 @@ struct Search<'b, L> {
 
 impl<L: FnMut() -> Duration> Search<'_, L> {
     /// Searches an interval of the step, given in steps. An interval that is too long for one search is halved unless culling clears it. The second half
-    /// is skipped after an impact in the first.
-    fn interval(&mut self, motions: &mut [PairMotion], times: [f32; 2]) {
+    /// is skipped after an impact in the first. `is_culled`: true if the candidates are those of a longer interval.
+    fn interval(&mut self, motions: &mut [PairMotion], times: [f32; 2], is_culled: bool) {
         self.buffers.chords.clear();
         self.buffers.chords.extend(motions.iter().map(PairMotion::chord));
         let mut all = motions.iter().zip(&self.buffers.chords);
         let is_one =
             times[1] - times[0] <= SHORTEST_INTERVAL || all.all(|(motion, chord)| motion.is_one_interval(chord));
-        let is_clear = !self.cull(motions, times, if is_one { usize::MAX } else { 1 });
+        // If there are few candidates, culling the halves again takes longer than it saves.
+        let max = if is_one { usize::MAX } else { MANY_PRIMITIVES };
+        let count = if is_culled { 1 } else { self.cull(motions, times, max) };
         self.laps[0] += (self.lap)();
-        if is_clear {
+        if count == 0 {
             return;
         }
         if is_one {
@@ -181,15 +183,15 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
             for (motion, sweeps) in motions.iter_mut().zip(&whole) {
                 [motion.sweep1, motion.sweep2] = sweeps.map(|sweep| sweep.part(half));
             }
-            self.interval(motions, of_step);
+            self.interval(motions, of_step, is_culled || count < max);
             if self.result.impact.is_some() {
                 return;
             }
         }
     }
 
-    /// Finds the candidates of each motion in an interval, and stops after `max` of them. Returns false if there are none.
-    fn cull(&mut self, motions: &[PairMotion], times: [f32; 2], max: usize) -> bool {
+    /// Finds the candidates of each motion in an interval, and stops soon after `max` of them. Returns the largest number for a motion.
+    fn cull(&mut self, motions: &[PairMotion], times: [f32; 2], max: usize) -> usize {
         let Buffers { own, candidates, .. } = &mut *self.buffers;
         candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
         let is_whole = times == [0.0, 1.0];
@@ -205,7 +207,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                 }
             }
         }
-        candidates[..motions.len()].iter().any(|found| !found.is_empty())
+        candidates[..motions.len()].iter().map(Vec::len).max().unwrap_or(0)
     }
 
     /// Searches the candidates of an interval.
