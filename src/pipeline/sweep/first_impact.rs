@@ -7,7 +7,7 @@ use glam::Vec3;
 use smallvec::SmallVec;
 
 use crate::{
-    constants::{FEW_PRIMITIVES, MANY_PRIMITIVES, SHORTEST_INTERVAL},
+    constants::{FEW_CANDIDATES, FEW_PRIMITIVES, SHORTEST_INTERVAL},
     geometry::Sweep,
     pipeline::{
         Impact, Scratch, Statics, StepInput,
@@ -166,7 +166,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         let is_one =
             times[1] - times[0] <= SHORTEST_INTERVAL || all.all(|(motion, chord)| motion.is_one_interval(chord));
         // If there are few candidates, culling the halves again takes longer than it saves.
-        let max = if is_one { usize::MAX } else { MANY_PRIMITIVES };
+        let max = if is_one { usize::MAX } else { FEW_CANDIDATES };
         let count = if is_culled { 1 } else { self.cull(motions, times, max) };
         self.laps[0] += (self.lap)();
         if count == 0 {
