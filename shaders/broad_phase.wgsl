@@ -1,4 +1,4 @@
-// Pass 4, broad phase: finds the bodies that may touch within the step. Counterpart: src/pipeline/broad_phase.rs.
+// Pass 4, broad phase: finds the bodies that may touch within the step. Counterpart: src/pipeline/broad.
 //
 // The bounding sphere of a moving body sweeps a medial cone. Two bodies are a pair if their cones meet (paper, section 4). A body and a static are a
 // pair if the cone meets the static's box (section 4.1).

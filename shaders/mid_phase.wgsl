@@ -1,5 +1,5 @@
 // Pass 6, mid phase: finds the primitives of a pair whose moving boxes meet along a chord. Each chord has a workgroup. Each invocation takes
-// primitives of the first side and traverses the hierarchy of the second side. Counterpart: src/pipeline/mid_phase.rs.
+// primitives of the first side and traverses the hierarchy of the second side. Counterpart: src/pipeline/sweep/mid_phase.rs.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> shapes: array<Shape>;

@@ -1,4 +1,4 @@
-// Poses and rigid motions. Counterparts: src/geometry/sweep.rs and src/pipeline/motion.rs. Lengths are in metres.
+// Poses and rigid motions. Counterparts: src/geometry/sweep.rs and src/pipeline/sweep/motion.rs. Lengths are in metres.
 
 // A pose: a rotation, then a translation.
 struct Pose {

@@ -1,5 +1,5 @@
 // Pass 1: computes the bounding sphere of each body and its displacement, and a key that orders bodies along a space-filling curve. The spheres are
-// those of src/pipeline/broad_phase.rs.
+// those of src/pipeline/broad/swept_sphere.rs.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> bodies: array<Body>;

@@ -132,7 +132,8 @@ pub const CORE_DEPTH: f32 = 0.0075;
 pub const SLOP_OF_SIZE: f32 = 0.02;
 
 /// Overlap up to which the solver handles contacts of bodies that are already in touch, per metre of the smaller body's bounding radius. The overlap
-/// is at least ten [`LINEAR_SLOP`], because a ball that rolls at 10 m/s sinks by 8 mm. With a larger value, bodies in piles overlap more; with a
+/// is at least ten [`LINEAR_SLOP`], because a ball that rolls at 10 m/s sinks by 8 mm. It is also at least the displacement by gravity in a step, so
+/// that bodies can tip over in long steps. With a larger value, bodies in piles overlap more; with a
 /// smaller one, bodies in piles and hoppers stop in step after step.
 pub const KNOWN_OVERLAP: f32 = 0.02;
 

@@ -27,10 +27,10 @@
 //! | | stage | file | from | to |
 //! |---|---|---|---|---|
 //! | 1 | snapshot | `rapier/gather.rs` | rapier's poses before and after its step | [`StepInput`](pipeline::StepInput) |
-//! | 2 | broad | `pipeline/broad_phase.rs` | swept bounding spheres, BVH of static boxes | body pairs |
-//! | 3 | mid | `pipeline/mid_phase.rs` | primitive BVH against primitive BVH or box | candidate primitive pairs |
-//! | 4 | narrow | `pipeline/narrow_phase.rs`, `first_impact.rs`, `respond/` | time of impact, distance | impacts, stops, raw contacts |
-//! | 5 | reduce | `pipeline/seams.rs`, `reduce.rs` | raw contacts | a few manifolds per pair |
+//! | 2 | broad | `pipeline/broad/` | swept bounding spheres, BVH of static boxes | body pairs |
+//! | 3 | mid | `pipeline/sweep/mid_phase.rs` | primitive BVH against primitive BVH or box | candidate primitive pairs |
+//! | 4 | narrow | `pipeline/sweep/`, `respond/` | time of impact, distance | impacts, stops, raw contacts |
+//! | 5 | reduce | `pipeline/contacts/` | raw contacts | a few manifolds per pair |
 //! | 6 | write back | `rapier/table.rs`, `plugin/report.rs` | [`StepOutput`](pipeline::StepOutput) | contact table, messages and events, diagnostics |
 //! | 7 | response | rapier | the table, by `rapier/dispatcher.rs` | new poses |
 //!

@@ -587,9 +587,8 @@ mod tests {
         #[cfg(not(target_arch = "x86_64"))]
         let levels = [Some(best)];
         let levels: Vec<Level> = levels.into_iter().flatten().collect();
+        // The kernel of slabs contains those of all other primitives.
         check::<1, 1>(&levels);
-        check::<2, 2>(&levels);
-        check::<2, 3>(&levels);
         check::<3, 3>(&levels);
     }
 }

@@ -1,4 +1,4 @@
-//! How far bodies may leave their own paths, because kinematic bodies push them or because pushed bodies do.
+//! Bounds for pushes: kinematic bodies, and bodies that they push, move other bodies off their paths.
 
 use super::may_collide;
 use crate::{
@@ -6,7 +6,7 @@ use crate::{
     pipeline::{Body, Side, StepInput, joint_islands::JointIslands},
 };
 
-/// Largest distances by which bodies may leave their own paths.
+/// Upper bounds of the displacement of each body by pushes.
 #[derive(Debug, Default)]
 pub(crate) struct KinematicReach {
     /// Per body, how far it can push a body that it hits, or be pushed itself, in metres.

@@ -75,7 +75,7 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    /// Prepares for a step, and queues the impacts that stop a body. Returns false if there are none.
+    /// Prepares for a step, and queues the impacts that stop a body. Returns false if the queue is empty.
     fn begin(&mut self, input: &StepInput, pairs: &[BodyPair], results: &[ImpactResult]) -> bool {
         self.trajectories.reset(input.bodies.len());
         self.queue.clear();
