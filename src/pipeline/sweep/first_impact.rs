@@ -7,7 +7,7 @@ use glam::Vec3;
 use smallvec::SmallVec;
 
 use crate::{
-    constants::{FEW_CANDIDATES, FEW_PRIMITIVES, SHORTEST_INTERVAL},
+    constants::{FEW_PRIMITIVES, MANY_PRIMITIVES, SHORTEST_INTERVAL},
     geometry::Sweep,
     pipeline::{
         Impact, Scratch, Statics, StepInput,
@@ -158,36 +158,43 @@ struct Search<'b, L> {
 
 impl<L: FnMut() -> Duration> Search<'_, L> {
     /// Searches an interval of the step, given in steps. An interval that is too long for one search is halved unless culling clears it. The second half
-    /// is skipped after an impact in the first. `is_culled`: true if the candidates are those of a longer interval.
-    fn interval(&mut self, motions: &mut [PairMotion], times: [f32; 2], is_culled: bool) {
+    /// is skipped after an impact in the first.
+    ///
+    /// `has_candidates`: true if the buffers hold the candidates of an interval that contains this one. Returns true if they still do.
+    fn interval(&mut self, motions: &mut [PairMotion], times: [f32; 2], has_candidates: bool) -> bool {
         self.buffers.chords.clear();
         self.buffers.chords.extend(motions.iter().map(PairMotion::chord));
         let mut all = motions.iter().zip(&self.buffers.chords);
         let is_one =
             times[1] - times[0] <= SHORTEST_INTERVAL || all.all(|(motion, chord)| motion.is_one_interval(chord));
-        // If there are few candidates, culling the halves again takes longer than it saves.
-        let max = if is_one { usize::MAX } else { FEW_CANDIDATES };
-        let count = if is_culled { 1 } else { self.cull(motions, times, max) };
+        if is_one {
+            let is_clear = !has_candidates && self.cull(motions, times, usize::MAX) == 0;
+            self.laps[0] += (self.lap)();
+            if !is_clear {
+                self.search(motions, times);
+                self.laps[1] += (self.lap)();
+            }
+            return has_candidates;
+        }
+        let count = self.cull(motions, times, MANY_PRIMITIVES);
         self.laps[0] += (self.lap)();
         if count == 0 {
-            return;
+            return false;
         }
-        if is_one {
-            self.search(motions, times);
-            self.laps[1] += (self.lap)();
-            return;
-        }
+        // If there are few candidates, culling the halves again takes longer than it saves.
+        let mut has_candidates = count < MANY_PRIMITIVES;
         let whole: SmallVec<[[Sweep; 2]; 1]> = motions.iter().map(|motion| [motion.sweep1, motion.sweep2]).collect();
         let middle = times[0].midpoint(times[1]);
         for (half, of_step) in [([0.0, 0.5], [times[0], middle]), ([0.5, 1.0], [middle, times[1]])] {
             for (motion, sweeps) in motions.iter_mut().zip(&whole) {
                 [motion.sweep1, motion.sweep2] = sweeps.map(|sweep| sweep.part(half));
             }
-            self.interval(motions, of_step, is_culled || count < max);
+            has_candidates &= self.interval(motions, of_step, has_candidates);
             if self.result.impact.is_some() {
-                return;
+                break;
             }
         }
+        false
     }
 
     /// Finds the candidates of each motion in an interval, and stops soon after `max` of them. Returns the largest number for a motion.
