@@ -176,13 +176,14 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
             }
             return has_candidates;
         }
-        let count = self.cull(motions, times, MANY_PRIMITIVES);
+        let max = if motions.iter().any(PairMotion::is_long) { MANY_PRIMITIVES } else { usize::MAX };
+        let count = self.cull(motions, times, max);
         self.laps[0] += (self.lap)();
         if count == 0 {
             return false;
         }
-        // If there are few candidates, culling the halves again takes longer than it saves.
-        let mut has_candidates = count < MANY_PRIMITIVES;
+        // On a short path, or with few candidates, culling the halves again takes longer than it saves.
+        let mut has_candidates = count < max;
         let whole: SmallVec<[[Sweep; 2]; 1]> = motions.iter().map(|motion| [motion.sweep1, motion.sweep2]).collect();
         let middle = times[0].midpoint(times[1]);
         for (half, of_step) in [([0.0, 0.5], [times[0], middle]), ([0.5, 1.0], [middle, times[1]])] {
