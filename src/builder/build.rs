@@ -277,7 +277,7 @@ mod tests {
     use super::{super::refine::is_hurried, *};
 
     #[test]
-    fn what_is_compared_is_not_hurried() {
+    fn compared_builds_are_not_shortened() {
         let mut hurried = 0;
         for triangles in (0..200_000).step_by(500) {
             for spheres in 1..600 {

@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_whole_or_only_not_joined_stays_as_it_is() {
+    fn meshes_without_holes_stay_unchanged() {
         let whole = tetrahedron();
         assert_eq!(whole.with_holes_closed(), whole.welded());
         // Faces that lie edge to edge with tiny gaps.

@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_primitive_hides_of_its_own_is_left_out() {
+    fn hidden_samples_of_a_primitive_are_left_out() {
         let spheres = [[0.0, 0.5], [2.0, 0.5]].map(|[x, radius]| Sphere::new(Vec3::X * x, radius));
         let patches = Patch::of(&spheres, &[Primitive::Cone([0, 1])]);
         let area: f32 = patches.iter().map(|patch| moments(patch, 0.05).1).sum();

@@ -152,7 +152,7 @@ mod tests {
     use crate::random::Random;
 
     #[test]
-    fn what_comes_near_is_in_view() {
+    fn points_that_come_near_are_in_view() {
         let mut random = Random(9);
         let (mut near, mut bent, mut out_of_view) = (0, 0, 0);
         for case in 0..300 {

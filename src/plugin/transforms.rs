@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_placed_harms_nobody_else() {
+    fn an_invalid_transform_affects_no_other_body() {
         let mut app = app();
         let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
         app.update();

@@ -261,7 +261,7 @@ mod tests {
 
     /// A kinematic ball moves through a ball that sleeps on a floor, and a joint may disable their collisions. External culling may report all three pairs.
     #[test]
-    fn what_may_not_collide_wakes_nobody_by_candidates_either() {
+    fn external_candidates_that_may_not_collide_wake_no_body() {
         let body = |center: Vec3, way: f32, owner: u64, is_dynamic: bool| {
             let shape = Shape { axis: MedialAxis::sphere(0.1).unwrap(), scale: 1.0 };
             let sweep = Sweep::at_rates(Pose3::from_translation(center), Vec3::ZERO, Vec3::X * way, Vec3::ZERO);
@@ -287,7 +287,7 @@ mod tests {
 
     /// A piston hits one of two joined balls that are far from each other. The other one moves with it and has to stop at a wall.
     #[test]
-    fn what_is_joined_with_a_body_that_is_carried_stops_at_a_wall_as_well() {
+    fn a_body_joined_with_a_pushed_body_stops_at_a_wall() {
         const RADIUS: f32 = 0.1;
         let body = |center: Vec3, way: f32, joint_island: Option<u64>| {
             let shape = Shape { axis: MedialAxis::sphere(RADIUS).unwrap(), scale: 1.0 };

@@ -28,7 +28,7 @@ pub struct ContactCache {
 /// A pair in the cache.
 #[derive(Clone, Debug)]
 pub struct CachedPair {
-    /// [`Body::id`](super::Body::id) of both sides.
+    /// [`Body::id`](crate::pipeline::Body::id) of both sides.
     pub ids: [u64; 2],
     /// The shapes of both sides.
     pub shapes: [ShapeId; 2],

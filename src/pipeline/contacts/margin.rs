@@ -45,7 +45,7 @@ pub struct ContactMargin {
     pub prediction: f32,
     /// Largest distance of contacts if the bodies touch: at least [`prediction`](Self::prediction).
     pub in_touch: f32,
-    /// [`StepInput::length_unit`](super::StepInput::length_unit).
+    /// [`StepInput::length_unit`](crate::pipeline::StepInput::length_unit).
     pub length_unit: f32,
 }
 

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_near_on_a_turning_way_is_a_candidate() {
+    fn primitives_near_each_other_on_turning_paths_are_candidates() {
         let mut random = Random(8);
         let shape = Shape { axis: MedialAxis::torus(0.3, 0.05, 24).unwrap(), scale: 1.5 };
         let (mut near, mut left_out) = (0, 0);

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_apart_never_touches() {
+    fn separated_primitives_never_touch() {
         let mut random = Random(4);
         let torus = Shape { axis: MedialAxis::torus(0.2, 0.05, 12).unwrap(), scale: 1.5 };
         let (mut apart, mut touching, mut parting_from_touch, mut curved) = (0, 0, 0, 0);
