@@ -131,8 +131,8 @@ pub const SLOP_OF_SIZE: f32 = 0.02;
 
 /// Overlap up to which the solver handles contacts of bodies that are already in touch, per metre of the smaller body's bounding radius. The overlap
 /// is at least ten [`LINEAR_SLOP`], because a ball that rolls at 10 m/s sinks by 8 mm. It is also at least the displacement by gravity in a step, so
-/// that bodies can tip over in long steps. With a larger value, bodies in piles overlap more; with a
-/// smaller one, bodies in piles and hoppers stop in step after step.
+/// that bodies can tip over in long steps. With a larger value, bodies in piles overlap more; with a smaller one, bodies in piles and hoppers stop
+/// in step after step.
 pub const KNOWN_OVERLAP: f32 = 0.02;
 
 /// Weight of depth when the outermost contacts are chosen: metres farther out that equal one metre of depth. Depth beyond [`LINEAR_SLOP`] does not

@@ -238,7 +238,8 @@ pub struct StepInput {
     pub bodies: Vec<Body>,
     /// Pairs of owners whose collisions a joint disables, the lower owner first.
     pub apart: HashSet<[u64; 2]>,
-    /// Largest distance of reported contacts, in metres. For bodies with a [displacement](Body::next_displacement), [`ContactMargin::of_pair`] gives the distance.
+    /// Largest distance of reported contacts, in metres. For bodies with a [displacement](Body::next_displacement), [`ContactMargin::of_pair`] gives the
+    /// distance.
     pub prediction: f32,
     /// Size of a typical body, in metres. Tolerances that do not depend on a shape, such as the touch distance, are proportional to it. Default: 1.
     pub length_unit: f32,

@@ -87,6 +87,9 @@ pub(in crate::pipeline) fn first_impact(
     buffers.grazes.clear();
     motions.retain(|motion| !motion.is_short());
     let result = ImpactResult { normal: question.normal, ..Default::default() };
+    if motions.is_empty() {
+        return result;
+    }
     let mut search = Search { question, result, deepest: None, boxes, tally, buffers, laps, lap };
     search.interval(&mut motions, [0.0, 1.0], false);
     search.result
@@ -228,10 +231,10 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
             let order = a.2.distance().total_cmp(&b.2.distance());
             order.then_with(|| (a.0, a.1).cmp(&(b.0, b.1)))
         });
+        let length = times[1] - times[0];
         for (index, pair, start) in approaching.iter() {
             let motion = &motions[*index];
             let graze = grazes.iter().find(|graze| graze.is_of(*index, *pair));
-            let length = times[1] - times[0];
             let limit = result.impact.map_or(1.0, |impact| (impact.fraction - times[0]) / length);
             let overlap = overlaps.get(&(*index, *pair)).copied().unwrap_or(0.0);
             let known_overlap = |deepest| {
