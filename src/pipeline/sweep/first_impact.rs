@@ -7,7 +7,7 @@ use glam::Vec3;
 use smallvec::SmallVec;
 
 use crate::{
-    constants::{FEW_PRIMITIVES, MANY_PRIMITIVES, SHORTEST_INTERVAL},
+    constants::{FEW_PRIMITIVES, SHORTEST_INTERVAL},
     geometry::Sweep,
     pipeline::{
         Impact, Scratch, Statics, StepInput,
@@ -45,7 +45,7 @@ pub(in crate::pipeline) struct Question<'a> {
     pub input: &'a StepInput,
     pub statics: &'a Statics,
     pub pair: &'a BodyPair,
-    /// Primitive pairs that culling leaves, if they are known. If there are many, the halves of a step are culled again.
+    /// Primitive pairs that culling leaves, if they are known. Used only for a step that is not halved.
     pub known: Option<&'a [PrimitivePair]>,
     /// Per side, the fractions of its original motion between which the side moves. `None` for a side that is off its original path.
     pub times: [Option<[f32; 2]>; 2],
@@ -91,7 +91,7 @@ pub(in crate::pipeline) fn first_impact(
         return result;
     }
     let mut search = Search { question, result, deepest: None, boxes, tally, buffers, laps, lap };
-    search.interval(&mut motions, [0.0, 1.0], false);
+    search.interval(&mut motions, [0.0, 1.0]);
     search.result
 }
 
@@ -162,47 +162,37 @@ struct Search<'b, L> {
 impl<L: FnMut() -> Duration> Search<'_, L> {
     /// Searches an interval of the step, given in steps. An interval that is too long for one search is halved unless culling clears it. The second half
     /// is skipped after an impact in the first.
-    ///
-    /// `has_candidates`: true if the buffers hold the candidates of an interval that contains this one. Returns true if they still do.
-    fn interval(&mut self, motions: &mut [PairMotion], times: [f32; 2], has_candidates: bool) -> bool {
+    fn interval(&mut self, motions: &mut [PairMotion], times: [f32; 2]) {
         self.buffers.chords.clear();
         self.buffers.chords.extend(motions.iter().map(PairMotion::chord));
         let mut all = motions.iter().zip(&self.buffers.chords);
         let is_one =
             times[1] - times[0] <= SHORTEST_INTERVAL || all.all(|(motion, chord)| motion.is_one_interval(chord));
-        if is_one {
-            let is_clear = !has_candidates && self.cull(motions, times, usize::MAX) == 0;
-            self.laps[0] += (self.lap)();
-            if !is_clear {
-                self.search(motions, times);
-                self.laps[1] += (self.lap)();
-            }
-            return has_candidates;
-        }
-        let max = if motions.iter().any(PairMotion::is_long) { MANY_PRIMITIVES } else { usize::MAX };
-        let count = self.cull(motions, times, max);
+        let is_clear = !self.cull(motions, times, if is_one { usize::MAX } else { 1 });
         self.laps[0] += (self.lap)();
-        if count == 0 {
-            return false;
+        if is_clear {
+            return;
         }
-        // On a short path, or with few candidates, culling the halves again takes longer than it saves.
-        let mut has_candidates = count < max;
+        if is_one {
+            self.search(motions, times);
+            self.laps[1] += (self.lap)();
+            return;
+        }
         let whole: SmallVec<[[Sweep; 2]; 1]> = motions.iter().map(|motion| [motion.sweep1, motion.sweep2]).collect();
         let middle = times[0].midpoint(times[1]);
         for (half, of_step) in [([0.0, 0.5], [times[0], middle]), ([0.5, 1.0], [middle, times[1]])] {
             for (motion, sweeps) in motions.iter_mut().zip(&whole) {
                 [motion.sweep1, motion.sweep2] = sweeps.map(|sweep| sweep.part(half));
             }
-            has_candidates &= self.interval(motions, of_step, has_candidates);
+            self.interval(motions, of_step);
             if self.result.impact.is_some() {
-                break;
+                return;
             }
         }
-        false
     }
 
-    /// Finds the candidates of each motion in an interval, and stops soon after `max` of them. Returns the largest number for a motion.
-    fn cull(&mut self, motions: &[PairMotion], times: [f32; 2], max: usize) -> usize {
+    /// Finds the candidates of each motion in an interval, and stops soon after `max` of them. Returns false if there are none.
+    fn cull(&mut self, motions: &[PairMotion], times: [f32; 2], max: usize) -> bool {
         let Buffers { own, candidates, .. } = &mut *self.buffers;
         candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
         let is_whole = times == [0.0, 1.0];
@@ -218,7 +208,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                 }
             }
         }
-        candidates[..motions.len()].iter().map(Vec::len).max().unwrap_or(0)
+        candidates[..motions.len()].iter().any(|found| !found.is_empty())
     }
 
     /// Searches the candidates of an interval.

@@ -20,8 +20,8 @@ use crate::pipeline::{
 /// A step uses the same search for cores instead of surfaces. Chords deviate a little from the true motion, so the result may be early by that distance. It
 /// is late only by rounding. The function ignores collision groups.
 ///
-/// `primitives`: the primitive pairs that may touch, in any order, from an external culling. The second body has to be medial in this case. If there are
-/// many pairs, the halves of a long motion are culled again.
+/// `primitives`: the primitive pairs that may touch, in any order, from an external culling. The second body has to be medial in this case. The halves of a
+/// long motion are culled again.
 pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u32; 2]]>) -> Option<Impact> {
     if primitives.is_none() && !meet(&bodies) {
         return None;

@@ -148,12 +148,7 @@ impl<'a> PairMotion<'a> {
     pub fn is_one_interval(&self, chord: &Chord) -> bool {
         let count2 = if let OtherPart::Shape(shape2) = &self.other { shape2.len() } else { 1 };
         let has_few = self.shape1.len() * count2 <= MANY_PRIMITIVES;
-        chord.deviation() <= self.tolerance() && (has_few || !self.is_long())
-    }
-
-    /// Returns true if the path is so long that fewer primitives come near each other in a half of it.
-    pub fn is_long(&self) -> bool {
-        self.path() > INTERVAL_PATH * self.tolerances.size
+        chord.deviation() <= self.tolerance() && (has_few || self.path() <= INTERVAL_PATH * self.tolerances.size)
     }
 
     /// Returns the pose of the chord's frame in the world at a fraction of the motion.
