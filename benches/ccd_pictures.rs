@@ -132,15 +132,15 @@ fn sweep(file: PathBuf) -> Drawn {
         scene.draw_obstacle(&ends)?;
         scene.draw(&ends, start, BODY.filled())?;
         scene.draw(&ends, end, BODY.mix(0.45).filled())?;
-        let way = panel(right, "The path between them", "It meets the wall, and ends the step there.")?;
+        let path = panel(right, "The path between them", "It meets the wall, and ends the step there.")?;
         for i in 1..12 {
-            scene.draw(&way, scene.body.sweep.pose_at(i as f32 / 12.0), BODY.mix(0.35).stroke_width(1))?;
+            scene.draw(&path, scene.body.sweep.pose_at(i as f32 / 12.0), BODY.mix(0.35).stroke_width(1))?;
         }
-        scene.draw_obstacle(&way)?;
-        scene.draw(&way, start, BODY.filled())?;
-        scene.draw(&way, end, BODY.mix(0.45).stroke_width(1))?;
-        scene.draw(&way, stop, RGBColor(180, 67, 15).filled())?;
-        for panel in [&ends, &way] {
+        scene.draw_obstacle(&path)?;
+        scene.draw(&path, start, BODY.filled())?;
+        scene.draw(&path, end, BODY.mix(0.45).stroke_width(1))?;
+        scene.draw(&path, stop, RGBColor(180, 67, 15).filled())?;
+        for panel in [&ends, &path] {
             label(panel, (0.55, 0.75), "start")?;
             label(panel, (2.85, 0.75), "end")?;
         }

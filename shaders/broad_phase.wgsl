@@ -22,8 +22,8 @@ fn groups_meet(memberships1: u32, with1: u32, memberships2: u32, with2: u32) -> 
     return (memberships1 & with2) != 0u && (memberships2 & with1) != 0u;
 }
 
-fn are_strangers(owner1: vec2u, owner2: vec2u) -> bool {
-    return all(owner1 == NO_OWNER) || any(owner1 != owner2);
+fn are_strangers(rigid_body1: vec2u, rigid_body2: vec2u) -> bool {
+    return all(rigid_body1 == NO_RIGID_BODY) || any(rigid_body1 != rigid_body2);
 }
 
 // Returns the cone that a body's sphere sweeps, relative to `origin`, a point near it.
@@ -58,7 +58,7 @@ fn between(a: u32, b: u32) {
     let body2 = bodies[greater];
     let one_medial = body1.shape != OTHER_SHAPE || body2.shape != OTHER_SHAPE;
     let one_active = body1.is_active != 0u || body2.is_active != 0u;
-    let strangers = are_strangers(body1.owner, body2.owner);
+    let strangers = are_strangers(body1.rigid_body, body2.rigid_body);
     if !(one_medial && one_active && strangers && body1.world == body2.world) {
         return;
     }
@@ -85,7 +85,7 @@ fn with_static(index: u32, item: u32) {
     let body = bodies[index];
     let wall = statics[item];
     let one_medial = body.shape != OTHER_SHAPE || wall.shape < BOX_SHAPE;
-    let strangers = are_strangers(body.owner, wall.owner);
+    let strangers = are_strangers(body.rigid_body, wall.rigid_body);
     if !(one_medial && body.is_active != 0u && strangers && body.world == wall.world) {
         return;
     }

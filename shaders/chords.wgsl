@@ -34,7 +34,7 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     var strays = body1.slack + sagitta(body1, body1.arm, count);
     var size = body1.bound.w;
     var smaller = size;
-    var ways = way(body1);
+    var path_lengths = path_length(body1);
     if (pair.second & STATIC) != 0u {
         let wall = statics[pair.second & ~STATIC];
         let is_box = wall.shape == BOX_SHAPE;
@@ -60,10 +60,10 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         strays += body2.slack + sagitta(body2, body2.arm, count);
         size += body2.bound.w;
         smaller = min(smaller, body2.bound.w);
-        ways += way(body2);
+        path_lengths += path_length(body2);
     }
     // Allowance for rounding: a few times the rounding error of coordinates as large as these.
-    let rounding = CONTACT_ROUNDING * (4.0 * size + ways + length(chord.start1.translation) + length(chord.start2.translation));
+    let rounding = CONTACT_ROUNDING * (4.0 * size + path_lengths + length(chord.start1.translation) + length(chord.start2.translation));
     // Deviation of both sides from the CPU's own chords, along which it searches.
     let stray = 2.0 * FINE_CHORD_TOLERANCE * smaller;
     chord.reach = max(params.prediction, max(params.touch, stray) + stray) + strays + rounding;

@@ -44,8 +44,8 @@ fn rotation_by(vector: vec3f) -> vec4f {
 const OTHER_SHAPE: u32 = 0xffffffffu;
 // Shape of a plain box.
 const BOX_SHAPE: u32 = 0xfffffffeu;
-// Owner of a body with a single shape.
-const NO_OWNER: vec2u = vec2u(0xffffffffu);
+// Value of `rigid_body` for a body with a single shape.
+const NO_RIGID_BODY: vec2u = vec2u(0xffffffffu);
 
 // A body and its motion. Vectors are in the world unless a comment names another frame.
 struct Body {
@@ -73,8 +73,8 @@ struct Body {
     memberships: u32,
     // Collision groups that it collides with.
     collides_with: u32,
-    // The rigid body to which the shape belongs, or `NO_OWNER`.
-    owner: vec2u,
+    // The rigid body to which the shape belongs, or `NO_RIGID_BODY`.
+    rigid_body: vec2u,
     // Index of the physics world. Bodies of different worlds do not meet.
     world: u32,
     // 1 if it is awake and moves, otherwise 0.
@@ -107,8 +107,8 @@ struct Static {
     collides_with: u32,
     // Index of the physics world.
     world: u32,
-    // The rigid body to which the shape belongs, or `NO_OWNER`.
-    owner: vec2u,
+    // The rigid body to which the shape belongs, or `NO_RIGID_BODY`.
+    rigid_body: vec2u,
 }
 
 // Returns the pose of a body at a fraction of the step, relative to `origin`, a point in the world.
@@ -135,6 +135,6 @@ fn chords(body: Body, tolerance: f32) -> u32 {
 }
 
 // Returns the longest path of any point of the body over the step, or more.
-fn way(body: Body) -> f32 {
+fn path_length(body: Body) -> f32 {
     return length(body.translation) + length(body.turn) * body.arm;
 }

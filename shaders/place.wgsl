@@ -31,7 +31,7 @@ fn place(@builtin(global_invocation_id) id: vec3u) {
     let end = point_at(pose_at(body, 1.0, vec3f(0.0)), center);
     let radius = body.bound.w + sagitta(body, distance(center, body.local_center), 1u) + body.margin;
     // Allowance for rounding.
-    let slack = CONTACT_ROUNDING * (radius + way(body) + length(start));
+    let slack = CONTACT_ROUNDING * (radius + path_length(body) + length(start));
     swept[index] = Swept(vec4f(start, radius + slack), end - start);
     let cell = vec3u(clamp((0.5 * (start + end) - params.low) * params.cells, vec3f(0.0), vec3f(1023.0)));
     keys[index] = vec2u(spread(cell.x) | (spread(cell.y) << 1u) | (spread(cell.z) << 2u), index);

@@ -86,15 +86,15 @@ fn approach(models: [&Model; 2], random: &mut Random) -> Option<Approach> {
     let near = NEAR * f64::from(size);
     let radii = models[0].radius + models[1].radius;
 
-    let way = random.direction().as_vec3();
-    let aside = random.direction().as_vec3().reject_from_normalized(way) * radii;
+    let direction = random.direction().as_vec3();
+    let aside = random.direction().as_vec3().reject_from_normalized(direction) * radii;
     let length = 3.0 * radii;
-    let starts = [Vec3::ZERO, way * 0.5 * length + aside];
+    let starts = [Vec3::ZERO, direction * 0.5 * length + aside];
     let rotations = starts.map(|_| random.direction_rotation().as_quat());
     let centers = models.map(|model| model.center_of_mass);
     let pose = |side: usize, center, rotation| Pose3::from_parts(center - rotation * centers[side], rotation);
     let flight = |side: usize| {
-        let translation = if side == 0 { way * length } else { Vec3::ZERO };
+        let translation = if side == 0 { direction * length } else { Vec3::ZERO };
         Motion::new(&Sweep::at_rates(pose(side, starts[side], rotations[side]), centers[side], translation, Vec3::ZERO))
     };
     let flown = [0, 1].map(flight);
@@ -105,8 +105,8 @@ fn approach(models: [&Model; 2], random: &mut Random) -> Option<Approach> {
     let before = 0.1 + 0.5 * random.unit();
     let share = random.unit();
     let sweeps = [0, 1].map(|side: usize| {
-        let (flown, share) = if side == 0 { (way * length * middle, share) } else { (Vec3::ZERO, share - 1.0) };
-        let (translation, turn) = (way * step * share, random.direction().as_vec3() * random.unit());
+        let (flown, share) = if side == 0 { (direction * length * middle, share) } else { (Vec3::ZERO, share - 1.0) };
+        let (translation, turn) = (direction * step * share, random.direction().as_vec3() * random.unit());
         let center = starts[side] + flown - translation * before;
         let rotation = (Quat::from_scaled_axis(turn * -before) * rotations[side]).normalize();
         Sweep::at_rates(pose(side, center, rotation), centers[side], translation, turn)

@@ -11,7 +11,7 @@ const THUMB: f32 = 14.0;
 pub fn slider(range: SliderRange, value: f32) -> impl Bundle {
     let rail = Node { height: px(6), width: percent(100), ..default() };
     // Shorter than the rail by the width of the thumb, because the position of the thumb is that of its left edge.
-    let way = Node {
+    let track = Node {
         position_type: PositionType::Absolute,
         left: px(0),
         right: px(THUMB),
@@ -33,7 +33,7 @@ pub fn slider(range: SliderRange, value: f32) -> impl Bundle {
         range,
         children![
             (rail, BackgroundColor(Color::srgb(0.3, 0.33, 0.38))),
-            (way, children![(SliderThumb, thumb, BackgroundColor(Color::srgb(0.4, 0.75, 0.9)))]),
+            (track, children![(SliderThumb, thumb, BackgroundColor(Color::srgb(0.4, 0.75, 0.9)))]),
         ],
     )
 }

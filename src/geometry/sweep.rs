@@ -126,9 +126,9 @@ impl Sweep {
             .map(|(own, other)| aabb.transformed(&own.inv_mul(&other), 1.0));
         let [turn, turn2] = [self, other].map(|sweep| sweep.rotation.length());
         let arm = aabb.center().distance(other.local_center) + aabb.half_extents().length();
-        let way = self.translation.distance(other.translation) + turn2 * arm;
+        let speed = self.translation.distance(other.translation) + turn2 * arm;
         // Acceleration: rotation of the other body about its own centre of mass, Coriolis and centrifugal terms.
-        let bend = turn2 * turn2 * arm + 2.0 * turn * way + turn * turn * (radius + way);
+        let bend = turn2 * turn2 * arm + 2.0 * turn * speed + turn * turn * (radius + speed);
         start.merge(end).inflated(bend / 8.0)
     }
 

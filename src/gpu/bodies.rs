@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 
 use super::{
-    layout::{self, BOX_SHAPE, NO_OWNER, OTHER_SHAPE},
+    layout::{self, BOX_SHAPE, NO_RIGID_BODY, OTHER_SHAPE},
     shapes::Shapes,
 };
 use crate::{
@@ -54,7 +54,7 @@ pub(super) fn body(body: &Body, is_awake: bool, [margin, slack]: [f32; 2], shape
         bound: bound.center.extend(bound.radius),
         memberships: body.groups.memberships,
         collides_with: body.groups.filter,
-        owner: owner(body.owner),
+        rigid_body: rigid_body(body.rigid_body),
         world: body.world,
         is_active: is_awake.into(),
         slack,
@@ -82,16 +82,16 @@ pub(super) fn still(body: &StaticBody, shapes: &mut Shapes) -> layout::Static {
         radius: body.solid.bounding_sphere().radius,
         memberships: body.groups.memberships,
         collides_with: body.groups.filter,
-        owner: owner(body.owner),
+        rigid_body: rigid_body(body.rigid_body),
         world: body.world,
         unused: [0; 2],
     }
 }
 
 /// Splits 64 bits into two words, the lower one first.
-fn owner(owner: Option<u64>) -> [u32; 2] {
-    let owner = owner.unwrap_or(NO_OWNER);
-    [owner as u32, (owner >> 32) as u32]
+fn rigid_body(id: Option<u64>) -> [u32; 2] {
+    let id = id.unwrap_or(NO_RIGID_BODY);
+    [id as u32, (id >> 32) as u32]
 }
 
 /// Returns half extents and rounding of a collider that is one box around its own middle. None for other colliders.

@@ -7,8 +7,8 @@ use glam::{Quat, Vec3, Vec4};
 pub(super) const OTHER_SHAPE: u32 = u32::MAX;
 /// Shape of a plain box.
 pub(super) const BOX_SHAPE: u32 = u32::MAX - 1;
-/// Owner of a body with a single shape.
-pub(super) const NO_OWNER: u64 = u64::MAX;
+/// Value of `rigid_body` for a body with a single shape.
+pub(super) const NO_RIGID_BODY: u64 = u64::MAX;
 /// Flag of statics among the sides of pairs.
 pub(super) const STATIC: u32 = 1 << 31;
 /// Flag of the second side of pairs whose primitives the CPU finds.
@@ -55,7 +55,7 @@ pub(super) struct Body {
     pub bound: Vec4,
     pub memberships: u32,
     pub collides_with: u32,
-    pub owner: [u32; 2],
+    pub rigid_body: [u32; 2],
     pub world: u32,
     pub is_active: u32,
     pub slack: f32,
@@ -77,7 +77,7 @@ pub(super) struct Static {
     pub memberships: u32,
     pub collides_with: u32,
     pub world: u32,
-    pub owner: [u32; 2],
+    pub rigid_body: [u32; 2],
     pub unused: [u32; 2],
 }
 
@@ -201,11 +201,11 @@ mod tests {
             bodies leaves static_nodes prediction low max_pairs cells max_chords max_candidates max_survivors touch
         });
         assert_layout!(step, Body {
-            position shape rotation translation scale turn arm local_center margin bound memberships collides_with owner
-            world is_active slack
+            position shape rotation translation scale turn arm local_center margin bound memberships collides_with
+            rigid_body world is_active slack
         });
         assert_layout!(step, Static {
-            center shape rotation half rounding position scale radius memberships collides_with world owner
+            center shape rotation half rounding position scale radius memberships collides_with world rigid_body
         });
         assert_layout!(step, Counters { pairs chords candidates survivors });
         assert_layout!(step, Pair { first second });
@@ -302,7 +302,7 @@ mod tests {
         for (name, value) in [
             ("OTHER_SHAPE", OTHER_SHAPE),
             ("BOX_SHAPE", BOX_SHAPE),
-            ("NO_OWNER", NO_OWNER as u32),
+            ("NO_RIGID_BODY", NO_RIGID_BODY as u32),
             ("STATIC", STATIC),
             ("UNKNOWN", UNKNOWN),
         ] {

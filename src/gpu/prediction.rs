@@ -96,7 +96,7 @@ impl Prediction {
                 Some(Candidates { sides, primitives: primitives.clone() })
             })
             .collect();
-        // A body that is carried along leaves its path.
+        // A body that is pushed leaves its path.
         let mut widening = KinematicReach::new(input);
         loop {
             let is_departed = |side: &Side| side.body().is_some_and(|body| departed[body as usize]);
@@ -150,7 +150,7 @@ fn is_same(known: &Body, body: &Body) -> bool {
         _ => false,
     };
     solid
-        && (known.groups, known.owner, known.world) == (body.groups, body.owner, body.world)
+        && (known.groups, known.rigid_body, known.world) == (body.groups, body.rigid_body, body.world)
         && (known.active || !body.active)
         && (known.stops || !body.stops)
 }

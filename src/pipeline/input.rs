@@ -54,8 +54,8 @@ pub struct Body {
     pub types: Groups,
     /// Solver groups: bodies stop only at bodies with matching solver groups.
     pub stop_groups: Groups,
-    /// The rigid body that this shape belongs to. Shapes of one owner do not collide.
-    pub owner: Option<u64>,
+    /// The rigid body that this shape belongs to. Shapes of one rigid body do not collide.
+    pub rigid_body: Option<u64>,
     /// The joint island of the body. Shapes of one rigid body, and rigid bodies on joints, share a joint island and stop together.
     pub joint_island: Option<u64>,
     /// The world of the body. Bodies of different worlds do not collide.
@@ -89,7 +89,7 @@ impl Body {
             groups: Groups::ALL,
             types: Groups::ALL,
             stop_groups: Groups::ALL,
-            owner: None,
+            rigid_body: None,
             joint_island: None,
             world: 0,
             active: true,
@@ -127,7 +127,7 @@ pub struct StaticBody {
     /// Identity of the body in successive steps, as [`Body::id`].
     pub id: Option<u64>,
     /// The rigid body that this shape belongs to.
-    pub owner: Option<u64>,
+    pub rigid_body: Option<u64>,
     /// Collision groups.
     pub groups: Groups,
     /// Type of the body, and the types that it collides with. A pair collides if at least one body accepts the type of the other.
@@ -148,8 +148,8 @@ impl StaticBody {
         let all = Groups::ALL;
         let solid = solid.into();
         let (groups, types, stop_groups) = (all, all, all);
-        let (order, world, id, owner) = (0, 0, None, None);
-        Self { solid, pose, order, id, owner, groups, types, stop_groups, world, passes: false, sensor: false }
+        let (order, world, id, rigid_body) = (0, 0, None, None);
+        Self { solid, pose, order, id, rigid_body, groups, types, stop_groups, world, passes: false, sensor: false }
     }
 
     /// Creates a box that collides with all bodies.
@@ -236,7 +236,7 @@ pub enum Culling {
 pub struct StepInput {
     /// The bodies.
     pub bodies: Vec<Body>,
-    /// Pairs of owners whose collisions a joint disables, the lower owner first.
+    /// Pairs of rigid bodies whose collisions a joint disables, the lower one first.
     pub apart: HashSet<[u64; 2]>,
     /// Largest distance of reported contacts, in metres. For bodies with a [displacement](Body::next_displacement), [`ContactMargin::of_pair`] gives the
     /// distance.

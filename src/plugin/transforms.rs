@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn in_the_fixed_schedule_each_step_sees_its_own_part_of_the_way() {
+    fn in_the_fixed_schedule_each_step_sees_its_own_part_of_the_path() {
         let mut app = app_with(MedialPhysicsPlugin { add_systems, ..default() }.in_fixed_schedule());
         // Each update has two steps.
         app.insert_resource(Time::<Fixed>::from_hz(120.0));

@@ -83,7 +83,7 @@ fn run<S: Simd, R: Lanes<S>, const L: usize, const N: usize, const M: usize>(
     touches: &mut [Touch],
 ) {
     let mut searches = Searches::<L, N, M>::new();
-    let mut owners = [0; L];
+    let mut pair_of_lane = [0; L];
     let mut busy = 0u64;
     // The next loaded pairs, and a bit mask of those that wait for a lane.
     let mut waiting = Searches::<L, N, M>::new();
@@ -108,7 +108,7 @@ fn run<S: Simd, R: Lanes<S>, const L: usize, const N: usize, const M: usize>(
             }
             let (lane, from) = (busy.trailing_ones() as usize, left.trailing_zeros() as usize);
             searches.copy(lane, &waiting, from);
-            owners[lane] = first_waiting + from;
+            pair_of_lane[lane] = first_waiting + from;
             busy |= 1 << lane;
             left &= left - 1;
         }
@@ -121,7 +121,7 @@ fn run<S: Simd, R: Lanes<S>, const L: usize, const N: usize, const M: usize>(
         while done != 0 {
             let lane = done.trailing_zeros() as usize;
             done &= done - 1;
-            let (index, fraction) = (owners[lane], searches.fraction[lane]);
+            let (index, fraction) = (pair_of_lane[lane], searches.fraction[lane]);
             if ends.touch & (1 << lane) != 0 {
                 let status = if fraction == 0.0 { TimeOfImpactStatus::Overlapping } else { TimeOfImpactStatus::Hit };
                 touches[index] = Touch { status, fraction };
@@ -332,12 +332,12 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
 
         let (ball1, motion1) = at_weights(&first, weights.0);
         let (ball2, motion2) = at_weights(&second, weights.1);
-        let (from, way) = (ball2.center - ball1.center, motion2 - motion1);
+        let (from, displacement) = (ball2.center - ball1.center, motion2 - motion1);
         let radii = ball1.radius + ball2.radius;
         let reach = radii + extent * zero.like(TOUCH_ROUNDING);
         // For a larger distance the rounding error exceeds the tolerance of a touch.
-        let met = (from + way * until).length_squared().at_most(reach * reach) & upper.at_most(extent) & clear;
-        let (approach, speed_squared) = (-from.dot(way), way.length_squared());
+        let met = (from + displacement * until).length_squared().at_most(reach * reach) & upper.at_most(extent) & clear;
+        let (approach, speed_squared) = (-from.dot(displacement), displacement.length_squared());
         let discriminant = approach * approach - speed_squared * (from.length_squared() - radii * radii);
         let discriminant = R::select(zero.less(discriminant), discriminant, zero);
         let meeting = look + (approach - Number::sqrt(discriminant)) / speed_squared;
@@ -377,10 +377,10 @@ fn depart<R: Number, const N: usize, const M: usize>(
     );
     let zero = extent1.like(0.0);
     let from = middle(&second, |(ball, _)| ball.center) - middle(&first, |(ball, _)| ball.center);
-    let way =
+    let displacement =
         (middle(&second, |(_, motion)| *motion) - middle(&first, |(_, motion)| *motion)) * zero.like(max_fraction);
-    let nearest = from + way * (-(from.dot(way)) / way.length_squared()).saturate();
-    let rounding = (extent1 + extent2 + from.length() + way.length()) * zero.like(CONTACT_ROUNDING);
+    let nearest = from + displacement * (-(from.dot(displacement)) / displacement.length_squared()).saturate();
+    let rounding = (extent1 + extent2 + from.length() + displacement.length()) * zero.like(CONTACT_ROUNDING);
     let mut fraction = zero;
     for direction in [from, nearest] {
         let (_, until) = cleared(&first, &second, direction, rounding, zero, zero);

@@ -32,7 +32,7 @@ pub(super) struct Fixed {
     collider: ColliderHandle,
     shape: SharedShape,
     pose: Pose3,
-    owner: Option<u64>,
+    rigid_body: Option<u64>,
     groups: [Groups; 2],
     types: Groups,
     world: u32,
@@ -45,8 +45,8 @@ impl PartialEq for Fixed {
         Arc::ptr_eq(&self.shape.0, &other.shape.0)
             && (self.entity, self.collider, self.pose, self.groups, self.types)
                 == (other.entity, other.collider, other.pose, other.groups, other.types)
-            && (self.owner, self.world, self.sensor, self.passes)
-                == (other.owner, other.world, other.sensor, other.passes)
+            && (self.rigid_body, self.world, self.sensor, self.passes)
+                == (other.rigid_body, other.world, other.sensor, other.passes)
     }
 }
 
@@ -138,7 +138,7 @@ impl Gather<'_, '_, '_> {
         input.prediction = input.prediction.max(prediction);
         input.length_unit = input.length_unit.max(length_unit);
         input.apart.extend(kept_apart(context.joints).into_iter().map(|pair| {
-            let [a, b] = pair.map(|body| owner(world.index, body));
+            let [a, b] = pair.map(|body| rigid_body_id(world.index, body));
             [a.min(b), a.max(b)]
         }));
         // Iterate in the order of the handles, because rapier orders pairs by them.
@@ -154,7 +154,7 @@ impl Gather<'_, '_, '_> {
                     collider: handle,
                     shape: collider.shared_shape().clone(),
                     pose: collider_pose(collider, body),
-                    owner: collider.parent().map(|body| owner(world.index, body)),
+                    rigid_body: collider.parent().map(|body| rigid_body_id(world.index, body)),
                     groups: groups(collider),
                     types: types(collider, body),
                     world: world.index,
@@ -213,8 +213,8 @@ impl Gather<'_, '_, '_> {
             groups,
             types: types(collider, Some(body)),
             stop_groups,
-            owner: Some(owner(index, parent)),
-            joint_island: Some(owner(index, joint_islands.get(&parent).copied().unwrap_or(parent))),
+            rigid_body: Some(rigid_body_id(index, parent)),
+            joint_island: Some(rigid_body_id(index, joint_islands.get(&parent).copied().unwrap_or(parent))),
             world: index,
             active,
             stops,
@@ -282,9 +282,21 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
     for item in fixed {
         let Some(solid) = solid(&item.shape) else { continue };
         let [groups, stop_groups] = item.groups;
-        let &Fixed { entity, collider, pose, owner, types, world, sensor, passes, .. } = item;
+        let &Fixed { entity, collider, pose, rigid_body, types, world, sensor, passes, .. } = item;
         let (order, id) = (order(collider), Some(entity.to_bits()));
-        bodies.push(StaticBody { solid, pose, order, id, owner, groups, types, stop_groups, world, passes, sensor });
+        bodies.push(StaticBody {
+            solid,
+            pose,
+            order,
+            id,
+            rigid_body,
+            groups,
+            types,
+            stop_groups,
+            world,
+            passes,
+            sensor,
+        });
         step.static_infos.push(BodyInfo { collider, sensor, ..BodyInfo::at_rest(entity) });
     }
     step.statics = Statics::new(bodies);
@@ -320,6 +332,6 @@ fn order(collider: ColliderHandle) -> u32 {
 }
 
 /// Returns an id of a rigid body. Two bodies that exist at the same time have different ids.
-fn owner(world: u32, body: RigidBodyHandle) -> u64 {
+fn rigid_body_id(world: u32, body: RigidBodyHandle) -> u64 {
     u64::from(world) << 32 | u64::from(body.into_raw_parts().0)
 }

@@ -81,10 +81,10 @@ pub(super) fn stop_bodies(
     let ends = astray.iter().filter(|body| step.output.stop_of(**body).is_none()).map(end);
     let mut stops: Vec<Stop> = step.output.stops.iter().copied().chain(ends).collect();
     stops.retain(|stop| step.input.bodies[stop.body as usize].world == world);
-    stops.sort_by_key(|stop| step.input.bodies[stop.body as usize].owner);
+    stops.sort_by_key(|stop| step.input.bodies[stop.body as usize].rigid_body);
     for stop in stops {
-        let owner = step.input.bodies[stop.body as usize].owner;
-        if std::mem::replace(&mut last, owner) == owner {
+        let rigid_body = step.input.bodies[stop.body as usize].rigid_body;
+        if std::mem::replace(&mut last, rigid_body) == rigid_body {
             continue;
         }
         let BodyInfo { collider, asleep, .. } = step.infos[stop.body as usize];

@@ -25,14 +25,14 @@ impl PointQuery for MedialShape {
         match nearest.distance > 0.0 {
             true => PointProjection::new(false, nearest.point1),
             false if solid => PointProjection::new(true, point),
-            false => PointProjection::new(true, self.way_out(point).0),
+            false => PointProjection::new(true, self.project_from_inside(point).0),
         }
     }
 
     fn project_local_point_and_get_feature(&self, point: Vector) -> (PointProjection, FeatureId) {
         let (nearest, primitive) = self.nearest(point);
         let inside = nearest.distance <= 0.0;
-        let (surface, primitive) = if inside { self.way_out(point) } else { (nearest.point1, primitive) };
+        let (surface, primitive) = if inside { self.project_from_inside(point) } else { (nearest.point1, primitive) };
         (PointProjection::new(inside, surface), FeatureId::Face(primitive))
     }
 }
@@ -87,17 +87,17 @@ impl MedialShape {
     /// No point beyond a tangent plane of a primitive is inside the primitive. Take the tangent planes of all primitives at their points nearest to a point of
     /// the surface. The nearest point beyond all these planes is outside of all primitives, and it is not farther away than the point of the surface. Rays give
     /// the points of the surface to start from.
-    fn way_out(&self, point: Vec3) -> (Vec3, u32) {
-        let mut ways: Vec<Vec3> = Vec::new();
+    fn project_from_inside(&self, point: Vec3) -> (Vec3, u32) {
+        let mut directions: Vec<Vec3> = Vec::new();
         self.visit_near(point, &Cell::new(0.0), |_, held_by| {
             if held_by.distance <= 0.0 {
-                ways.push(held_by.normal);
+                directions.push(held_by.normal);
             }
         });
-        ways.extend(ways.iter().sum::<Vec3>().try_normalize());
-        ways.extend(Vec3::AXES.iter().flat_map(|&axis| [axis, -axis]));
-        let exits = ways.iter().filter_map(|&way| {
-            let ray = Ray::new(point, way);
+        directions.extend(directions.iter().sum::<Vec3>().try_normalize());
+        directions.extend(Vec3::AXES.iter().flat_map(|&axis| [axis, -axis]));
+        let exits = directions.iter().filter_map(|&direction| {
+            let ray = Ray::new(point, direction);
             self.leave(&ray, f32::MAX).map(|hit| self.nearer_exit(point, ray.point_at(hit.time_of_impact)))
         });
         let exit = exits.min_by(|a, b| a.distance_squared(point).total_cmp(&b.distance_squared(point)));
@@ -109,15 +109,15 @@ impl MedialShape {
     fn nearer_exit(&self, point: Vec3, mut exit: Vec3) -> Vec3 {
         let size = self.shape.bounding_sphere().radius;
         for _ in 0..WAY_OUT_ROUNDS {
-            let way = exit.distance(point);
+            let distance = exit.distance(point);
             let mut planes = Vec::new();
-            self.visit_near(point, &Cell::new(way), |primitive, _| {
+            self.visit_near(point, &Cell::new(distance), |primitive, _| {
                 let touch = to_point(&self.shape.hull(primitive), exit);
                 planes.push(Outside { normal: touch.normal, offset: touch.normal.dot(touch.point1) });
             });
             let accuracy = WAY_OUT_ACCURACY * size;
             let Some(next) = nearest_beyond(&planes, point, accuracy) else { break };
-            let gained = next.distance(point) < way - accuracy;
+            let gained = next.distance(point) < distance - accuracy;
             if !gained {
                 break;
             }

@@ -105,13 +105,13 @@ fn first_impact(queries: &RapierQueryPipeline, entity: Entity, seconds: f32) -> 
     let is_asked = |handle: &ColliderHandle| queries.collider_entity(*handle) == entity;
     let (asked, collider) = pipeline.colliders.iter().find(|(handle, _)| is_asked(handle))?;
     let body = in_motion(pipeline.bodies, collider, seconds)?;
-    let in_the_way = |(handle, other): &(ColliderHandle, &RapierCollider)| {
+    let is_obstacle = |(handle, other): &(ColliderHandle, &RapierCollider)| {
         *handle != asked
             && other.is_enabled()
             && (other.parent().is_none() || other.parent() != collider.parent())
             && pipeline.filter.test(pipeline.bodies, *handle, other)
     };
-    let impacts = pipeline.colliders.iter().filter(in_the_way).filter_map(|(handle, other)| {
+    let impacts = pipeline.colliders.iter().filter(is_obstacle).filter_map(|(handle, other)| {
         let other = in_motion(pipeline.bodies, other, seconds)?;
         let impact = first_touch([body.clone(), other], Culling::Hybrid, None)?;
         Some((queries.collider_entity(handle), impact))

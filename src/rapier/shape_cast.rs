@@ -18,7 +18,7 @@ struct Touch {
     time: f32,
     toi: TimeOfImpact,
     /// Displacement of the medial shape until the touch, in the other collider's frame.
-    way: Vec3,
+    displacement: Vec3,
     /// Pose of the contact's frame in the other collider's frame.
     frame: Pose3,
     /// Lengths that were added to the radii of the medial shape, in metres: the part's rounding, and the target distance.
@@ -55,16 +55,16 @@ pub(super) fn first_touch(
         let translation = pose.translation.as_dvec3() + velocity.as_dvec3() * f64::from(begin);
         let start = Pose3::from_parts(translation.as_vec3(), pose.rotation);
         let placement = Placement::from(start);
-        let way = velocity * (end - begin);
+        let displacement = velocity * (end - begin);
         let near = |aabb: &Aabb| {
             let around = aabb.transformed(&start, shape.scale).inflated(options.target_distance);
-            times_within(&target, &around, way, 1.0).is_some()
+            times_within(&target, &around, displacement, 1.0).is_some()
         };
         shape.bvh().visit(near, |primitive| {
             let limit = earliest.as_ref().map_or(1.0, |touch| ((touch.time - begin) / (end - begin)).clamp(0.0, 1.0));
             let toi = with_spheres!(shape.hull(primitive).placed(&placement), |spheres| {
                 let start = spheres.map(|sphere| Sphere::new(sphere.center, sphere.radius + margin));
-                time_to(&Moving { start, motion: spheres.map(|_| way) }, &part.core, limit)
+                time_to(&Moving { start, motion: spheres.map(|_| displacement) }, &part.core, limit)
             });
             let overlaps = toi.status == TimeOfImpactStatus::Overlapping && begin == 0.0;
             let parts_again = overlaps && toi.contact.normal.dot(velocity) <= 0.0;
@@ -77,8 +77,13 @@ pub(super) fn first_touch(
             });
             if is_first {
                 let grown = [part.rounding, options.target_distance];
-                earliest =
-                    Some(Touch { time, toi, way: part.pose.rotation * velocity * time, frame: part.pose, grown });
+                earliest = Some(Touch {
+                    time,
+                    toi,
+                    displacement: part.pose.rotation * velocity * time,
+                    frame: part.pose,
+                    grown,
+                });
             }
         });
     }
@@ -94,7 +99,7 @@ impl Touch {
         let point2 = self.frame.transform_point(contact.point2) - normal * rounding;
         ShapeCastHit {
             time_of_impact: self.time,
-            witness1: pose21.inverse_transform_point(point1 - self.way),
+            witness1: pose21.inverse_transform_point(point1 - self.displacement),
             witness2: point2,
             normal1: pose21.rotation.inverse() * normal,
             normal2: -normal,

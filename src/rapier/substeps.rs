@@ -44,13 +44,13 @@ pub(super) fn refine(
     }
     for pair in step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()) {
         let sides = [pair.first, pair.second];
-        let way = sizes_moved(&step, pair);
+        let displacement = sizes_moved(&step, pair);
         // Bodies that fall or tumble are not fast.
-        if way < 1.0 {
+        if displacement < 1.0 {
             continue;
         }
         let Ok(mut context) = contexts.get_mut(step.context(pair.first)) else { continue };
-        let substeps = ((way / SUBSTEP_WAY).ceil() as usize).min(MAX_SUBSTEPS);
+        let substeps = ((displacement / SUBSTEP_WAY).ceil() as usize).min(MAX_SUBSTEPS);
         let additional = substeps.saturating_sub(context.simulation.integration_parameters.num_solver_iterations);
         for side in sides {
             let collider = context.colliders.colliders.get(step.info(side).collider);

@@ -259,8 +259,8 @@ fn cone_limit((u, v): (f64, DVec3), (du, dv): (f64, DVec3)) -> f64 {
     let a = du * du - dv.length_squared();
     let b = u * du - v.dot(dv);
     let c = u * u - v.length_squared();
-    let way = (b * b - a * c).max(0.0).sqrt() - b;
-    if way > 0.0 { c / way } else { f64::INFINITY }
+    let denominator = (b * b - a * c).max(0.0).sqrt() - b;
+    if denominator > 0.0 { c / denominator } else { f64::INFINITY }
 }
 
 /// Solves a symmetric positive definite system given by its lower triangle (Cholesky).

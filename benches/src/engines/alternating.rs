@@ -48,7 +48,8 @@ fn hulls(shape: &Shape, [start, end]: [&Pose3; 2]) -> Vec<(Primitive, Sphere)> {
 }
 
 fn bound<const N: usize>(moving: &Moving<N>) -> Sphere {
-    let ends = || moving.start.iter().zip(moving.motion).flat_map(|(sphere, way)| [sphere.center, sphere.center + way]);
+    let ends =
+        || moving.start.iter().zip(moving.motion).flat_map(|(sphere, motion)| [sphere.center, sphere.center + motion]);
     let middle = ends().sum::<Vec3>() / (2 * N) as f32;
     let thickest = moving.start.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     Sphere::new(middle, ends().map(|end| end.distance(middle)).fold(0.0, f32::max) + thickest)
@@ -77,13 +78,13 @@ fn meet(one: &Sphere, other: &Sphere) -> bool {
 }
 
 /// A body or a static with all its moving primitives.
-struct Way {
+struct MovingSide {
     side: Side,
     hulls: Vec<(Primitive, Sphere)>,
     bound: Sphere,
 }
 
-impl Way {
+impl MovingSide {
     /// `None` for triangles, which only have contacts and no stops.
     fn new(step: &MedialStep, side: Side, origin: Vec3, boxes: &mut Boxes) -> Option<Self> {
         let (shape, sweep) = match side {
@@ -139,7 +140,8 @@ fn stop(
     let statics = (0..step.statics.bodies().len() as u32).map(Side::Static);
     // Coordinates are relative to the first body.
     let origin = step.input.bodies.first().map_or(Vec3::ZERO, |body| body.sweep.start.translation);
-    let sides: Vec<Way> = bodies.chain(statics).filter_map(|side| Way::new(&step, side, origin, &mut boxes)).collect();
+    let sides: Vec<MovingSide> =
+        bodies.chain(statics).filter_map(|side| MovingSide::new(&step, side, origin, &mut boxes)).collect();
     let mut stops = vec![1.0f32; step.input.bodies.len()];
     for (i, one) in sides.iter().enumerate() {
         for other in &sides[i + 1..] {

@@ -35,10 +35,10 @@ impl KinematicReach {
         self.pushes.clear();
         self.pushes.extend(input.bodies.iter().map(pushes));
         self.turns.clear();
-        if self.pushes.iter().all(|&way| way == 0.0) {
+        if self.pushes.iter().all(|&push| push == 0.0) {
             return;
         }
-        let turn = |(body, &way): (&Body, &f32)| if way > 0.0 { body.sweep.rotation.length().min(2.0) } else { 0.0 };
+        let turn = |(body, &push): (&Body, &f32)| if push > 0.0 { body.sweep.rotation.length().min(2.0) } else { 0.0 };
         self.turns.extend(input.bodies.iter().zip(&self.pushes).map(turn));
         self.spans.clear();
         self.spans.resize(input.bodies.len(), 0.0);
@@ -120,10 +120,10 @@ impl KinematicReach {
             let most = |values: &[f32]| {
                 members.clone().filter(|&body| pushes[body] > 0.0).map(|body| values[body]).fold(0.0, f32::max)
             };
-            let (way, turn) = (most(pushes), most(turns));
+            let (push, turn) = (most(pushes), most(turns));
             for body in members {
-                if pushes[body] < way {
-                    pushes[body] = way;
+                if pushes[body] < push {
+                    pushes[body] = push;
                     turns[body] = turns[body].max(turn);
                     more = true;
                 }

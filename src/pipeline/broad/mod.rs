@@ -177,9 +177,9 @@ fn near(
     pairs.sort_unstable();
 }
 
-/// Returns true if two owners are the same, or if a joint disables their collisions. Joints do not affect sensors.
-fn kept_apart(input: &StepInput, [owner1, owner2]: [Option<u64>; 2], sensor: bool) -> bool {
-    match (owner1, owner2) {
+/// Returns true if two rigid bodies are the same, or if a joint disables their collisions. Joints do not affect sensors.
+fn kept_apart(input: &StepInput, [rigid_body1, rigid_body2]: [Option<u64>; 2], sensor: bool) -> bool {
+    match (rigid_body1, rigid_body2) {
         (Some(a), Some(b)) => a == b || !sensor && input.apart.contains(&[a.min(b), a.max(b)]),
         _ => false,
     }
@@ -192,7 +192,7 @@ fn may_collide(input: &StepInput, kinematic_reach: &KinematicReach, bodies: [u32
         && (body1.solid.medial().is_some() || body2.solid.medial().is_some())
         && body1.groups.test(&body2.groups)
         && body1.types.test_either(&body2.types)
-        && !kept_apart(input, [body1.owner, body2.owner], body1.sensor || body2.sensor)
+        && !kept_apart(input, [body1.rigid_body, body2.rigid_body], body1.sensor || body2.sensor)
 }
 
 /// Returns the pair of two bodies if they may collide.
@@ -221,7 +221,7 @@ fn with_static(
         && body.world == target.world
         && body.groups.test(&target.groups)
         && body.types.test_either(&target.types)
-        && !kept_apart(input, [body.owner, target.owner], body.sensor || target.sensor);
+        && !kept_apart(input, [body.rigid_body, target.rigid_body], body.sensor || target.sensor);
     sides.filter(|_| collide).map(|(first, second)| BodyPair::new(first, second))
 }
 
@@ -262,10 +262,11 @@ mod tests {
     /// A kinematic ball moves through a ball that sleeps on a floor, and a joint may disable their collisions. External culling may report all three pairs.
     #[test]
     fn external_candidates_that_may_not_collide_wake_no_body() {
-        let body = |center: Vec3, way: f32, owner: u64, is_dynamic: bool| {
+        let body = |center: Vec3, displacement: f32, rigid_body: u64, is_dynamic: bool| {
             let shape = Shape { axis: MedialAxis::sphere(0.1).unwrap(), scale: 1.0 };
-            let sweep = Sweep::at_rates(Pose3::from_translation(center), Vec3::ZERO, Vec3::X * way, Vec3::ZERO);
-            Body { stops: is_dynamic, active: !is_dynamic, owner: Some(owner), ..Body::new(shape, sweep) }
+            let sweep =
+                Sweep::at_rates(Pose3::from_translation(center), Vec3::ZERO, Vec3::X * displacement, Vec3::ZERO);
+            Body { stops: is_dynamic, active: !is_dynamic, rigid_body: Some(rigid_body), ..Body::new(shape, sweep) }
         };
         let bodies = vec![body(Vec3::X * -0.5, 0.5, 1, false), body(Vec3::ZERO, 0.0, 2, true)];
         let mut input = StepInput { bodies, prediction: 0.02, stop_at_impact: true, ..Default::default() };
@@ -289,21 +290,27 @@ mod tests {
     #[test]
     fn a_body_joined_with_a_pushed_body_stops_at_a_wall() {
         const RADIUS: f32 = 0.1;
-        let body = |center: Vec3, way: f32, joint_island: Option<u64>| {
+        let body = |center: Vec3, displacement: f32, joint_island: Option<u64>| {
             let shape = Shape { axis: MedialAxis::sphere(RADIUS).unwrap(), scale: 1.0 };
-            let sweep = Sweep::at_rates(Pose3::from_translation(center), Vec3::ZERO, Vec3::X * way, Vec3::ZERO);
+            let sweep =
+                Sweep::at_rates(Pose3::from_translation(center), Vec3::ZERO, Vec3::X * displacement, Vec3::ZERO);
             Body { stops: joint_island.is_some(), joint_island, ..Body::new(shape, sweep) }
         };
         let [near, far] = [Vec3::X * 0.25, Vec3::new(0.25, 3.0, 0.0)];
         let bodies = vec![body(Vec3::ZERO, 0.5, None), body(near, 0.0, Some(1)), body(far, 0.0, Some(1))];
         let input = StepInput { bodies, prediction: 0.02, stop_at_impact: true, ..Default::default() };
-        let way = |walls: Vec<StaticBody>| {
+        let displacements = |walls: Vec<StaticBody>| {
             let output = step(&input, &Statics::new(walls), &TaskPool::new());
             [(1, near), (2, far)].map(|(body, start)| output.stop_of(body).unwrap().pose.translation.x - start.x)
         };
-        assert!(way(vec![]).iter().all(|way| *way > 0.44), "the piston does not push both balls: {:?}", way(vec![]));
+        assert!(
+            displacements(vec![]).iter().all(|displacement| *displacement > 0.44),
+            "the piston does not push both balls: {:?}",
+            displacements(vec![])
+        );
         let pose = Pose3::from_translation(far + Vec3::X * (RADIUS + 0.2));
-        let stopped = way(vec![StaticBody::solid_box(Obb { pose, half_extents: Vec3::new(0.005, 1.0, 1.0) })]);
-        assert!(stopped.iter().all(|way| *way < 0.2 && *way > 0.15), "{stopped:?}");
+        let stopped =
+            displacements(vec![StaticBody::solid_box(Obb { pose, half_extents: Vec3::new(0.005, 1.0, 1.0) })]);
+        assert!(stopped.iter().all(|displacement| *displacement < 0.2 && *displacement > 0.15), "{stopped:?}");
     }
 }

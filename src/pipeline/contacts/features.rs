@@ -71,10 +71,10 @@ pub(super) fn crossings(
 /// Returns the spheres at the crossing of two edges, as seen along the normal. `None` near an end of an edge, because the end is a contact of its own: the two
 /// contacts would replace each other from step to step.
 fn crossing(ours: &[Sphere; 2], theirs: &[Sphere; 2], normal: Vec3) -> Option<[Sphere; 2]> {
-    let [way1, way2] = [ours, theirs].map(|[a, b]| b.center - a.center);
-    let [length1, length2] = [way1, way2].map(Vec3::length);
-    let (apart, area) = (theirs[0].center - ours[0].center, way1.cross(way2).dot(normal));
-    let [along1, along2] = [way2, way1].map(|way| apart.cross(way).dot(normal) / area);
+    let [edge1, edge2] = [ours, theirs].map(|[a, b]| b.center - a.center);
+    let [length1, length2] = [edge1, edge2].map(Vec3::length);
+    let (apart, area) = (theirs[0].center - ours[0].center, edge1.cross(edge2).dot(normal));
+    let [along1, along2] = [edge2, edge1].map(|edge| apart.cross(edge).dot(normal) / area);
     let end = CROSSING_END * length1.min(length2);
     let is_within = |along: f32, length: f32| (end..length - end).contains(&(along * length));
     let cross = area.abs() > CROSSING_SINE * length1 * length2;

@@ -137,8 +137,8 @@ fn remove_covered_by_later(
     [around, flush]: [f32; 2],
 ) {
     // If all normals agree, no contact does harm.
-    let one_way = kept.first().is_none_or(|(first, _)| kept.iter().all(|(contact, _)| contact.pushes_as(first)));
-    let crossing = if one_way { 0 } else { kept.len() };
+    let normals_agree = kept.first().is_none_or(|(first, _)| kept.iter().all(|(contact, _)| contact.pushes_as(first)));
+    let crossing = if normals_agree { 0 } else { kept.len() };
     for i in (0..crossing).rev() {
         let (contact, touched) = kept[i];
         if contact.distance < -around {

@@ -100,23 +100,23 @@ mod tests {
     use super::*;
 
     /// The margin of a body that moves towards a body at rest.
-    fn of_moving(margin: ContactMargin, way: f32) -> f32 {
-        let moving = Displacement { translation: Vec3::new(way, 0.0, 0.0), ..Displacement::REST };
+    fn of_moving(margin: ContactMargin, displacement: f32) -> f32 {
+        let moving = Displacement { translation: Vec3::new(displacement, 0.0, 0.0), ..Displacement::REST };
         margin.of_pair([&moving, &Displacement::REST]).prediction
     }
 
     #[test]
     fn slow_and_fast_pairs_have_smaller_margins() {
-        let margin = |way: f32| of_moving(ContactMargin::from(0.02), way);
+        let margin = |displacement: f32| of_moving(ContactMargin::from(0.02), displacement);
         assert_eq!([0.0, 1.0e-3, 5.0e-3, 0.019].map(margin), [0.005, 0.01, 0.01, 0.02]);
         assert_eq!([0.021, 0.04, 0.07, 0.2, f32::INFINITY].map(margin), [0.01, 0.005, 1.25e-3, 1.0e-3, 1.0e-3]);
         assert_eq!(margin(f32::NAN), 0.02);
-        for way in [0.0, 1.0, f32::INFINITY, f32::NAN] {
-            assert_eq!(of_moving(ContactMargin::from(0.0), way), 0.0);
-            assert!(of_moving(ContactMargin::from(f32::INFINITY), way) >= 1.0e-3);
+        for displacement in [0.0, 1.0, f32::INFINITY, f32::NAN] {
+            assert_eq!(of_moving(ContactMargin::from(0.0), displacement), 0.0);
+            assert!(of_moving(ContactMargin::from(f32::INFINITY), displacement) >= 1.0e-3);
         }
         // All lengths are proportional to the length unit.
         let large = ContactMargin::new(2.0, 100.0);
-        assert_eq!([0.0, 7.0, 20.0].map(|way| of_moving(large, way)), [0.5, 0.125, 0.1]);
+        assert_eq!([0.0, 7.0, 20.0].map(|displacement| of_moving(large, displacement)), [0.5, 0.125, 0.1]);
     }
 }

@@ -23,8 +23,8 @@ pub(super) enum Obstacle {
     /// A body that stops at impacts, in this state.
     Stopping(State),
     /// A body that pushes. `approach`: relative displacement of both bodies towards each other along the normal in the rest of the step, in metres.
-    /// `gives_way`: true for a pusher that is pushed itself. `exhausted`: true if the body has been pushed as far as the pusher can push it.
-    Pusher { approach: f32, gives_way: bool, exhausted: bool },
+    /// `is_pushed`: true for a pusher that is pushed itself. `exhausted`: true if the body has been pushed as far as the pusher can push it.
+    Pusher { approach: f32, is_pushed: bool, exhausted: bool },
 }
 
 /// Decides the effect of an impact on a body that stops at impacts.
@@ -34,7 +34,7 @@ pub(super) fn decide(state: State, obstacle: Obstacle) -> Decision {
         (State::Free | State::Stopped, Obstacle::Pusher { .. }) => Decision::Push,
         (State::Free, _) => Decision::Stop,
         (State::Stopped, _) => Decision::GoOn,
-        (State::Pushed, Obstacle::Pusher { approach, gives_way, exhausted }) => match (approach >= 0.0, gives_way) {
+        (State::Pushed, Obstacle::Pusher { approach, is_pushed, exhausted }) => match (approach >= 0.0, is_pushed) {
             (true, _) if !exhausted => Decision::Push,
             // Two pushed bodies separate in the rest of the step, so neither blocks the other.
             (false, true) => Decision::GoOn,
@@ -50,7 +50,7 @@ pub(super) fn decide(state: State, obstacle: Obstacle) -> Decision {
 mod tests {
     use super::*;
 
-    const PUSHER: Obstacle = Obstacle::Pusher { approach: 0.1, gives_way: false, exhausted: false };
+    const PUSHER: Obstacle = Obstacle::Pusher { approach: 0.1, is_pushed: false, exhausted: false };
 
     #[test]
     fn bodies_stop_at_each_other_and_at_statics() {
@@ -72,9 +72,9 @@ mod tests {
         assert_eq!(decide(State::Pushed, Obstacle::Fixed), Decision::Wedge);
         assert_eq!(decide(State::Pushed, Obstacle::Stopping(State::Wedged)), Decision::Wedge);
         assert_eq!(decide(State::Pushed, Obstacle::Stopping(State::Free)), Decision::GoOn);
-        let exhausted = Obstacle::Pusher { approach: 0.1, gives_way: true, exhausted: true };
+        let exhausted = Obstacle::Pusher { approach: 0.1, is_pushed: true, exhausted: true };
         assert_eq!(decide(State::Pushed, exhausted), Decision::Wedge);
-        let two_pushed = |gives_way| Obstacle::Pusher { approach: -0.1, gives_way, exhausted: false };
+        let two_pushed = |is_pushed| Obstacle::Pusher { approach: -0.1, is_pushed, exhausted: false };
         assert_eq!(decide(State::Pushed, two_pushed(true)), Decision::GoOn);
         assert_eq!(decide(State::Pushed, two_pushed(false)), Decision::Wedge);
     }

@@ -171,9 +171,9 @@ fn respond(
         let Some(body) = side.body().filter(|&body| input.is_stopping(body)) else { continue };
         let advance =
             |body: u32| displacement_at(&trajectories.sweep_from(input, body, fraction), impact.point).dot(away);
-        let pusher = |other: u32, gives_way: bool| Obstacle::Pusher {
+        let pusher = |other: u32, is_pushed: bool| Obstacle::Pusher {
             approach: advance(other) - advance(body),
-            gives_way,
+            is_pushed,
             exhausted: trajectories.pushed(body) >= trajectories.push_reach(input, other),
         };
         let obstacle = match other.body() {

@@ -90,8 +90,8 @@ impl Draw<'_, '_, '_> {
         for (body, info) in self.step.input.bodies.iter().zip(&self.step.infos).filter(|(body, _)| body.active) {
             let Some(color) = self.color(layer, info.entity) else { continue };
             let cone = swept_cone(body);
-            let way = cone[1].center - cone[0].center;
-            let direction = way.try_normalize().unwrap_or(Vec3::Y);
+            let displacement = cone[1].center - cone[0].center;
+            let direction = displacement.try_normalize().unwrap_or(Vec3::Y);
             let rotation = Quat::from_rotation_arc(Vec3::Z, direction);
             for sphere in cone {
                 let circle = Isometry3d::new(sphere.center, rotation);
@@ -99,7 +99,7 @@ impl Draw<'_, '_, '_> {
             }
             for side in [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y] {
                 let start = cone[0].center + rotation * side * cone[0].radius;
-                self.lines.line(start, start + way, color);
+                self.lines.line(start, start + displacement, color);
             }
         }
     }

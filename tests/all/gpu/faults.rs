@@ -214,14 +214,14 @@ fn a_lost_device_loses_no_contact() {
     let told = || log::lines("medial meshes are culled on the CPU from now on").len();
     let of_own = |app: &App| app.world().resource::<MedialStep>().gpu_culling().unwrap().device().wgpu_device().clone();
     let of_renderer = |app: &App| app.world().resource::<RenderDevice>().wgpu_device().clone();
-    let ways: [(fn(&str, MedialBackend) -> App, &dyn Fn(&App) -> wgpu::Device); 2] =
+    let setups: [(fn(&str, MedialBackend) -> App, &dyn Fn(&App) -> wgpu::Device); 2] =
         [(app, &of_own), (app_ahead, &of_renderer)];
-    for (way, (app, device_of)) in ways.into_iter().enumerate() {
+    for (index, (app, device_of)) in setups.into_iter().enumerate() {
         let [mut cpu, mut gpu] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app("rods", backend));
         let mut after = Latencies::default();
         for number in 0..120 {
             if number == 60 {
-                assert!(culled_on_gpu(&gpu) && told() == way);
+                assert!(culled_on_gpu(&gpu) && told() == index);
                 device_of(&gpu).destroy();
             }
             cpu.update();
@@ -233,7 +233,7 @@ fn a_lost_device_loses_no_contact() {
             }
         }
         assert_eq!(after.waited() + after.answered(), 0, "the lost device is still used");
-        assert_eq!(told(), way + 1);
+        assert_eq!(told(), index + 1);
     }
 }
 
@@ -332,7 +332,7 @@ fn child_process_with_full_memory() {
 fn the_cpu_culls_if_the_renderer_is_unsuitable() {
     let Some(gpu) = device() else { return };
     let told = || log::lines("allows 4 storage buffers in a pass, 8 are needed");
-    for (way, pipelined) in [false, true].into_iter().enumerate() {
+    for (index, pipelined) in [false, true].into_iter().enumerate() {
         let [mut cpu, mut refused] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| {
             let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..default() };
             let device = WgpuSettings { constrained_limits: Some(limits), ..default() };
@@ -348,8 +348,8 @@ fn the_cpu_culls_if_the_renderer_is_unsuitable() {
         }
         assert!(refused.world().resource::<MedialStep>().gpu_culling().is_none());
         let lines = told();
-        assert_eq!(lines.len(), way + 1, "{lines:?}");
-        assert!(lines[way].contains("culled on the CPU") && lines[way].contains(gpu.name()), "{lines:?}");
+        assert_eq!(lines.len(), index + 1, "{lines:?}");
+        assert!(lines[index].contains("culled on the CPU") && lines[index].contains(gpu.name()), "{lines:?}");
     }
 }
 

@@ -59,9 +59,9 @@ fn vec3(low: f32, high: f32) -> impl Strategy<Value = Vec3> {
 /// Cones of any slope, also with pointed ends, with one end inside the other, and of length 0.
 fn cone() -> impl Strategy<Value = [Sphere; 2]> {
     let radius = || prop_oneof![1 => Just(0.0f32), 5 => 0.0f32..1.0];
-    let way = prop_oneof![1 => Just(Vec3::ZERO), 8 => vec3(-2.0, 2.0)];
-    (vec3(-2.5, 2.5), way, radius(), radius())
-        .prop_map(|(start, way, r1, r2)| [Sphere::new(start, r1), Sphere::new(start + way, r2)])
+    let offset = prop_oneof![1 => Just(Vec3::ZERO), 8 => vec3(-2.0, 2.0)];
+    (vec3(-2.5, 2.5), offset, radius(), radius())
+        .prop_map(|(start, offset, r1, r2)| [Sphere::new(start, r1), Sphere::new(start + offset, r2)])
 }
 
 /// Compares a separation with the minimum `wanted`. That is the distance unless the centres meet; then the overlap is at least that deep.

@@ -254,8 +254,8 @@ fn distances_are_exact() {
                     case.name
                 );
                 let Some(found) = found else { continue };
-                let way = pose12.transform_point(found.point2) - found.point1;
-                off = off.max((found.dist - truth).abs()).max(way.distance(found.normal1 * found.dist));
+                let offset = pose12.transform_point(found.point2) - found.point1;
+                off = off.max((found.dist - truth).abs()).max(offset.distance(found.normal1 * found.dist));
                 assert!((found.normal1 + pose12.rotation * found.normal2).length() < 1e-3, "{}", case.name);
             }
         }
@@ -315,14 +315,14 @@ fn impacts_are_exact() {
                 // A graze that is shallower than the slop is not an impact.
                 let [outer, inner] =
                     [1e-4, -1e-3].map(|close| first_touch(&axis, [&sweep1, &sweep2], &*truth_shape, close));
-                let way = (sweep1.translation - sweep2.translation).length();
+                let displacement = (sweep1.translation - sweep2.translation).length();
                 match (impact, outer) {
                     (Some(impact), touch) => {
                         hits += 1;
-                        off = touch.map_or(off, |touch| off.max((impact - touch) * way));
+                        off = touch.map_or(off, |touch| off.max((impact - touch) * displacement));
                         let [pose1, pose2] = [&sweep1, &sweep2].map(|sweep| sweep.pose_at(impact));
                         let distance = true_distance(&axis, &pose1.inv_mul(&pose2), &*truth_shape).unwrap_or(0.0);
-                        let sunk = inner.is_some_and(|inner| (impact - inner) * way > 2.0 * case.tolerance());
+                        let sunk = inner.is_some_and(|inner| (impact - inner) * displacement > 2.0 * case.tolerance());
                         assert!(
                             distance.abs() < 2.0 * case.tolerance() && !sunk,
                             "{}: {impact}, {outer:?} to {inner:?}, {distance} m apart",

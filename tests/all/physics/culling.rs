@@ -160,8 +160,8 @@ fn impacts_far_from_the_origin_are_the_same() {
             });
             // Grazing bodies differ, and so do spinning ones if the number of chords changes. If bodies overlap deeply at the start, the overlap may
             // hardly grow, and another one may be reported instead.
-            let way = (a.fraction - b.fraction).abs() * (reach1 + reach2);
-            if way >= 0.05 {
+            let displacement = (a.fraction - b.fraction).abs() * (reach1 + reach2);
+            if displacement >= 0.05 {
                 let depth = depth_at_start(&input, &statics, *pair);
                 let bodies = [pair.0, pair.1].into_iter().filter_map(Side::body);
                 let radii = bodies.map(|body| input.bodies[body as usize].solid.bounding_sphere().radius);
@@ -169,7 +169,7 @@ fn impacts_far_from_the_origin_are_the_same() {
                 assert!(depth > 0.05 * size, "seed {seed}, {depth} m deep of {size} m: {a:?} {b:?}");
                 late += 1;
             }
-            exact += usize::from(way < 1e-3 && (a.point + far).distance(b.point) < 2e-3);
+            exact += usize::from(displacement < 1e-3 && (a.point + far).distance(b.point) < 2e-3);
             impacts += 1;
         }
         alone += remote.len();

@@ -195,7 +195,7 @@ fn bodies_far_away_change_no_result_of_a_step() {
         let (others, _) = random_step(&mut random, 10, 0, 3.0, Vec3::new(400.0, 200.0, -300.0));
         let mut bodies: Vec<(Option<u32>, Body)> = (0..).map(Some).zip(input.bodies.drain(..)).collect();
         for other in others.bodies {
-            bodies.insert(random.below(bodies.len() + 1), (None, Body { owner: None, ..other }));
+            bodies.insert(random.below(bodies.len() + 1), (None, Body { rigid_body: None, ..other }));
         }
         let (numbers, bodies): (Vec<_>, Vec<_>) = bodies.into_iter().unzip();
         input.bodies = bodies;

@@ -258,10 +258,10 @@ fn components_and_resources_survive_a_round_trip_as_text() {
         let is_resource = registration.contains::<ReflectResource>();
         // Each resource is a component of its own entity.
         let entities: Vec<Entity> = world.query::<Entity>().query(world).iter().collect();
-        let owner = entities.into_iter().find(|&entity| component.contains(world.entity(entity)));
-        let owner = owner.unwrap_or_else(|| panic!("no entity has {name}"));
-        assert!(is_resource || owner == original, "{name}");
-        let value = component.reflect(world.entity(owner)).unwrap();
+        let holder = entities.into_iter().find(|&entity| component.contains(world.entity(entity)));
+        let holder = holder.unwrap_or_else(|| panic!("no entity has {name}"));
+        assert!(is_resource || holder == original, "{name}");
+        let value = component.reflect(world.entity(holder)).unwrap();
         let read = through_text(value.as_partial_reflect(), registration, &registry, &assets);
         let read = registration.data::<ReflectFromReflect>().unwrap().from_reflect(&*read).expect(name);
         assert_eq!(read.reflect_partial_eq(value.as_partial_reflect()), Some(true), "{name}: {read:?} {value:?}");

@@ -51,9 +51,9 @@ fn check(counts: [u32; 2]) -> usize {
             let center = if std::ptr::eq(shape, &ring) { Vec3::ZERO } else { offset };
             let start = Pose3::from_parts(center, random.rotation());
             let turn = random.in_ball() * spin;
-            let way = (-center * 0.8 + random.in_ball() * 0.6) * random.unit();
+            let displacement = (-center * 0.8 + random.in_ball() * 0.6) * random.unit();
             let rotation = glam::Quat::from_scaled_axis(turn) * start.rotation;
-            let end = Pose3::from_parts(center + way, rotation.normalize());
+            let end = Pose3::from_parts(center + displacement, rotation.normalize());
             Sweep::between(start, end, shape.center_of_mass(), turn)
         });
         let bodies = || [0, 1].map(|side: usize| Body::new(shapes[side].clone(), sweeps[side]));

@@ -22,9 +22,9 @@ const LEVELS: [(u32, f32); 3] = [(24, 0.3), (12, 0.9), (6, 4.0)];
 /// Levels of a ring that lies flat.
 fn chain() -> MedialLevels {
     let levels = LEVELS.map(|(segments, max)| {
-        let one_way = Deviation { max, mean: 0.1 };
-        let back = Deviation { max: 0.5 * max, mean: 0.1 };
-        let error = TwoSidedError { mesh_to_envelope: back, envelope_to_mesh: one_way, diagonal: 3.0 };
+        let envelope_to_mesh = Deviation { max, mean: 0.1 };
+        let mesh_to_envelope = Deviation { max: 0.5 * max, mean: 0.1 };
+        let error = TwoSidedError { mesh_to_envelope, envelope_to_mesh, diagonal: 3.0 };
         Level { axis: MedialAxis::torus(1.0, TUBE, segments).unwrap(), error }
     });
     MedialLevels { levels: levels.into() }

@@ -68,8 +68,8 @@ fn a_shot_is_reported_once_with_position_and_speed() {
             assert!(!message.sensor);
             let touch = message.touch;
             // The second step starts half a step's displacement before the middle of the wall.
-            let way = 200.0 * DT;
-            assert!((touch.fraction - (0.5 * way - 0.25) / way).abs() < 1e-3, "{kind}: {touch:?}");
+            let displacement = 200.0 * DT;
+            assert!((touch.fraction - (0.5 * displacement - 0.25) / displacement).abs() < 1e-3, "{kind}: {touch:?}");
             assert!(touch.point.distance(Vec3::new(-0.05, 0.1, 0.1)) < 2e-3, "{kind}: {touch:?}");
             assert!(touch.normal.distance(Vec3::X * sign) < 1e-3, "{kind}: {touch:?}");
             assert!((touch.approach_speed - 200.0).abs() < 0.01, "{kind}: {touch:?}");

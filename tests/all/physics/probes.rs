@@ -174,15 +174,18 @@ fn points_find_the_nearest_surface() {
             let distance = exact.distance(point.as_dvec3());
             let tolerance = ACCURACY * exact.size;
             let found = medial.project_local_point(point, false);
-            let way = f64::from(found.point.distance(point));
+            let found_distance = f64::from(found.point.distance(point));
             assert!(found.is_inside == (distance <= 0.0) || distance.abs() < tolerance);
             assert_eq!(medial.contains_local_point(point), found.is_inside);
             let off = exact.distance(found.point.as_dvec3());
-            assert!(off.abs() < tolerance, "{off} off the surface, {way} from a point at distance {distance}");
+            assert!(
+                off.abs() < tolerance,
+                "{off} off the surface, {found_distance} from a point at distance {distance}"
+            );
             assert_eq!(medial.project_local_point_and_get_feature(point).0.point, found.point);
             if !found.is_inside {
                 outside += 1;
-                assert!((way - distance).abs() < tolerance, "{way} instead of {distance}");
+                assert!((found_distance - distance).abs() < tolerance, "{found_distance} instead of {distance}");
                 assert_eq!(medial.project_local_point(point, true).point, found.point);
                 continue;
             }
@@ -192,9 +195,9 @@ fn points_find_the_nearest_surface() {
             let mut nearer = 0.0f64;
             for _ in 0..150 {
                 let near = point.as_dvec3()
-                    + random.in_ball().normalize().as_dvec3() * way * (0.5 + 0.5 * f64::from(random.unit()));
+                    + random.in_ball().normalize().as_dvec3() * found_distance * (0.5 + 0.5 * f64::from(random.unit()));
                 if exact.distance(near) > tolerance {
-                    nearer = nearer.max(1.0 - near.distance(point.as_dvec3()) / way);
+                    nearer = nearer.max(1.0 - near.distance(point.as_dvec3()) / found_distance);
                 }
             }
             worst.set(worst.get().max(nearer));

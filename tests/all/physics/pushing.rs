@@ -205,14 +205,14 @@ fn a_pushed_body_keeps_its_locked_axes() {
         }
         assert!(pushed > 0, "{locked:?}: the body is not hit");
         let pose = *rigid(&mut app, body).position();
-        let [way, turn] = [pose.translation, pose.rotation.to_scaled_axis()];
-        assert_eq!(way.length() > 0.1, locked != LockedAxes::TRANSLATION_LOCKED, "{locked:?}: {way}");
+        let [displacement, turn] = [pose.translation, pose.rotation.to_scaled_axis()];
+        assert_eq!(displacement.length() > 0.1, locked != LockedAxes::TRANSLATION_LOCKED, "{locked:?}: {displacement}");
         assert_eq!(turn.length() > 0.1, locked != LockedAxes::ROTATION_LOCKED, "{locked:?}: {turn}");
         if locked == LockedAxes::ROTATION_LOCKED {
             assert!(turn.length() < 1e-5, "{turn}");
         } else {
-            let held = if locked == LockedAxes::TRANSLATION_LOCKED { way } else { way * Vec3::Z };
-            assert!(held.length() < 1e-5, "{locked:?}: {way}");
+            let held = if locked == LockedAxes::TRANSLATION_LOCKED { displacement } else { displacement * Vec3::Z };
+            assert!(held.length() < 1e-5, "{locked:?}: {displacement}");
         }
     }
 }

@@ -141,9 +141,9 @@ fn scene_queries_find_medial_shapes_with_all_filters() {
 }
 
 /// Moves the character by the same translation in each step. Returns its final position, and whether it is grounded.
-fn walk(app: &mut App, character: Entity, way: Vec3, steps: u32) -> (Vec3, bool) {
+fn walk(app: &mut App, character: Entity, translation: Vec3, steps: u32) -> (Vec3, bool) {
     for _ in 0..steps {
-        app.world_mut().get_mut::<KinematicCharacterController>(character).unwrap().translation = Some(way);
+        app.world_mut().get_mut::<KinematicCharacterController>(character).unwrap().translation = Some(translation);
         app.update();
     }
     let output = app.world().get::<KinematicCharacterControllerOutput>(character).unwrap();

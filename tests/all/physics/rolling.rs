@@ -12,7 +12,7 @@ const SECONDS: f32 = 3.0;
 
 /// Result of a rolling body.
 struct Rolled {
-    way: f32,
+    displacement: f32,
     /// Lowest and highest position of its centre relative to the start, in metres.
     heights: [f32; 2],
 }
@@ -28,13 +28,13 @@ fn roll(body: impl FnOnce(&mut App) -> Entity, radius: f32, speed: f32, late: bo
     let velocity = Velocity { linear: Vec3::X * speed, angular: Vec3::Z * (-speed / radius) };
     let body = body(&mut app);
     app.world_mut().entity_mut(body).insert((velocity, Friction::coefficient(0.5)));
-    let mut rolled = Rolled { way: 0.0, heights: [f32::MAX, f32::MIN] };
+    let mut rolled = Rolled { displacement: 0.0, heights: [f32::MAX, f32::MIN] };
     for _ in 0..(SECONDS / DT) as u32 {
         run(&mut app, 1);
         let height = position(&mut app, body).y - radius;
         rolled.heights = [rolled.heights[0].min(height), rolled.heights[1].max(height)];
     }
-    rolled.way = position(&mut app, body).x;
+    rolled.displacement = position(&mut app, body).x;
     rolled
 }
 
@@ -57,9 +57,9 @@ fn balls_and_rollers_roll_as_far_as_rapier_bodies() {
             let rapiers = roll(spawn, radius, speed, late);
             println!(
                 "{name} at {speed} m/s, late {late}: {:.2} m, rapier's {:.2}; height {:?}, rapier's {:?}",
-                ours.way, rapiers.way, ours.heights, rapiers.heights
+                ours.displacement, rapiers.displacement, ours.heights, rapiers.heights
             );
-            assert!(ours.way > 0.97 * rapiers.way && ours.way < 1.05 * SECONDS * speed);
+            assert!(ours.displacement > 0.97 * rapiers.displacement && ours.displacement < 1.05 * SECONDS * speed);
             assert!(ours.heights[0] > rapiers.heights[0] - 1e-3 && ours.heights[1] < 0.01);
         }
     }
@@ -72,7 +72,7 @@ fn a_tyre_of_many_cones_keeps_rolling() {
     for speed in [5.0, 10.0, 30.0] {
         let tyre = MedialAxis::torus(0.25, 0.05, 104).unwrap();
         let rolled = roll(|app| spawn_body(app, tyre, upright), 0.3, speed, false);
-        println!("{speed} m/s: {:.2} m, height {:?}", rolled.way, rolled.heights);
-        assert!(rolled.way > 0.7 * SECONDS * speed && rolled.heights[0] > -0.01, "{:?}", rolled.heights);
+        println!("{speed} m/s: {:.2} m, height {:?}", rolled.displacement, rolled.heights);
+        assert!(rolled.displacement > 0.7 * SECONDS * speed && rolled.heights[0] > -0.01, "{:?}", rolled.heights);
     }
 }

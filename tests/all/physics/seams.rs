@@ -141,7 +141,7 @@ struct Slide {
     /// Lost speed, in percent per metre.
     speed: f32,
     /// Lost displacement, in percent.
-    way: f32,
+    displacement: f32,
     /// Largest rise above the start, in metres.
     up: f32,
 }
@@ -170,14 +170,14 @@ fn slide(app: &mut App, slider: Slider, height: f32, speed: f32, turns: bool) ->
         up = up.max(position(app, body).y - start.y);
     }
     let rigid = rigid(app, body);
-    let (way, end) = ((rigid.translation() - start).dot(forward), rigid.linvel().dot(forward));
+    let (displacement, end) = ((rigid.translation() - start).dot(forward), rigid.linvel().dot(forward));
     let expected = speed * steps as f32 * DT;
-    Slide { speed: (1.0 - end / speed) * 100.0 / expected, way: (1.0 - way / expected) * 100.0, up }
+    Slide { speed: (1.0 - end / speed) * 100.0 / expected, displacement: (1.0 - displacement / expected) * 100.0, up }
 }
 
 impl Slide {
     fn is_smooth(&self) -> bool {
-        self.speed.abs() < 1.0 && self.way.abs() < 1.0 && self.up < 5e-3
+        self.speed.abs() < 1.0 && self.displacement.abs() < 1.0 && self.up < 5e-3
     }
 }
 
@@ -196,7 +196,7 @@ fn bodies_slide_smoothly_over_seams() {
             let slide = slide(&mut app, slider, height, speed, (i + j) % 2 == 0);
             // Slivers are at the limit of the kernels' accuracy. A body that rolls there loses a little displacement.
             let slivers = *floor == "wide triangles";
-            let known = slivers && Slide { way: 0.5 * slide.way, ..slide }.is_smooth();
+            let known = slivers && Slide { displacement: 0.5 * slide.displacement, ..slide }.is_smooth();
             assert!(known || slide.is_smooth(), "{name} on {floor} at {speed} m/s: {slide:?}");
             slides += 1;
         }
@@ -237,9 +237,9 @@ fn a_rolling_ball_does_not_hop_over_seams() {
                 let height = position(&mut app, ball).y - radius;
                 (deepest, highest) = (deepest.min(height), highest.max(height));
             }
-            let way = position(&mut app, ball).x + 0.413;
+            let displacement = position(&mut app, ball).x + 0.413;
             assert!(highest < 6e-3, "on {floor} at {speed} m/s: {highest}");
-            assert!((way / (2.0 * speed) - 1.0).abs() < 0.05, "on {floor} at {speed} m/s: {way}");
+            assert!((displacement / (2.0 * speed) - 1.0).abs() < 0.05, "on {floor} at {speed} m/s: {displacement}");
             assert!(deepest < -2e-4, "the ball never sinks in: {deepest}");
         }
     }

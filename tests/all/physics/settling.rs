@@ -227,7 +227,7 @@ fn a_ball_rolls_on_a_large_floor_like_a_ball_of_rapier() {
     for half in [10.0, 100.0, 400.0] {
         for radius in [0.02, 0.1, 0.5] {
             let start = Vec3::new(0.3 * half, radius, 0.3 * half);
-            let [way, expected] = [true, false].map(|is_medial| {
+            let [displacement, expected] = [true, false].map(|is_medial| {
                 let mut app = app();
                 app.world_mut().spawn((StaticObb::new(half, half, half), Transform::from_xyz(0.0, -half, 0.0)));
                 let body = if is_medial {
@@ -242,8 +242,8 @@ fn a_ball_rolls_on_a_large_floor_like_a_ball_of_rapier() {
             });
             assert!(expected.x > 1.3, "the ball of rapier does not roll: {expected}");
             assert!(
-                (way.x / expected.x - 1.0).abs() < 0.05 && (way.y - expected.y).abs() < 1e-3,
-                "{half} {radius}: {way} {expected}"
+                (displacement.x / expected.x - 1.0).abs() < 0.05 && (displacement.y - expected.y).abs() < 1e-3,
+                "{half} {radius}: {displacement} {expected}"
             );
         }
     }
