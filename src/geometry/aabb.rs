@@ -93,6 +93,11 @@ impl Aabb {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
     }
 
+    /// Distance of the boxes in metres, 0 if they share a point.
+    pub fn distance_to(&self, other: &Aabb) -> f32 {
+        (other.min - self.max).max(self.min - other.max).max(Vec3::ZERO).length()
+    }
+
     /// Distance in metres from `point` to the box, 0 inside.
     pub fn distance(&self, point: Vec3) -> f32 {
         point.distance(point.clamp(self.min, self.max))

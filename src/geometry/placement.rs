@@ -1,6 +1,8 @@
 use glam::{Mat3A, Vec3, Vec3A};
 use glamx::Pose3;
 
+use super::Aabb;
+
 /// A pose as a matrix, to transform many points.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
@@ -22,6 +24,15 @@ impl Placement {
     #[inline]
     pub fn vector(&self, vector: Vec3) -> Vec3 {
         self.rotation * vector
+    }
+
+    /// Returns a box in the parent frame that contains a local box.
+    #[inline]
+    pub fn aabb(&self, aabb: &Aabb) -> Aabb {
+        let (center, half) = (self.point(aabb.center()), Vec3A::from(aabb.half_extents()));
+        let Mat3A { x_axis, y_axis, z_axis } = self.rotation;
+        let half = Vec3::from(x_axis.abs() * half.x + y_axis.abs() * half.y + z_axis.abs() * half.z);
+        Aabb { min: center - half, max: center + half }
     }
 }
 

@@ -5,7 +5,7 @@ use glam::Vec3;
 
 use super::{
     CachedPair, ContactCache, ContactMargin, Manifold, Pair, Scratch, Side, Statics, StepInput, StepOutput,
-    contacts::{find, reduce},
+    contacts::{find, gap, reduce},
     laps,
     pairs::{BodyPair, PrimitivePair},
     parallel::{self, Scratches},
@@ -19,19 +19,22 @@ use super::{
 use crate::geometry::Pose3;
 
 /// Finds the first impact of each pair on the assumption that no body leaves its path. `known`: the candidate primitive pairs of each pair, where they are
-/// known.
+/// known. `cache`: the contacts of the last step.
 pub(super) fn impacts(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
     known: &[Option<Vec<PrimitivePair>>],
+    cache: &ContactCache,
     tasks: &Scratches<Scratch>,
     impacts: &mut Vec<ImpactResult>,
     pool: &TaskPool,
 ) {
     parallel::map(pool, tasks, pairs, 4, impacts, |scratch, i, pair| {
         let known = known.get(i).and_then(Option::as_deref);
-        let motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
+        let gap = gap_at_start(input, statics, pair, cache);
+        let mut motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
+        motions.retain(|motion| motion.path() + motion.reach() >= gap);
         let times = [Some([0.0, 1.0]); 2];
         let question = Question { input, statics, pair, known, times, normal: Vec3::ZERO };
         let result = first_impact(&question, motions, scratch, laps());
@@ -40,6 +43,19 @@ pub(super) fn impacts(
         }
         result
     });
+}
+
+/// Returns a lower bound of the distance of a pair at the start of the step, in metres; 0 if it is not known.
+fn gap_at_start(input: &StepInput, statics: &Statics, pair: &BodyPair, cache: &ContactCache) -> f32 {
+    let sides = [pair.first, pair.second];
+    let [Some(id1), Some(id2)] = sides.map(|side| input.id(statics, side)) else { return 0.0 };
+    // Candidates in the output do not depend on earlier steps.
+    if !input.recycle_contacts || input.report_candidates {
+        return 0.0;
+    }
+    let pose12 =
+        relative_pose(sides.map(|side| place(input, statics, side, |body| input.bodies[body as usize].sweep.start)));
+    cache.gap([id1, id2], sides.map(|side| input.side(statics, side).0), &pose12)
 }
 
 /// A pair whose contacts were searched or recycled.
@@ -51,6 +67,8 @@ pub(super) struct Found {
     pub count: usize,
     /// Margin of the search.
     pub reach: ContactMargin,
+    /// Lower bound of the distance of the bodies in metres, from the search; 0 if they have contacts.
+    pub gap: f32,
     /// Pose of the second side in the frame of the first, to which the manifolds refer.
     pub pose12: Pose3,
     /// Index of the pair in the cache, if its contacts were not searched.
@@ -97,17 +115,23 @@ impl Ends<'_> {
         let reach = input.contact_margin(sides, |body| trajectories.moved_until(body));
         let before = manifolds.len();
         let recycled = self.recycled(sides, reach, &pose12);
+        let mut gap = 0.0;
         if let Some(index) = recycled {
             manifolds.extend(self.cache.manifolds_at(index, pose12));
             *finding += lap();
         } else {
             contacts.clear();
             find::find_with(shape1, second.second(), &pose12, reach, input.culling, contacts, buffers);
+            // A fast pair would use up its gap in a few steps.
+            let is_slow = reach.in_touch < input.prediction;
+            if contacts.is_empty() && is_slow && input.recycle_contacts {
+                gap = gap::gap(shape1, second.second(), &pose12, 2.0 * input.prediction).max(0.0);
+            }
             *finding += lap();
             reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push(manifold));
             *reducing += lap();
         }
-        found.push(Found { pair: index, count: manifolds.len() - before, reach, pose12, recycled });
+        found.push(Found { pair: index, count: manifolds.len() - before, reach, gap, pose12, recycled });
     }
 
     /// Returns the index of a pair in the cache, if its contacts are still valid.
@@ -125,15 +149,15 @@ impl Ends<'_> {
         let Self { input, statics, cache, .. } = *self;
         next.clear();
         let mut begin = 0;
-        for &Found { pair, count, reach, pose12, recycled } in found {
+        for &Found { pair, count, reach, gap, pose12, recycled } in found {
             let manifolds = &manifolds[begin..begin + count];
             begin += count;
             let sides = [pairs[pair].first, pairs[pair].second];
             if let Some(index) = recycled {
-                next.keep(cache, index, pose12);
+                next.keep(cache, index, reach, pose12);
             } else if let [Some(id1), Some(id2)] = sides.map(|side| input.id(statics, side)) {
                 let solids = sides.map(|side| input.side(statics, side).0);
-                next.push(CachedPair::new([id1, id2], solids, reach, pose12), manifolds);
+                next.push(CachedPair::new([id1, id2], solids, reach, pose12, gap), manifolds);
             }
         }
     }

@@ -125,7 +125,7 @@ impl Workspace {
         let Self { tasks, pairs, impacts, respond, found, contacts: cache, next_contacts, .. } = self;
         tasks.iter_mut().for_each(Scratch::forget);
         let mut lap = laps();
-        narrow_phase::impacts(input, statics, pairs, known, tasks, impacts, pool);
+        narrow_phase::impacts(input, statics, pairs, known, cache, tasks, impacts, pool);
         [output.times.mid, output.times.narrow] = split(lap(), tasks);
         let first = tally(tasks);
 

@@ -1,4 +1,5 @@
-//! Contacts that are kept between steps: a pair that has hardly moved since its contacts were searched keeps its manifolds.
+//! Contacts that are kept between steps: a pair that has hardly moved since its contacts were searched keeps its manifolds, and a pair that was apart is not
+//! searched until it has moved by its distance.
 //!
 //! The contact points stay where they are on both bodies, and only their distances are computed again. The new distance is exact up to the second order of
 //! the displacement, which is at most [`LINEAR_SLOP`] and less for small bodies.
@@ -9,8 +10,8 @@ use bevy::platform::collections::HashMap;
 use glam::Quat;
 
 use crate::{
-    constants::{LINEAR_SLOP, SLOP_OF_SIZE},
-    geometry::{Pose3, Sphere},
+    constants::{CONTACT_ROUNDING, LINEAR_SLOP, SLOP_OF_SIZE},
+    geometry::Pose3,
     pipeline::{ContactMargin, Manifold, ShapeId, Solid},
 };
 
@@ -38,6 +39,8 @@ pub struct CachedPair {
     pub pose12: Pose3,
     /// That pose when the contacts were searched.
     searched: Pose3,
+    /// Lower bound of the distance of the bodies at that pose, in metres; 0 if they have contacts.
+    gap: f32,
     /// True if the second body is the larger one.
     on_second: bool,
     /// The manifolds at the pose `searched`.
@@ -60,15 +63,19 @@ impl ContactCache {
         self.pairs.push(CachedPair { manifolds: begin..self.manifolds.len(), ..pair });
     }
 
-    /// Adds a pair of an earlier cache at another pose.
-    pub(in crate::pipeline) fn keep(&mut self, earlier: &ContactCache, index: u32, pose12: Pose3) {
+    /// Adds a pair of an earlier cache at another pose. `reach`: margin for which its contacts are valid.
+    pub(in crate::pipeline) fn keep(
+        &mut self,
+        earlier: &ContactCache,
+        index: u32,
+        reach: ContactMargin,
+        pose12: Pose3,
+    ) {
         let pair = &earlier.pairs[index as usize];
-        self.push(CachedPair { pose12, ..pair.clone() }, &earlier.manifolds[pair.manifolds.clone()]);
+        self.push(CachedPair { reach, pose12, ..pair.clone() }, &earlier.manifolds[pair.manifolds.clone()]);
     }
 
-    /// Returns the index of a pair, if it has manifolds that are valid for these shapes at this pose.
-    ///
-    /// Pairs without manifolds are searched in every step. Otherwise contacts would depend on the step in which culling has first listed the pair.
+    /// Returns the index of a pair, if its manifolds are valid for these shapes at this pose. A pair without manifolds has to be apart.
     pub(in crate::pipeline) fn find(
         &self,
         ids: [u64; 2],
@@ -78,13 +85,21 @@ impl ContactCache {
     ) -> Option<u32> {
         let index = *self.places.get(&ids)?;
         let pair = &self.pairs[index as usize];
-        if pair.manifolds.is_empty() || pair.reach != reach || pair.shapes != solids.map(Solid::id) {
-            return None;
-        }
-        let bounds = solids.map(Solid::bounding_sphere);
-        let size = bounds[0].radius.min(bounds[1].radius);
-        let tolerance = (LINEAR_SLOP * reach.length_unit).min(SLOP_OF_SIZE * size).min(0.25 * reach.prediction);
-        (relative_displacement(&pair.searched, pose12, bounds) <= tolerance).then_some(index)
+        let is_valid = if pair.manifolds.is_empty() {
+            pair.gap_at(solids, pose12) > reach.prediction
+        } else {
+            let size = smaller_radius(solids);
+            let tolerance = (LINEAR_SLOP * reach.length_unit).min(SLOP_OF_SIZE * size).min(0.25 * reach.prediction);
+            pair.reach == reach && pair.displacement(solids, pose12) <= tolerance
+        };
+        (is_valid && pair.is_of(solids)).then_some(index)
+    }
+
+    /// Returns a lower bound of the distance of two bodies, in metres. 0 if the pair has contacts or is not in the cache.
+    pub(in crate::pipeline) fn gap(&self, ids: [u64; 2], solids: [&Solid; 2], pose12: &Pose3) -> f32 {
+        let Some(&index) = self.places.get(&ids) else { return 0.0 };
+        let pair = &self.pairs[index as usize];
+        if pair.is_of(solids) { pair.gap_at(solids, pose12) } else { 0.0 }
     }
 
     /// Returns the manifolds of a pair at another pose.
@@ -113,24 +128,51 @@ impl ContactCache {
 }
 
 impl CachedPair {
-    /// Creates a pair that was searched at this pose, without manifolds.
-    pub(in crate::pipeline) fn new(ids: [u64; 2], solids: [&Solid; 2], reach: ContactMargin, pose12: Pose3) -> Self {
+    /// Creates a pair that was searched at this pose, without manifolds. `gap`: lower bound of the distance of the bodies, in metres.
+    pub(in crate::pipeline) fn new(
+        ids: [u64; 2],
+        solids: [&Solid; 2],
+        reach: ContactMargin,
+        pose12: Pose3,
+        gap: f32,
+    ) -> Self {
         let [radius1, radius2] = solids.map(|solid| solid.bounding_sphere().radius);
         let shapes = solids.map(Solid::id);
-        Self { ids, shapes, reach, pose12, searched: pose12, on_second: radius1 < radius2, manifolds: 0..0 }
+        Self { ids, shapes, reach, pose12, searched: pose12, gap, on_second: radius1 < radius2, manifolds: 0..0 }
+    }
+
+    /// Returns true if the pair was searched with these shapes.
+    fn is_of(&self, solids: [&Solid; 2]) -> bool {
+        self.shapes == solids.map(Solid::id)
+    }
+
+    /// Returns a lower bound of the distance of the bodies at another pose, in metres.
+    fn gap_at(&self, solids: [&Solid; 2], pose12: &Pose3) -> f32 {
+        // Skip the bound of the displacement if the bodies were not apart.
+        if self.gap == 0.0 {
+            return 0.0;
+        }
+        let rounding = CONTACT_ROUNDING * smaller_radius(solids);
+        (self.gap - rounding - self.displacement(solids, pose12)).max(0.0)
+    }
+
+    /// Returns an upper bound of the relative displacement of any point within both bounding spheres since the search, in metres.
+    fn displacement(&self, solids: [&Solid; 2], pose12: &Pose3) -> f32 {
+        let [bound1, bound2] = solids.map(Solid::bounding_sphere);
+        let poses = [&self.searched, pose12];
+        let [from, to] = poses.map(|pose| pose.rotation);
+        let angle = 2.0 * (from.inverse() * to).xyz().length().min(1.0).asin();
+        let (radius, [from, to]) = if bound1.radius < bound2.radius {
+            (bound1.radius, poses.map(|pose| pose.inverse_transform_point(bound1.center)))
+        } else {
+            (bound2.radius, poses.map(|pose| pose.transform_point(bound2.center)))
+        };
+        from.distance(to) + angle * radius
     }
 }
 
-/// Returns an upper bound of the relative displacement between two relative poses of a pair, of any point within both bounding spheres, in metres.
-fn relative_displacement(from: &Pose3, to: &Pose3, [bound1, bound2]: [Sphere; 2]) -> f32 {
-    let [a, b] = [from.rotation, to.rotation];
-    let angle = 2.0 * (a.inverse() * b).xyz().length().min(1.0).asin();
-    let (radius, center) = if bound1.radius < bound2.radius {
-        let [from, to] = [from, to].map(|pose| pose.inverse_transform_point(bound1.center));
-        (bound1.radius, from.distance(to))
-    } else {
-        let [from, to] = [from, to].map(|pose| pose.transform_point(bound2.center));
-        (bound2.radius, from.distance(to))
-    };
-    center + angle * radius
+/// Returns the bounding radius of the smaller body, in metres.
+fn smaller_radius(solids: [&Solid; 2]) -> f32 {
+    let [radius1, radius2] = solids.map(|solid| solid.bounding_sphere().radius);
+    radius1.min(radius2)
 }

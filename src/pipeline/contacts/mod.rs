@@ -4,6 +4,7 @@ mod cache;
 mod cluster;
 mod features;
 pub(in crate::pipeline) mod find;
+pub(in crate::pipeline) mod gap;
 mod internal_edges;
 mod manifold;
 mod margin;

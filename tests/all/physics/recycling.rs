@@ -84,6 +84,8 @@ fn distance(output: &StepOutput, pair: &Pair) -> f32 {
 #[derive(Debug, Default)]
 struct Comparison {
     pair_steps: usize,
+    /// Candidate primitive pairs of the search for impacts: with a cache, and without one.
+    candidates: [usize; 2],
     /// Pairs in touch in both steps.
     touching: usize,
     /// Those with other bits, which have recycled contacts.
@@ -102,6 +104,8 @@ impl Comparison {
         };
         assert_eq!(impacts(recycling), impacts(searching));
         self.pair_steps += recycling.counts.body_pairs;
+        self.candidates[0] += recycling.counts.candidates;
+        self.candidates[1] += searching.counts.candidates;
         for pair in &searching.pairs {
             let other = recycling.pairs.iter().find(|other| [other.first, other.second] == [pair.first, pair.second]);
             let expected = distance(searching, pair);
@@ -146,6 +150,8 @@ fn check(seeds: u64, steps: u32, pair_steps: usize) {
         [0.5, 0.99, 0.999, 1.0].map(at)
     );
     assert!(result.pair_steps >= pair_steps && 4 * recycled > touching);
+    let [cached, all] = result.candidates;
+    assert!(cached < all, "no pair is skipped because of its gap");
     assert!(1000 * different <= touching);
     assert!(at(0.99) < 0.3 * LINEAR_SLOP && at(1.0) < LINEAR_SLOP);
 }
