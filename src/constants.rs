@@ -149,17 +149,17 @@ pub const MAX_PUSHES: u32 = 16;
 pub const DEFAULT_PREDICTION: f32 = 0.02;
 
 /// Iterations of the search for the surface point that is nearest to a point inside a shape. Few are needed unless surfaces meet at a sharp angle.
-pub const WAY_OUT_ROUNDS: usize = 32;
+pub const PROJECTION_ITERATIONS: usize = 32;
 
 /// Iterations of the inner search, for the nearest point beyond planes, within each iteration of that search.
 pub const NEAREST_BEYOND_ROUNDS: usize = 1000;
 
 /// Smallest improvement by an iteration that continues that search, per metre of the shape's bounding radius.
-pub const WAY_OUT_ACCURACY: f32 = 1.0e-6;
+pub const PROJECTION_ACCURACY: f32 = 1.0e-6;
 
 /// Largest relative displacement of bodies in contact within a substep of the solver, per metre of the smaller body's bounding radius. With a larger
 /// value, fast impacts transfer too little or too much momentum; with a smaller one, they cost more time.
-pub const SUBSTEP_WAY: f32 = 0.1;
+pub const SUBSTEP_DISPLACEMENT: f32 = 0.1;
 
 /// Largest number of substeps.
 pub const MAX_SUBSTEPS: usize = 1000;

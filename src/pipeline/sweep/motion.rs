@@ -244,6 +244,6 @@ fn reach(shape1: &Shape, sweep1: &Sweep, sweep2: &Sweep, arm2: f32) -> Aabb {
         return Aabb::from_spheres([start, start + seen.translation].map(|center| Sphere::new(center, radius)));
     }
     // Two points that touch were apart by at most their relative displacement at the start.
-    let way = (sweep1.translation - sweep2.translation).length() + sweep2.rotation.length().min(2.0) * arm2;
-    Aabb::from_spheres([Sphere::new(start, radius + way)])
+    let displacement = (sweep1.translation - sweep2.translation).length() + sweep2.rotation.length().min(2.0) * arm2;
+    Aabb::from_spheres([Sphere::new(start, radius + displacement)])
 }

@@ -7,9 +7,9 @@ use crate::{
     pipeline::{Shape, Side},
 };
 
-/// Number of cache rows. A row keeps the boxes of two bodies while a step runs. With fewer rows the boxes of a body in many pairs are placed more often; each
-/// row more takes tens of kilobytes of memory.
-const ROWS: usize = 16;
+/// Number of cache rows per thread. A row keeps the boxes of two bodies while a step runs. With fewer rows the boxes of a body in many pairs are computed more
+/// often. With more rows a thread needs more memory: 32 kilobytes per row for shapes of 100 primitives.
+const ROWS: usize = 128;
 
 /// Cache of the boxes of recently requested bodies. Boxes are relative to the position of their body at the start, with the world's axes.
 #[derive(Debug, Default)]
@@ -67,6 +67,8 @@ impl BoxCache {
 #[derive(Debug, Default)]
 pub(in crate::pipeline) struct MovingBoxes {
     nodes: Values<MovingBox>,
+    /// Boxes of the spheres.
+    spheres: Vec<MovingBox>,
     /// Origin of the boxes' coordinates, in the frame of the sweep.
     origin: Vec3,
 }
@@ -101,14 +103,17 @@ impl MovingBoxes {
             let centers = placements.each_ref().map(|placement| Vec3A::from(placement.point(center)));
             MovingBox { min: centers.map(|center| center - reach), max: centers.map(|center| center + reach) }
         };
+        let Self { nodes, spheres, .. } = self;
+        spheres.clear();
+        spheres.extend(shape.axis.spheres().iter().map(place));
         let around = |primitive: u32| {
             let indices = shape.axis.primitives()[primitive as usize].indices();
-            indices.iter().fold(MovingBox::NOWHERE, |all, &i| all.merge(&place(&shape.axis.spheres()[i as usize])))
+            indices.iter().fold(MovingBox::NOWHERE, |all, &i| all.merge(&spheres[i as usize]))
         };
         // Scaling back and forth rounds. Without a margin, the face of a flat shape could be outside of its own box.
         let target = target.scaled(shape.scale.recip());
         let target = target.inflated(target.rounding());
-        shape.bvh().values(&target, MovingBox::NOWHERE, around, MovingBox::merge, &mut self.nodes);
+        shape.bvh().values(&target, MovingBox::NOWHERE, around, MovingBox::merge, nodes);
         self.origin = origin;
     }
 
@@ -175,8 +180,8 @@ impl MovingBox {
     /// Returns the part of the motion between two fractions.
     fn between(&self, times: [f32; 2]) -> Self {
         let at = |[start, end]: [Vec3A; 2]| {
-            let way = end - start;
-            [start + way * times[0], start + way * times[1]]
+            let displacement = end - start;
+            [start + displacement * times[0], start + displacement * times[1]]
         };
         Self { min: at(self.min), max: at(self.max) }
     }
