@@ -10,6 +10,7 @@ mod rooms;
 mod scales;
 mod seams;
 mod shapes;
+mod time;
 
 use crate::stability::methods::Method;
 
@@ -38,6 +39,7 @@ pub fn all() -> Vec<Hazard> {
         chains::HAZARDS,
         piles::HAZARDS,
         life::HAZARDS,
+        time::HAZARDS,
     ];
     families.concat()
 }
