@@ -58,7 +58,7 @@ fn tell_started(mut started: MessageReader<MedialContactStarted>, names: Query<N
 }
 
 fn tell_ended(mut ended: MessageReader<MedialContactEnded>, names: Query<NameOrEntity>) {
-    for MedialContactEnded { entity1, entity2 } in ended.read() {
+    for MedialContactEnded { entity1, entity2, .. } in ended.read() {
         if let [Ok(name1), Ok(name2)] = [entity1, entity2].map(|entity| names.get(*entity)) {
             println!("{name1} leaves {name2}");
         }

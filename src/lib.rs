@@ -15,7 +15,7 @@
 //!
 //! fn setup(mut commands: Commands, assets: Res<AssetServer>) {
 //!     commands.spawn((StaticObb::new(10.0, 0.5, 10.0), Transform::from_xyz(0.0, -0.5, 0.0)));
-//!     commands.spawn((RigidBody::Dynamic, MedialMesh(assets.load("models/bear.ma")), Transform::from_xyz(0.0, 3.0, 0.0)));
+//!     commands.spawn((RigidBody::Dynamic, MedialMesh(assets.load("models/bear.medial")), Transform::from_xyz(0.0, 3.0, 0.0)));
 //! }
 //! ```
 //!
@@ -94,6 +94,9 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+#[cfg(feature = "rapier")]
+pub use bevy_rapier3d;
+
 pub mod builder;
 pub mod constants;
 mod disjoint_sets;
@@ -128,9 +131,9 @@ pub mod prelude {
     pub use crate::{
         medial_axis::MedialAxis,
         plugin::{
-            MedialBackend, MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialFocus,
-            MedialImportance, MedialLevel, MedialMesh, MedialPhysicsPlugin, MedialSettings, MedialStep, MedialSystems,
-            StaticObb, TouchPoint,
+            MedialBackend, MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialContacts,
+            MedialFocus, MedialImportance, MedialLevel, MedialMesh, MedialPhysicsPlugin, MedialSettings, MedialStep,
+            MedialSystems, StaticObb, TouchPoint,
         },
     };
 }

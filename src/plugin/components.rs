@@ -13,7 +13,7 @@ use crate::medial_axis::MedialAxis;
 /// # use bevy_medial::prelude::*;
 /// # use bevy_rapier3d::prelude::RigidBody;
 /// fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
-///     commands.spawn((RigidBody::Dynamic, MedialMesh(assets.load("models/bear.ma")), Transform::from_xyz(0.0, 5.0, 0.0)));
+///     commands.spawn((RigidBody::Dynamic, MedialMesh(assets.load("models/bear.medial")), Transform::from_xyz(0.0, 5.0, 0.0)));
 /// }
 /// ```
 #[derive(Component, Clone, Debug, Default, PartialEq, Eq, Deref, DerefMut, Reflect)]
@@ -38,6 +38,11 @@ pub struct StaticObb {
 }
 
 impl StaticObb {
+    /// Creates a box from its size along each of its own axes, in metres.
+    pub fn from_size(size: Vec3) -> Self {
+        Self { half_extents: 0.5 * size }
+    }
+
     /// Creates a box from its half extents in metres.
     pub fn new(x: f32, y: f32, z: f32) -> Self {
         Self { half_extents: Vec3::new(x, y, z) }

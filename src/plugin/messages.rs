@@ -32,8 +32,8 @@ impl TouchPoint {
 /// Two bodies have begun to touch. It is sent once, in the step in which they first come within [`LINEAR_SLOP`](crate::constants::LINEAR_SLOP)
 /// of each other or have an impact, however short.
 ///
-/// It is written as a message once for the pair. It is also triggered as an event on each of the two entities, with the observed entity first.
-/// Observers run after rapier has written back poses and velocities, so their changes take effect in the next step.
+/// It is written as a message once for the pair. It is also triggered as an event on each of the two entities, with the observed entity first. The event
+/// propagates to the ancestors of the entity, so a body observes the contacts of its child colliders. Observers run after rapier has written back poses and velocities, so their changes take effect in the next step.
 ///
 /// It is sent for bodies whose groups, hooks and types let them collide, as rapier's own events are. It is also sent for kinematic bodies and the
 /// bodies that they pass through, regardless of their `ActiveCollisionTypes`.
@@ -44,7 +44,7 @@ impl TouchPoint {
 /// # use bevy_rapier3d::prelude::RigidBody;
 /// fn spawn(mut commands: Commands, assets: Res<AssetServer>) {
 ///     commands
-///         .spawn((RigidBody::Dynamic, MedialMesh(assets.load("models/bear.ma"))))
+///         .spawn((RigidBody::Dynamic, MedialMesh(assets.load("models/bear.medial"))))
 ///         .observe(|started: On<MedialContactStarted>| {
 ///             info!("the bear hit {} at {} m/s", started.entity2, started.touch.approach_speed);
 ///         });
@@ -57,14 +57,19 @@ impl TouchPoint {
 /// }
 /// ```
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Reflect)]
+#[entity_event(propagate, auto_propagate)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Clone, PartialEq)]
 pub struct MedialContactStarted {
-    /// The first entity: a collider with a medial mesh, on a body or fixed. For an observer: the observed entity.
+    /// The first entity: a collider with a medial mesh, on a body or fixed. For an observer: the observed entity, which may be an ancestor of the collider.
     #[event_target]
     pub entity1: Entity,
     /// The second entity: another such collider, or any other collider. For an observer: the other entity.
     pub entity2: Entity,
+    /// The rigid body of the first collider, which may be the same entity. `None` for a collider without a rigid body.
+    pub body1: Option<Entity>,
+    /// The rigid body of the second collider.
+    pub body2: Option<Entity>,
     /// Place and time of the touch.
     pub touch: TouchPoint,
     /// True if one of them is a sensor.
@@ -74,7 +79,8 @@ pub struct MedialContactStarted {
 impl MedialContactStarted {
     /// The same message from the second entity's side.
     pub(crate) fn swapped(self) -> Self {
-        Self { entity1: self.entity2, entity2: self.entity1, touch: self.touch.swapped(), ..self }
+        let Self { entity1, entity2, body1, body2, touch, sensor } = self;
+        Self { entity1: entity2, entity2: entity1, body1: body2, body2: body1, touch: touch.swapped(), sensor }
     }
 }
 
@@ -82,6 +88,7 @@ impl MedialContactStarted {
 /// collide, or one of them is gone. It is sent once for each [`MedialContactStarted`], as a message and as an event on those of the two entities that
 /// still exist.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq, Reflect)]
+#[entity_event(propagate, auto_propagate)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Clone, PartialEq)]
 pub struct MedialContactEnded {
@@ -90,4 +97,15 @@ pub struct MedialContactEnded {
     pub entity1: Entity,
     /// The second entity. It may have been despawned. For an observer: the other entity.
     pub entity2: Entity,
+    /// The rigid body of the first collider when the touch began. `None` for a collider without a rigid body.
+    pub body1: Option<Entity>,
+    /// The rigid body of the second collider when the touch began.
+    pub body2: Option<Entity>,
+}
+
+impl MedialContactEnded {
+    /// The same message from the second entity's side.
+    pub(crate) fn swapped(self) -> Self {
+        Self { entity1: self.entity2, entity2: self.entity1, body1: self.body2, body2: self.body1 }
+    }
 }

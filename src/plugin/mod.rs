@@ -10,6 +10,7 @@
 //! | [`MedialImportance`], [`MedialFocus`] | components: relative accuracy of a body; a point at a distance from which bodies may be coarser |
 //! | [`MedialSettings`], [`MedialBackend`] | resource: settings for all bodies; back end that culls pairs |
 //! | [`MedialContactStarted`], [`MedialContactEnded`] | messages, and events for observers of the entities |
+//! | [`MedialContacts`] | system parameter: the contacts of the last step, by entity |
 //! | `MedialBuildPlugin` | with the feature `bevy_mesh`: builds the medial meshes of entities with a `BuildMedialMesh` from their `Mesh3d` |
 //! | `MedialGizmosPlugin` | with the feature `debug`: draws shapes and the last step, as configured by `MedialGizmos` and the component `MedialGizmo` |
 //! | `MedialPickingPlugin` | with the feature `picking`: pointers pick medial bodies |
@@ -25,6 +26,7 @@ mod changes;
 #[cfg(feature = "gpu")]
 mod choice;
 mod components;
+mod contacts;
 mod diagnostics;
 #[cfg(feature = "debug")]
 mod gizmos;
@@ -63,6 +65,7 @@ pub use build::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus};
 #[cfg(any(feature = "bevy_mesh", feature = "debug"))]
 pub(crate) use changes::Changes;
 pub use components::{MedialCcd, MedialMesh, StaticObb};
+pub use contacts::{MedialContactPair, MedialContacts};
 pub use diagnostics::paths as diagnostic_paths;
 #[cfg(feature = "debug")]
 pub use gizmos::{MedialGizmo, MedialGizmoLayer, MedialGizmos, MedialGizmosPlugin};
@@ -95,6 +98,9 @@ pub use step::{BodyInfo, MedialBackend, MedialSettings, MedialStep};
 pub struct MedialPhysicsPlugin {
     schedule: Interned<dyn ScheduleLabel>,
     add_systems: fn(&mut App, Interned<dyn ScheduleLabel>),
+    /// Steps per second, if their length is fixed.
+    #[cfg(feature = "rapier")]
+    rate: Option<f32>,
 }
 
 impl Default for MedialPhysicsPlugin {
@@ -104,11 +110,33 @@ impl Default for MedialPhysicsPlugin {
         let add_systems = crate::rapier::add_systems::<NoUserData>;
         #[cfg(not(feature = "rapier"))]
         let add_systems = transforms::add_systems;
-        Self { schedule: PostUpdate.intern(), add_systems }
+        Self {
+            schedule: PostUpdate.intern(),
+            add_systems,
+            #[cfg(feature = "rapier")]
+            rate: None,
+        }
     }
 }
 
 impl MedialPhysicsPlugin {
+    /// Runs steps of a fixed length in `PostUpdate`, at any frame rate, and interpolates the transforms of all rigid bodies between the steps.
+    ///
+    /// `rate`: steps per second. Default without this setting: each frame is a step of variable length.
+    ///
+    /// ```no_run
+    /// # use bevy::prelude::*;
+    /// # use bevy_medial::prelude::*;
+    /// App::new().add_plugins((DefaultPlugins, MedialPhysicsPlugin::fixed(60.0))).run();
+    /// ```
+    ///
+    /// The rate is a `TimestepMode::Interpolated`, and each `RigidBody` requires a `TransformInterpolation`. A rate that is not a positive number is
+    /// reported as an error, and 60 is used.
+    #[cfg(feature = "rapier")]
+    pub fn fixed(rate: f32) -> Self {
+        Self { rate: Some(rate), ..default() }
+    }
+
     /// Runs in `FixedUpdate`.
     pub fn in_fixed_schedule(self) -> Self {
         self.in_schedule(FixedUpdate)
@@ -205,6 +233,10 @@ impl Plugin for MedialPhysicsPlugin {
             )
             .add_systems(self.schedule, (report::tell_contacts, diagnostics::measure).in_set(MedialSystems::Report));
         diagnostics::register(app);
+        #[cfg(feature = "rapier")]
+        if let Some(rate) = self.rate {
+            crate::rapier::fix_steps(app, rate);
+        }
         (self.add_systems)(app, self.schedule);
         #[cfg(feature = "gpu")]
         {

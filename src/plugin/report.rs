@@ -6,10 +6,14 @@ use std::{
 use bevy::prelude::*;
 
 use super::{MedialContactEnded, MedialContactStarted, MedialStep, TouchPoint};
-use crate::{constants::LINEAR_SLOP, pipeline::Pair};
+use crate::{
+    constants::LINEAR_SLOP,
+    pipeline::{Contact, Impact, Pair},
+};
 
-/// The touching entities. Keys have the entities in ascending order, because the sides of a pair may change places. Values have the order of the first message.
-type Touching = BTreeMap<[Entity; 2], [Entity; 2]>;
+/// The touching entities. Keys have the entities in ascending order, because the sides of a pair may change places. Values are the messages to send when the
+/// touch ends, in the order of the first message.
+type Touching = BTreeMap<[Entity; 2], MedialContactEnded>;
 
 fn key(entities: [Entity; 2]) -> [Entity; 2] {
     let [a, b] = entities;
@@ -28,16 +32,17 @@ pub(super) fn tell_contacts(
     let mut now = Touching::new();
     for pair in &step.output.pairs {
         let (info1, info2) = (step.info(pair.first), step.info(pair.second));
-        let entities = [info1.entity, info2.entity];
+        let (entity1, entity2, body1, body2) = (info1.entity, info2.entity, info1.body, info2.body);
+        let key = key([entity1, entity2]);
         let Some(touch) = touch_point(&step, pair) else { continue };
-        let known = touching.get(&key(entities)).copied();
+        let known = touching.get(&key).copied();
         if known.is_none() && pair.impact.is_none() && touch.separation > LINEAR_SLOP * step.input.length_unit {
             continue;
         }
-        now.insert(key(entities), known.unwrap_or(entities));
+        now.insert(key, known.unwrap_or(MedialContactEnded { entity1, entity2, body1, body2 }));
         if known.is_none() {
-            let [entity1, entity2] = entities;
-            let message = MedialContactStarted { entity1, entity2, touch, sensor: info1.sensor || info2.sensor };
+            let sensor = info1.sensor || info2.sensor;
+            let message = MedialContactStarted { entity1, entity2, body1, body2, touch, sensor };
             started.write(message);
             [message, message.swapped()].into_iter().for_each(|event| commands.trigger(event));
         }
@@ -48,7 +53,7 @@ pub(super) fn tell_contacts(
         let statics = step.static_infos.iter().map(|info| (info.entity, (false, false)));
         bodies.map(|(body, info)| (info.entity, (body.active, info.asleep))).chain(statics).collect()
     });
-    for (&key, &[entity1, entity2]) in touching.iter() {
+    for (&key, &message) in touching.iter() {
         if now.contains_key(&key) {
             continue;
         }
@@ -56,14 +61,12 @@ pub(super) fn tell_contacts(
             && (asleep1 || asleep2)
             && !(active1 || active2)
         {
-            now.insert(key, [entity1, entity2]);
+            now.insert(key, message);
             continue;
         }
-        ended.write(MedialContactEnded { entity1, entity2 });
-        for (entity1, entity2) in [(entity1, entity2), (entity2, entity1)] {
-            if existing.contains(entity1) {
-                commands.trigger(MedialContactEnded { entity1, entity2 });
-            }
+        ended.write(message);
+        for event in [message, message.swapped()].into_iter().filter(|event| existing.contains(event.entity1)) {
+            commands.trigger(event);
         }
     }
     *touching = now;
@@ -71,28 +74,28 @@ pub(super) fn tell_contacts(
 
 /// Returns the first impact of the pair, or else its deepest contact.
 fn touch_point(step: &MedialStep, pair: &Pair) -> Option<TouchPoint> {
+    if let Some(Impact { fraction, point, normal, primitive1, primitive2 }) = pair.impact {
+        let approach_speed = approach_speed(step, pair, point, normal);
+        return Some(TouchPoint { fraction, point, normal, separation: 0.0, approach_speed, primitive1, primitive2 });
+    }
+    contact_points(step, pair).min_by(|a, b| a.separation.total_cmp(&b.separation))
+}
+
+/// Returns the contacts of the pair at the end of the step.
+pub(super) fn contact_points(step: &MedialStep, pair: &Pair) -> impl Iterator<Item = TouchPoint> {
     let end = step.final_pose(pair.first);
     let contacts = step.output.manifolds[pair.manifolds.clone()].iter().flat_map(|manifold| manifold.contacts());
-    let deepest = contacts.min_by(|a, b| a.distance.total_cmp(&b.distance));
-    let (fraction, point, normal, separation, primitives) = match (pair.impact, deepest) {
-        (Some(impact), _) => {
-            (impact.fraction, impact.point, impact.normal, 0.0, (impact.primitive1, impact.primitive2))
-        }
-        (None, Some(contact)) => {
-            let point = end.transform_point(contact.point1 + contact.normal1 * (0.5 * contact.distance));
-            let normal = end.rotation * contact.normal1;
-            (1.0, point, normal, contact.distance, (contact.primitive1, contact.primitive2))
-        }
-        (None, None) => return None,
-    };
-    let [velocity1, velocity2] = [pair.first, pair.second].map(|side| step.info(side).velocity_at(point));
-    Some(TouchPoint {
-        fraction,
-        point,
-        normal,
-        separation,
-        approach_speed: (velocity1 - velocity2).dot(normal),
-        primitive1: primitives.0,
-        primitive2: primitives.1,
+    contacts.map(move |contact| {
+        let &Contact { normal1, distance: separation, primitive1, primitive2, .. } = contact;
+        let point = end.transform_point(contact.point1 + normal1 * (0.5 * separation));
+        let normal = end.rotation * normal1;
+        let approach_speed = approach_speed(step, pair, point, normal);
+        TouchPoint { fraction: 1.0, point, normal, separation, approach_speed, primitive1, primitive2 }
     })
+}
+
+/// Returns the approach speed of a pair along a normal at a point, before the step, in metres per second.
+fn approach_speed(step: &MedialStep, pair: &Pair, point: Vec3, normal: Vec3) -> f32 {
+    let [velocity1, velocity2] = [pair.first, pair.second].map(|side| step.info(side).velocity_at(point));
+    (velocity1 - velocity2).dot(normal)
 }

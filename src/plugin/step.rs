@@ -75,6 +75,8 @@ impl Default for MedialSettings {
 pub struct BodyInfo {
     /// The entity.
     pub entity: Entity,
+    /// Its rigid body, which may be the same entity. `None` for a collider without a rigid body.
+    pub body: Option<Entity>,
     /// Its collider.
     #[cfg(feature = "rapier")]
     pub collider: ColliderHandle,
@@ -95,6 +97,7 @@ impl BodyInfo {
     pub(crate) fn at_rest(entity: Entity) -> Self {
         Self {
             entity,
+            body: None,
             #[cfg(feature = "rapier")]
             collider: ColliderHandle::invalid(),
             sensor: false,

@@ -196,6 +196,7 @@ fn detect(
         let sweep = Sweep::between(start, end, shape.center_of_mass(), Vec3::ZERO);
         let speed = if step.dt > 0.0 { 1.0 / step.dt } else { 0.0 };
         step.infos.push(BodyInfo {
+            body: Some(entity),
             center: start.transform_point(sweep.local_center),
             linear: sweep.translation * speed,
             angular: sweep.rotation * speed,
@@ -286,7 +287,7 @@ mod tests {
         assert_eq!(app.world().get::<Transform>(ball).unwrap().translation, Vec3::X);
         app.update();
         let ended = told(&app).1;
-        assert_eq!(ended, [MedialContactEnded { entity1: ball, entity2: wall }]);
+        assert_eq!(ended, [MedialContactEnded { entity1: ball, entity2: wall, body1: Some(ball), body2: None }]);
     }
 
     #[test]

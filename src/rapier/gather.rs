@@ -29,6 +29,7 @@ use crate::{
 #[derive(Clone)]
 pub(super) struct Fixed {
     entity: Entity,
+    body: Option<Entity>,
     collider: ColliderHandle,
     shape: SharedShape,
     pose: Pose3,
@@ -151,6 +152,7 @@ impl Gather<'_, '_, '_> {
                 }
                 None => gathered.fixed.push(Fixed {
                     entity,
+                    body: collider.parent().and_then(|body| context.bodies.rigid_body_entity(body)),
                     collider: handle,
                     shape: collider.shared_shape().clone(),
                     pose: collider_pose(collider, body),
@@ -227,6 +229,7 @@ impl Gather<'_, '_, '_> {
         });
         self.step.infos.push(BodyInfo {
             entity,
+            body: context.bodies.rigid_body_entity(parent),
             collider: handle,
             sensor,
             // Bodies of a paused world are treated like sleeping bodies.
@@ -282,7 +285,7 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
     for item in fixed {
         let Some(solid) = solid(&item.shape) else { continue };
         let [groups, stop_groups] = item.groups;
-        let &Fixed { entity, collider, pose, rigid_body, types, world, sensor, passes, .. } = item;
+        let &Fixed { entity, body, collider, pose, rigid_body, types, world, sensor, passes, .. } = item;
         let (order, id) = (order(collider), Some(entity.to_bits()));
         bodies.push(StaticBody {
             solid,
@@ -297,7 +300,7 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
             passes,
             sensor,
         });
-        step.static_infos.push(BodyInfo { collider, sensor, ..BodyInfo::at_rest(entity) });
+        step.static_infos.push(BodyInfo { body, collider, sensor, ..BodyInfo::at_rest(entity) });
     }
     step.statics = Statics::new(bodies);
 }

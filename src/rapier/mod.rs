@@ -75,6 +75,7 @@ use bevy_rapier3d::{
 use crate::plugin::{MedialMesh, MedialStep, MedialSystems, StaticObb};
 
 pub use dispatcher::MedialDispatcher;
+pub(crate) use interpolation::fix_steps;
 pub use owed::OwedTime;
 pub use query::MedialQueries;
 pub use shape::MedialShape;

@@ -23,8 +23,8 @@ pub(super) enum Obstacle {
     /// A body that stops at impacts, in this state.
     Stopping(State),
     /// A body that pushes. `approach`: relative displacement of both bodies towards each other along the normal in the rest of the step, in metres.
-    /// `is_pushed`: true for a pusher that is pushed itself. `exhausted`: true if the body has been pushed as far as the pusher can push it.
-    Pusher { approach: f32, is_pushed: bool, exhausted: bool },
+    /// `exhausted`: true if the body has been pushed as far as the pusher can push it.
+    Pusher { approach: f32, exhausted: bool },
 }
 
 /// Decides the effect of an impact on a body that stops at impacts.
@@ -34,12 +34,9 @@ pub(super) fn decide(state: State, obstacle: Obstacle) -> Decision {
         (State::Free | State::Stopped, Obstacle::Pusher { .. }) => Decision::Push,
         (State::Free, _) => Decision::Stop,
         (State::Stopped, _) => Decision::GoOn,
-        (State::Pushed, Obstacle::Pusher { approach, is_pushed, exhausted }) => match (approach >= 0.0, is_pushed) {
-            (true, _) if !exhausted => Decision::Push,
-            // Two pushed bodies separate in the rest of the step, so neither blocks the other.
-            (false, true) => Decision::GoOn,
-            _ => Decision::Wedge,
-        },
+        // The bodies separate in the rest of the step, so the pusher does not block the body.
+        (State::Pushed, Obstacle::Pusher { approach, .. }) if approach < 0.0 => Decision::GoOn,
+        (State::Pushed, Obstacle::Pusher { exhausted: false, .. }) => Decision::Push,
         // This body pushes the other one.
         (State::Pushed, Obstacle::Stopping(other)) if other < State::Pushed => Decision::GoOn,
         (State::Pushed, _) => Decision::Wedge,
@@ -50,7 +47,7 @@ pub(super) fn decide(state: State, obstacle: Obstacle) -> Decision {
 mod tests {
     use super::*;
 
-    const PUSHER: Obstacle = Obstacle::Pusher { approach: 0.1, is_pushed: false, exhausted: false };
+    const PUSHER: Obstacle = Obstacle::Pusher { approach: 0.1, exhausted: false };
 
     #[test]
     fn bodies_stop_at_each_other_and_at_statics() {
@@ -72,11 +69,10 @@ mod tests {
         assert_eq!(decide(State::Pushed, Obstacle::Fixed), Decision::Wedge);
         assert_eq!(decide(State::Pushed, Obstacle::Stopping(State::Wedged)), Decision::Wedge);
         assert_eq!(decide(State::Pushed, Obstacle::Stopping(State::Free)), Decision::GoOn);
-        let exhausted = Obstacle::Pusher { approach: 0.1, is_pushed: true, exhausted: true };
-        assert_eq!(decide(State::Pushed, exhausted), Decision::Wedge);
-        let two_pushed = |is_pushed| Obstacle::Pusher { approach: -0.1, is_pushed, exhausted: false };
-        assert_eq!(decide(State::Pushed, two_pushed(true)), Decision::GoOn);
-        assert_eq!(decide(State::Pushed, two_pushed(false)), Decision::Wedge);
+        assert_eq!(decide(State::Pushed, Obstacle::Pusher { approach: 0.1, exhausted: true }), Decision::Wedge);
+        for exhausted in [false, true] {
+            assert_eq!(decide(State::Pushed, Obstacle::Pusher { approach: -0.1, exhausted }), Decision::GoOn);
+        }
     }
 
     #[test]

@@ -171,15 +171,13 @@ fn respond(
         let Some(body) = side.body().filter(|&body| input.is_stopping(body)) else { continue };
         let advance =
             |body: u32| displacement_at(&trajectories.sweep_from(input, body, fraction), impact.point).dot(away);
-        let pusher = |other: u32, is_pushed: bool| Obstacle::Pusher {
+        let pusher = |other: u32| Obstacle::Pusher {
             approach: advance(other) - advance(body),
-            is_pushed,
             exhausted: trajectories.pushed(body) >= trajectories.push_reach(input, other),
         };
         let obstacle = match other.body() {
             None => Obstacle::Fixed,
-            Some(other) if !input.is_stopping(other) => pusher(other, false),
-            Some(other) if trajectories.state(other) == State::Pushed => pusher(other, true),
+            Some(other) if !input.is_stopping(other) || trajectories.state(other) == State::Pushed => pusher(other),
             Some(other) => Obstacle::Stopping(trajectories.state(other)),
         };
         let decision = decide(trajectories.state(body), obstacle);

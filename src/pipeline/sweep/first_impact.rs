@@ -191,7 +191,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         }
     }
 
-    /// Finds the candidates of each motion in an interval, and stops soon after `max` of them. Returns false if there are none.
+    /// Finds the candidates of each motion in an interval, and stops soon after `max` of them. Returns true if there are candidates.
     fn cull(&mut self, motions: &[PairMotion], times: [f32; 2], max: usize) -> bool {
         let Buffers { own, candidates, .. } = &mut *self.buffers;
         candidates.resize_with(motions.len().max(candidates.len()), Vec::new);

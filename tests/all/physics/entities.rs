@@ -311,8 +311,9 @@ fn messages_and_layers_survive_a_round_trip_as_text() {
         primitive2: 5,
     };
     let [entity1, entity2] = [7, 8].map(Entity::from_raw_u32).map(Option::unwrap);
-    let started = MedialContactStarted { entity1, entity2, touch, sensor: true };
-    let ended = MedialContactEnded { entity1, entity2 };
+    let (body1, body2) = (Some(entity1), None);
+    let started = MedialContactStarted { entity1, entity2, body1, body2, touch, sensor: true };
+    let ended = MedialContactEnded { entity1, entity2, body1, body2 };
     let mut layers = MedialGizmos { normal_length: 0.125, color_by_level: true, ..default() };
     layers.contacts.color = Color::WHITE;
     let text = serde_json::to_string(&(started, ended, &layers)).unwrap();

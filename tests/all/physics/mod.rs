@@ -4,6 +4,7 @@ mod builds;
 mod bullets;
 mod casts;
 mod colliders;
+mod contacts;
 mod culling;
 mod determinism;
 mod entities;

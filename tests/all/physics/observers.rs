@@ -74,7 +74,8 @@ fn the_remaining_entity_observes_the_end() {
     record.run(&mut app, 3);
     assert_eq!(record.counts(body, wall), [1, 1]);
     let heard = app.world().resource::<Heard>();
-    assert_eq!(heard.ended, [(wall, MedialContactEnded { entity1: wall, entity2: body })]);
+    let ended = MedialContactEnded { entity1: wall, entity2: body, body1: Some(wall), body2: Some(body) };
+    assert_eq!(heard.ended, [(wall, ended)]);
 }
 
 #[test]

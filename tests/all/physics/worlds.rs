@@ -140,3 +140,39 @@ fn a_stopped_shot_is_drawn_in_front_of_the_wall() {
     }
     assert!(early > 0, "the shot does not stop in the first step of a frame");
 }
+
+#[test]
+fn fixed_steps_are_interpolated_at_any_frame_rate() {
+    let app_at = |rate: f32| {
+        let mut app = App::new();
+        app.add_plugins((
+            MinimalPlugins,
+            AssetPlugin::default(),
+            TransformPlugin,
+            bevy::diagnostic::DiagnosticsPlugin,
+            MedialPhysicsPlugin::fixed(rate),
+        ))
+        .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(0.01)));
+        app.finish();
+        app.cleanup();
+        app
+    };
+    let mut app = app_at(20.0);
+    let ball = spawn_body(&mut app, MedialAxis::sphere(0.2).unwrap(), Transform::default());
+    run(&mut app, 20);
+    let height = |app: &App| app.world().get::<Transform>(ball).unwrap().translation.y;
+    let (mut heights, mut steps) = (vec![height(&app)], 0);
+    for _ in 0..50 {
+        let before = position(&mut app, ball).y;
+        app.update();
+        heights.push(height(&app));
+        steps += u32::from(position(&mut app, ball).y < before);
+    }
+    // Half a second.
+    assert!((9..=11).contains(&steps), "{steps} steps");
+    assert!(heights.is_sorted_by(|a, b| a > b), "a frame shows no motion: {heights:?}");
+    for rate in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        let mode = *app_at(rate).world().resource::<TimestepMode>();
+        assert!(matches!(mode, TimestepMode::Interpolated { dt, .. } if (dt - 1.0 / 60.0).abs() < 1e-6), "{mode:?}");
+    }
+}
