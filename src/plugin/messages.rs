@@ -33,7 +33,9 @@ impl TouchPoint {
 /// of each other or have an impact, however short.
 ///
 /// It is written as a message once for the pair. It is also triggered as an event on each of the two entities, with the observed entity first. The event
-/// propagates to the ancestors of the entity, so a body observes the contacts of its child colliders. Observers run after rapier has written back poses and velocities, so their changes take effect in the next step.
+/// propagates to the ancestors of the entity, so a body observes the contacts of its child colliders. A global observer receives it at each of them;
+/// `On::original_event_target` is the collider. Observers run after rapier has written back poses and velocities, so their changes take effect in the
+/// next step.
 ///
 /// It is sent for bodies whose groups, hooks and types let them collide, as rapier's own events are. It is also sent for kinematic bodies and the
 /// bodies that they pass through, regardless of their `ActiveCollisionTypes`.

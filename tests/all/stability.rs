@@ -38,6 +38,7 @@ fn methods_with_known_weaknesses_fail() {
         ("near miss, 100 m/s", "rapier, soft CCD", "ghost"),
         ("chain under load", "rapier, triangles", "unlinked"),
         ("stack of ten boxes", "rapier, triangles", "falls"),
+        ("rolling keeps time", "rapier, triangles", "time"),
     ] {
         let hazard = hazard(hazard_name);
         let results = (0..hazard.seeds[0]).map(|seed| run::run_one(&hazard, &method(method_name), seed));

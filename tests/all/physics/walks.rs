@@ -162,10 +162,15 @@ impl Walk {
         let mut app = app_with(MedialPhysicsPlugin::default(), &assets());
         app.init_resource::<Told>()
             .add_observer(|on: On<MedialContactStarted>, mut told: ResMut<Told>| {
-                told.started.push((on.entity1, on.entity2))
+                // Events propagate to parents.
+                if on.entity1 == on.original_event_target() {
+                    told.started.push((on.entity1, on.entity2));
+                }
             })
             .add_observer(|on: On<MedialContactEnded>, mut told: ResMut<Told>| {
-                told.ended.push((on.entity1, on.entity2))
+                if on.entity1 == on.original_event_target() {
+                    told.ended.push((on.entity1, on.entity2));
+                }
             });
         let shapes = (0..4).map(|number| mesh(&mut app, shape(number, 0.5))).collect();
         let mut walls = Vec::new();

@@ -31,7 +31,8 @@ fn pile(method: &Method, seed: u64) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns the mean height of the bodies of a falling pile in every sixth of a second, in metres.
+/// Returns the mean height of the bodies of a falling pile in every sixth of a second, in metres. `dt`: length of a step in
+/// seconds.
 fn heights(method: &Method, seed: u64, dt: f32) -> Result<Vec<f32>, String> {
     let mut random = Random(seed);
     let mut world = World::new(method, Setup { dt, ..Setup::default() })?;
@@ -62,6 +63,8 @@ fn roll(method: &Method, seed: u64) -> Result<(), String> {
 }
 
 /// Lets a round body roll 20 m down a slope, and compares the time with theory. The body's axis is along its x axis.
+///
+/// `radius`: in metres. `tolerance`: fraction of the time of theory.
 fn descend(method: &Method, name: &str, body: &Body, radius: f32, tolerance: f32) -> Result<(), String> {
     let (angle, distance, start) = (20f32.to_radians(), 20.0, -12.0);
     let tilt = Quat::from_rotation_z(-angle);
