@@ -1,4 +1,4 @@
-use glam::{Vec3, Vec3A, Vec3Swizzles};
+use glam::{Mat3A, Vec3, Vec3A, Vec3Swizzles};
 use glamx::Pose3;
 
 use super::Sphere;
@@ -45,7 +45,7 @@ impl Aabb {
     #[must_use]
     pub fn transformed(self, pose: &Pose3, scale: f32) -> Self {
         let center = pose.transform_point(self.center() * scale);
-        let half = rotated_extents(pose.rotation, self.half_extents() * scale);
+        let half = rotated_extents(&Mat3A::from_quat(pose.rotation), self.half_extents() * scale);
         Self { min: center - half, max: center + half }
     }
 
@@ -126,9 +126,9 @@ impl Aabb {
 }
 
 /// Axis-aligned half extents of a box with the half extents `half`, rotated by `rotation`.
-pub(crate) fn rotated_extents(rotation: glam::Quat, half: Vec3) -> Vec3 {
-    let axes = glam::Mat3::from_quat(rotation);
-    axes.x_axis.abs() * half.x + axes.y_axis.abs() * half.y + axes.z_axis.abs() * half.z
+pub(crate) fn rotated_extents(rotation: &Mat3A, half: Vec3) -> Vec3 {
+    let Mat3A { x_axis, y_axis, z_axis } = rotation;
+    (x_axis.abs() * half.x + y_axis.abs() * half.y + z_axis.abs() * half.z).into()
 }
 
 /// An [`Aabb`] in SIMD vectors, for fast overlap tests.

@@ -1,4 +1,4 @@
-use glam::Vec3;
+use glam::{Mat3A, Vec3};
 use glamx::Pose3;
 
 use super::{Aabb, aabb::rotated_extents};
@@ -15,7 +15,7 @@ pub struct Obb {
 impl Obb {
     /// The axis-aligned box around this box.
     pub fn aabb(&self) -> Aabb {
-        let half = rotated_extents(self.pose.rotation, self.half_extents);
+        let half = rotated_extents(&Mat3A::from_quat(self.pose.rotation), self.half_extents);
         Aabb { min: self.pose.translation - half, max: self.pose.translation + half }
     }
 }

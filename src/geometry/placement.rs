@@ -1,7 +1,7 @@
 use glam::{Mat3A, Vec3, Vec3A};
 use glamx::Pose3;
 
-use super::Aabb;
+use super::{Aabb, aabb::rotated_extents};
 
 /// A pose as a matrix, to transform many points.
 #[derive(Clone, Copy, Debug)]
@@ -29,9 +29,7 @@ impl Placement {
     /// Returns a box in the parent frame that contains a local box.
     #[inline]
     pub fn aabb(&self, aabb: &Aabb) -> Aabb {
-        let (center, half) = (self.point(aabb.center()), Vec3A::from(aabb.half_extents()));
-        let Mat3A { x_axis, y_axis, z_axis } = self.rotation;
-        let half = Vec3::from(x_axis.abs() * half.x + y_axis.abs() * half.y + z_axis.abs() * half.z);
+        let (center, half) = (self.point(aabb.center()), rotated_extents(&self.rotation, aabb.half_extents()));
         Aabb { min: center - half, max: center + half }
     }
 }

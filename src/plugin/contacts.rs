@@ -15,7 +15,7 @@ use crate::pipeline::Pair;
 /// struct Player;
 ///
 /// fn stand(player: Single<Entity, With<Player>>, contacts: MedialContacts) {
-///     let mut points = contacts.of(*player).flat_map(|pair| pair.points().collect::<Vec<_>>());
+///     let mut points = contacts.of(*player).flat_map(|pair| pair.points());
 ///     if points.any(|point| point.normal.y < -0.7 && point.separation < 0.01) {
 ///         info!("the player stands");
 ///     }

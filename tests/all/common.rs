@@ -41,8 +41,16 @@ pub fn assets() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("assets")
 }
 
-/// An app with the given physics plugins and asset folder.
+/// An app with the given physics plugins and asset folder, in steps of [`DT`].
 pub fn app_with<M>(physics: impl Plugins<M>, assets: &Path) -> App {
+    let mut app = app_without_steps(physics, assets);
+    app.insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })
+        .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(DT)));
+    app
+}
+
+/// [`app_with`] with the plugins' own mode of time.
+pub fn app_without_steps<M>(physics: impl Plugins<M>, assets: &Path) -> App {
     let mut app = App::new();
     app.add_plugins((
         MinimalPlugins,
@@ -50,9 +58,7 @@ pub fn app_with<M>(physics: impl Plugins<M>, assets: &Path) -> App {
         TransformPlugin,
         bevy::diagnostic::DiagnosticsPlugin,
         physics,
-    ))
-    .insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })
-    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(DT)));
+    ));
     app.finish();
     app.cleanup();
     app

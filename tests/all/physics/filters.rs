@@ -58,20 +58,7 @@ fn hooked(rapier_first: bool) -> App {
     if !rapier_first {
         return app_with(physics, Path::new("assets"));
     }
-    let mut app = App::new();
-    app.add_plugins((
-        MinimalPlugins,
-        AssetPlugin::default(),
-        TransformPlugin,
-        bevy::diagnostic::DiagnosticsPlugin,
-        RapierPhysicsPlugin::<Hooks>::default(),
-        physics,
-    ))
-    .insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })
-    .insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(std::time::Duration::from_secs_f32(DT)));
-    app.finish();
-    app.cleanup();
-    app
+    app_with((RapierPhysicsPlugin::<Hooks>::default(), physics), Path::new("assets"))
 }
 
 /// A thin target across x: a static box, a dynamic medial mesh, or a dynamic box of rapier.
