@@ -9,7 +9,8 @@
 //! | [`measure`], [`overlap`], [`activity`] | the run of a scene in an engine: times, overlaps, losses |
 //! | [`culling`], [`baselines`] | culling by trees of bounding volumes, compared with the hybrid culling |
 //! | [`stability`] | situations in which collision methods fail |
-//! | [`pairs`] | files of moving primitive pairs |
+//! | [`pairs`] | moving primitives, and files of moving pairs |
+//! | [`paper`] | the rules and the method of the paper |
 //! | [`renderer`] | an app with a renderer and without a window |
 //! | [`tables`], [`outcome`] | CSV, machine, date; exit codes |
 //!
@@ -26,6 +27,7 @@ pub mod measure;
 pub mod outcome;
 pub mod overlap;
 pub mod pairs;
+pub mod paper;
 pub mod renderer;
 pub mod stability;
 pub mod stand_in;

@@ -1,9 +1,14 @@
-//! Moving primitive pairs from a file. `examples/pairs.rs` documents its format.
+//! Moving primitives: those of a shape, and pairs from a file. `examples/pairs.rs` documents the format of the file.
 
-use std::fmt;
+use std::{
+    collections::{HashMap, hash_map::Entry},
+    fmt,
+};
 
 use bevy_medial::{
-    geometry::Sphere,
+    geometry::{Pose3, Sphere},
+    medial_axis::MedialAxis,
+    pipeline::{Hull, Shape},
     query::{Cuboid, Moving, MovingPair},
 };
 use glam::{DQuat, DVec3, Quat, Vec3};
@@ -31,15 +36,62 @@ pub struct Pair {
     pub second: Second,
 }
 
+/// Calls a generic function with the moving spheres of two primitives.
+#[macro_export]
+macro_rules! for_primitives {
+    ($first:expr, $second:expr, |$a:ident, $b:ident| $body:expr) => {{
+        use $crate::pairs::Primitive::{Cone, Slab, Sphere};
+        match ($first, $second) {
+            (Sphere($a), Sphere($b)) => $body,
+            (Sphere($a), Cone($b)) => $body,
+            (Sphere($a), Slab($b)) => $body,
+            (Cone($a), Sphere($b)) => $body,
+            (Cone($a), Cone($b)) => $body,
+            (Cone($a), Slab($b)) => $body,
+            (Slab($a), Sphere($b)) => $body,
+            (Slab($a), Cone($b)) => $body,
+            (Slab($a), Slab($b)) => $body,
+        }
+    }};
+}
+
 impl Primitive {
     /// The primitive, if it has `N` spheres.
-    fn moving<const N: usize>(&self) -> Option<Moving<N>> {
+    pub(crate) fn moving<const N: usize>(&self) -> Option<Moving<N>> {
         let (start, motion): (&[Sphere], &[Vec3]) = match self {
             Primitive::Sphere(moving) => (&moving.start, &moving.motion),
             Primitive::Cone(moving) => (&moving.start, &moving.motion),
             Primitive::Slab(moving) => (&moving.start, &moving.motion),
         };
         Some(Moving { start: start.try_into().ok()?, motion: motion.try_into().ok()? })
+    }
+}
+
+/// The primitives of a shape, with spheres that move on lines from their start to their end.
+pub fn moving_primitives(shape: &Shape, poses: [&Pose3; 2]) -> impl Iterator<Item = Primitive> {
+    (0..shape.len() as u32).map(move |primitive| match shape.hull(primitive) {
+        Hull::Sphere(spheres) => Primitive::Sphere(between(spheres, poses)),
+        Hull::Cone(spheres) => Primitive::Cone(between(spheres, poses)),
+        Hull::Slab(spheres) => Primitive::Slab(between(spheres, poses)),
+    })
+}
+
+fn between<const N: usize>(spheres: [Sphere; N], [start, end]: [&Pose3; 2]) -> Moving<N> {
+    let placed = spheres.map(|sphere| Sphere::new(start.transform_point(sphere.center), sphere.radius));
+    Moving { start: placed, motion: std::array::from_fn(|i| end.transform_point(spheres[i].center) - placed[i].center) }
+}
+
+/// Boxes as medial meshes of slabs, by the bits of their half extents.
+#[derive(Default)]
+pub struct Boxes(HashMap<[u32; 3], Shape>);
+
+impl Boxes {
+    /// The box with these half extents. `None` if they are not valid.
+    pub fn shape(&mut self, half: Vec3) -> Option<Shape> {
+        match self.0.entry(half.to_array().map(f32::to_bits)) {
+            Entry::Occupied(known) => Some(known.get().clone()),
+            Entry::Vacant(new) => Some(new.insert(Shape::new(MedialAxis::rounded_box(half, 0.0).ok()?)).clone()),
+        }
     }
 }
 

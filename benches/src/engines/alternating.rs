@@ -2,13 +2,10 @@
 //!
 //! As in the publication, each sphere of a primitive moves on a line over the step. Boxes are tested as medial meshes, which consist of slabs.
 
-use std::collections::{HashMap, hash_map::Entry};
-
 use bevy::prelude::*;
 use bevy_medial::{
     geometry::{Pose3, Sphere, Sweep},
-    medial_axis::MedialAxis,
-    pipeline::{Hull, Shape, Side},
+    pipeline::{Shape, Side},
     plugin::{MedialStep, MedialSystems},
     query::{Moving, TimeOfImpactStatus, alternating},
 };
@@ -17,34 +14,27 @@ use bevy_rapier3d::{
     prelude::PhysicsSet,
 };
 
-use crate::pairs::Primitive;
+use crate::{
+    for_primitives,
+    pairs::{Boxes, Primitive, moving_primitives},
+};
 
 /// Adds a system that stops bodies after this crate's detection, whose setting `stop_at_impact` must be off.
 pub fn add(app: &mut App) {
     app.add_systems(PostUpdate, stop.after(MedialSystems::Detect).before(PhysicsSet::Writeback));
 }
 
-fn moving<const N: usize>(spheres: [Sphere; N], [start, end]: [&Pose3; 2]) -> Moving<N> {
-    let placed = spheres.map(|sphere| Sphere::new(start.transform_point(sphere.center), sphere.radius));
-    Moving { start: placed, motion: std::array::from_fn(|i| end.transform_point(spheres[i].center) - placed[i].center) }
-}
-
 /// All primitives of a shape, each with a ball around its path.
-fn hulls(shape: &Shape, [start, end]: [&Pose3; 2]) -> Vec<(Primitive, Sphere)> {
-    let hull = |i: u32| {
-        let hull = match shape.hull(i) {
-            Hull::Sphere(spheres) => Primitive::Sphere(moving(spheres, [start, end])),
-            Hull::Cone(spheres) => Primitive::Cone(moving(spheres, [start, end])),
-            Hull::Slab(spheres) => Primitive::Slab(moving(spheres, [start, end])),
-        };
-        let bound = match &hull {
+fn hulls(shape: &Shape, poses: [&Pose3; 2]) -> Vec<(Primitive, Sphere)> {
+    let with_bound = |primitive: Primitive| {
+        let bound = match &primitive {
             Primitive::Sphere(moving) => bound(moving),
             Primitive::Cone(moving) => bound(moving),
             Primitive::Slab(moving) => bound(moving),
         };
-        (hull, bound)
+        (primitive, bound)
     };
-    (0..shape.len() as u32).map(hull).collect()
+    moving_primitives(shape, poses).map(with_bound).collect()
 }
 
 fn bound<const N: usize>(moving: &Moving<N>) -> Sphere {
@@ -57,18 +47,7 @@ fn bound<const N: usize>(moving: &Moving<N>) -> Sphere {
 
 /// The time of impact of two primitives, if they hit each other.
 fn first_touch(first: &Primitive, second: &Primitive) -> Option<f32> {
-    use Primitive::{Cone, Slab};
-    let found = match (first, second) {
-        (Primitive::Sphere(a), Primitive::Sphere(b)) => alternating(a, b),
-        (Primitive::Sphere(a), Cone(b)) => alternating(a, b),
-        (Primitive::Sphere(a), Slab(b)) => alternating(a, b),
-        (Cone(a), Primitive::Sphere(b)) => alternating(a, b),
-        (Cone(a), Cone(b)) => alternating(a, b),
-        (Cone(a), Slab(b)) => alternating(a, b),
-        (Slab(a), Primitive::Sphere(b)) => alternating(a, b),
-        (Slab(a), Cone(b)) => alternating(a, b),
-        (Slab(a), Slab(b)) => alternating(a, b),
-    };
+    let found = for_primitives!(first, second, |a, b| alternating(a, b));
     (found.status == TimeOfImpactStatus::Hit).then_some(found.fraction)
 }
 
@@ -98,7 +77,7 @@ impl MovingSide {
                 match body.solid.medial() {
                     Some(shape) => (shape.clone(), Sweep::at_rest(body.pose)),
                     None if body.solid.len() > 1 => return None,
-                    None => (boxed(boxes, obb.half_extents)?, Sweep::at_rest(obb.pose)),
+                    None => (boxes.shape(obb.half_extents)?, Sweep::at_rest(obb.pose)),
                 }
             }
         };
@@ -118,16 +97,6 @@ impl MovingSide {
             }
         }
         first
-    }
-}
-
-/// Boxes as medial meshes, by the bits of their half extents.
-type Boxes = HashMap<[u32; 3], Shape>;
-
-fn boxed(boxes: &mut Boxes, half: Vec3) -> Option<Shape> {
-    match boxes.entry(half.to_array().map(f32::to_bits)) {
-        Entry::Occupied(known) => Some(known.get().clone()),
-        Entry::Vacant(new) => Some(new.insert(Shape::new(MedialAxis::rounded_box(half, 0.0).ok()?)).clone()),
     }
 }
 

@@ -3,6 +3,7 @@
 //! The variable `KERNEL_SEED` selects other pairs, and `KERNEL_PAIRS` sets their number per category and kind.
 
 mod at_once;
+mod paper;
 mod swept_cones;
 
 use std::fmt::Debug;

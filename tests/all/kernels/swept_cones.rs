@@ -6,46 +6,22 @@ use bevy_medial::{
     geometry::Sphere,
     query::{Cuboid, Separation, separation},
 };
+use bevy_medial_compare::paper::conic::{distance, min_of_convex};
 use glam::{DVec3, Vec3};
 use proptest::{
     prelude::*,
     test_runner::{Config, RngAlgorithm, TestCaseResult, TestRng, TestRunner},
 };
 
-/// The minimum of a convex function on [0, 1].
-fn least(f: impl Fn(f64) -> f64) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..60 {
-        let third = (high - low) / 3.0;
-        if f(low + third) < f(high - third) { high -= third } else { low += third }
-    }
-    f((low + high) * 0.5)
-}
-
 fn lerp(a: &Sphere, b: &Sphere, t: f64) -> (DVec3, f64) {
     let (radius1, radius2) = (f64::from(a.radius), f64::from(b.radius));
     (a.center.as_dvec3().lerp(b.center.as_dvec3(), t), radius1 + (radius2 - radius1) * t)
 }
 
-/// Equation 3: the minimum of `|v(t1, t2, t3) - c(t4)| - r(t4)` over the unit tesseract.
-/// The box's edges are orthogonal, so for a given `t4` each of the other three is minimised separately.
-fn cone_to_box([a, b]: &[Sphere; 2], half: Vec3) -> f64 {
-    least(|t4| {
-        let (center, radius) = lerp(a, b, t4);
-        let squared: f64 = (0..3)
-            .map(|axis| {
-                let (half, center) = (f64::from(half[axis]), center[axis]);
-                least(|t| (-half + 2.0 * half * t - center).powi(2))
-            })
-            .sum();
-        squared.sqrt() - radius
-    })
-}
-
 fn cone_to_cone([a, b]: &[Sphere; 2], [c, d]: &[Sphere; 2]) -> f64 {
-    least(|t| {
+    min_of_convex(|t| {
         let (center1, radius1) = lerp(a, b, t);
-        least(|s| {
+        min_of_convex(|s| {
             let (center2, radius2) = lerp(c, d, s);
             center1.distance(center2) - radius1 - radius2
         })
@@ -98,7 +74,7 @@ fn run<S: Strategy>(strategy: S, property: impl Fn(S::Value, &[Cell<u32>; 3]) ->
 fn separation_of_cone_and_box_solves_equation_3() {
     run((cone(), vec3(0.01, 2.0)), |(cone, half), counts| {
         let got = separation(&cone, &Cuboid { half }, 0);
-        check(&got, cone_to_box(&cone, half), cone[0].radius.min(cone[1].radius), counts)
+        check(&got, distance(&cone, half), cone[0].radius.min(cone[1].radius), counts)
     });
 }
 

@@ -1,0 +1,11 @@
+//! The paper's own rules and method, to compare with those of `bevy_medial`.
+//!
+//! | module | section of the paper | content |
+//! |---|---|---|
+//! | [`slabs`] | 3.2 | degenerate slabs by two circles on the largest sphere |
+//! | [`conic`] | 4.1 | overlap of a cone and a box by a quadratic function on the unit tesseract |
+//! | [`flat`] | 4, 4.2 | swept bounding spheres, then all primitive pairs of the remaining body pairs, without trees |
+
+pub mod conic;
+pub mod flat;
+pub mod slabs;
