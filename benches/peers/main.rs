@@ -107,11 +107,7 @@ fn run(args: &Args) -> Result<(), String> {
     if let Some(name) = args.scene.as_deref().filter(|name| !names.contains(name)) {
         return Err(format!("there is no scene `{name}` here; the scenes are {}", names.join(", ")));
     }
-    // Threads that are started later inherit the binding.
-    let core = core_affinity::get_core_ids().and_then(|cores| cores.first().copied());
-    if !core.is_some_and(core_affinity::set_for_current) {
-        eprintln!("the process cannot be bound to one core: times are those of threads on several cores");
-    }
+    measure::bind_to_one_core();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/models");
     let models = load_models(&folder).map_err(|error| error.to_string())?;
     let (mut peers, mut culling) = (Vec::new(), Vec::new());

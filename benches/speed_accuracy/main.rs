@@ -12,7 +12,6 @@ mod batches;
 mod charts;
 mod methods;
 mod models;
-mod pairs;
 mod queries;
 mod report;
 mod scenes;

@@ -10,7 +10,13 @@ use bevy_medial::{
     pipeline::{Body, Culling, Hull, Shape, first_touch},
     query::{Moving, TimeOfImpactStatus, alternating},
 };
-use bevy_medial_compare::{baselines::Kind, hulls::hull_error};
+use bevy_medial_compare::{
+    baselines::{
+        Kind,
+        pair::{TreePair, tree_pair},
+    },
+    hulls::hull_error,
+};
 use bevy_rapier3d::parry::{
     query::{NonlinearRigidMotion, cast_shapes_nonlinear},
     shape::{ConvexPolyhedron, SharedShape},
@@ -18,11 +24,7 @@ use bevy_rapier3d::parry::{
 };
 use glam::Vec3;
 
-use crate::{
-    models::Model,
-    pairs::{Pairs, pairs},
-    spheres,
-};
+use crate::{models::Model, spheres};
 
 /// Rotation of both bodies together, in radians, in a part of a motion that is culled by a baseline.
 const PART_TURN: f32 = 0.5;
@@ -74,6 +76,7 @@ impl Method {
             Self::Bvh(Kind::Obb) => "medial mesh, BVH of OBBs",
             Self::Bvh(Kind::Sphere) => "medial mesh, BVH of spheres",
             Self::Bvh(Kind::Aabb) => "medial mesh, BVH of AABBs",
+            Self::Bvh(Kind::Medial) => "medial mesh, BVH of medial primitives",
             Self::Alternating => "medial mesh, alternating TOI",
             Self::Spheres => "spheres only",
             Self::Decomposition => "convex decomposition",
@@ -189,7 +192,7 @@ pub fn prepare(method: Method, model: &Model, resolution: usize, sphere_counts: 
 pub struct Asked {
     method: Method,
     bodies: [Stand; 2],
-    pairs: Option<Box<dyn Pairs>>,
+    trees: Option<Box<dyn TreePair>>,
 }
 
 impl Asked {
@@ -200,11 +203,11 @@ impl Asked {
             Method::Alternating => Some(Kind::Sphere),
             _ => None,
         };
-        let pairs = match (&bodies, kind) {
-            ([Stand::Medial(first), Stand::Medial(second)], Some(kind)) => Some(pairs(kind, [first, second])),
+        let trees = match (&bodies, kind) {
+            ([Stand::Medial(first), Stand::Medial(second)], Some(kind)) => Some(tree_pair(kind, [first, second])),
             _ => None,
         };
-        Self { method, bodies, pairs }
+        Self { method, bodies, trees }
     }
 
     /// The first touch of the two shapes along their sweeps.
@@ -215,12 +218,16 @@ impl Asked {
             _ => return None,
         };
         let bodies = |sweeps: &[Sweep; 2]| [Body::new(first.clone(), sweeps[0]), Body::new(second.clone(), sweeps[1])];
-        let Some(pairs) = &mut self.pairs else {
+        let Some(trees) = &mut self.trees else {
             let impact = first_touch(bodies(sweeps), Culling::Hybrid, None)?;
             return Some(Answer { fraction: impact.fraction, normal: impact.normal });
         };
+        let mut candidates = |sweeps: &[Sweep; 2]| {
+            trees.refit(sweeps);
+            trees.between().0
+        };
         if self.method == Method::Alternating {
-            return first_of_alternating([first, second], sweeps, &pairs.between(sweeps));
+            return first_of_alternating([first, second], sweeps, &candidates(sweeps));
         }
         // In short parts, a body turns little and few primitives are near each other.
         let turn = sweeps[0].rotation.length() + sweeps[1].rotation.length();
@@ -230,7 +237,7 @@ impl Asked {
         (0..parts).find_map(|part| {
             let times = [part, part + 1].map(|i| i as f32 / parts as f32);
             let sweeps = if parts > 1 { sweeps.map(|sweep| sweep.part(times)) } else { *sweeps };
-            let impact = first_touch(bodies(&sweeps), Culling::Hybrid, Some(&pairs.between(&sweeps)))?;
+            let impact = first_touch(bodies(&sweeps), Culling::Hybrid, Some(&candidates(&sweeps)))?;
             Some(Answer { fraction: (part as f32 + impact.fraction) / parts as f32, normal: impact.normal })
         })
     }

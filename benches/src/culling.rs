@@ -27,6 +27,8 @@ pub enum Cull {
     BvhSphere,
     /// Trees of world boxes.
     BvhAabb,
+    /// Trees of medial primitives.
+    BvhMedial,
 }
 
 /// A comparison with another culling during a run.
@@ -45,7 +47,7 @@ struct Step {
 }
 
 /// Cost and result of culling. Times are in milliseconds.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Figures {
     /// Broad and mid phase, and the updates of a baseline.
     pub culling_ms: f64,
@@ -133,6 +135,7 @@ impl Comparison {
             Cull::BvhObb => Some(Kind::Obb.baseline()),
             Cull::BvhSphere => Some(Kind::Sphere.baseline()),
             Cull::BvhAabb => Some(Kind::Aabb.baseline()),
+            Cull::BvhMedial => Some(Kind::Medial.baseline()),
         };
         let name = clap::ValueEnum::to_possible_value(&cull).map_or_else(String::new, |value| value.get_name().into());
         Some(Self { name, baseline, workspaces: Default::default(), steps: Vec::new() })
@@ -176,6 +179,16 @@ impl Comparison {
         let contact_pairs = step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count();
         self.steps.push(Step { contact_pairs, figures: outputs.each_ref().map(Figures::of) });
         Ok(())
+    }
+
+    /// The name of the other culling.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The figures of the last step, of hybrid culling and of the other.
+    pub fn last(&self) -> Option<[Figures; 2]> {
+        self.steps.last().map(|step| step.figures)
     }
 
     /// The medians so far. `world` is the world of the run.

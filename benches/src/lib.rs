@@ -12,13 +12,14 @@
 //! | [`pairs`] | moving primitives, and files of moving pairs |
 //! | [`paper`] | the rules and the method of the paper |
 //! | [`renderer`] | an app with a renderer and without a window |
-//! | [`tables`], [`outcome`] | CSV, machine, date; exit codes |
+//! | [`tables`], [`charts`], [`outcome`] | CSV, machine, date; curves over frames; exit codes |
 //!
 //! The feature `peers` adds avian and the dependencies of the programs in this folder. The tests of `bevy_medial` do not need it.
 
 pub mod activity;
 pub mod baselines;
 pub mod body;
+pub mod charts;
 pub mod culling;
 pub mod demo;
 pub mod engines;

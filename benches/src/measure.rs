@@ -50,6 +50,14 @@ pub struct Row {
 /// Max number of steps, evenly spread, in which overlaps are measured.
 const SAMPLES: usize = 120;
 
+/// Binds the process to one core. Threads that are started later inherit the binding.
+pub fn bind_to_one_core() {
+    let core = core_affinity::get_core_ids().and_then(|cores| cores.first().copied());
+    if !core.is_some_and(core_affinity::set_for_current) {
+        eprintln!("the process cannot be bound to one core: times are those of threads on several cores");
+    }
+}
+
 /// Size of a measurement.
 #[derive(Clone, Copy)]
 pub struct Plan {

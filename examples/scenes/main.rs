@@ -3,7 +3,7 @@
 //! ```text
 //! cargo run --release --example scenes -- NAME [--headless] [--steps N] [--dt S] [--seed S] [--models DIR]
 //!                                         [--budget PERCENT] [--backend auto|cpu|gpu]
-//!                                         [--cull hybrid|none|bvh-obb|bvh-sphere|bvh-aabb]
+//!                                         [--cull hybrid|none|bvh-obb|bvh-sphere|bvh-aabb|bvh-medial]
 //!                                         [--csv FILE] [--json FILE] [--list]
 //!                                         [--screenshot FILE] [--frames DIR] [--overlay] [--layers NAME,NAME]
 //! ```

@@ -14,6 +14,7 @@
 //! |---|---|---|---|
 //! | [`Aabb`](aabb) | nothing | world box around the primitive's start and end; parents hold their children | boxes overlap |
 //! | [`Sphere`](sphere) | smallest sphere | centre at the start and the end | spheres touch at one instant |
+//! | [`Medial`](medial) | medial cone around the primitives, or the primitive itself | spheres in the middle of the step, and how far they move | they come near each other in the middle of the step |
 //! | [`Obb`](obb) | a small oriented box | pose in the middle of the step, motion of the centre | boxes that move touch at one instant, by 15 separating axes |
 //!
 //! All bounds are safe, for any rotation, so results have the same bits as those of the library. Statics that are boxes have no tree, because a
@@ -22,7 +23,9 @@
 //! Not supported, and reported as errors: bodies that are neither medial nor boxes, and moving bodies that do not stop, such as kinematic ones.
 
 pub mod aabb;
+pub mod medial;
 pub mod obb;
+pub mod pair;
 pub mod sphere;
 pub mod tree;
 
@@ -48,6 +51,8 @@ pub enum Kind {
     Sphere,
     /// World boxes.
     Aabb,
+    /// Medial primitives.
+    Medial,
 }
 
 impl Kind {
@@ -57,6 +62,7 @@ impl Kind {
             Kind::Obb => Box::new(Trees::<obb::MovingObb>::default()),
             Kind::Sphere => Box::new(Trees::<sphere::MovingSphere>::default()),
             Kind::Aabb => Box::new(Trees::<aabb::SweptAabb>::default()),
+            Kind::Medial => Box::new(Trees::<medial::MovingPrimitive>::default()),
         }
     }
 }
@@ -210,9 +216,9 @@ impl<V: Volume> Trees<V> {
         };
         let reach = reach([&input.bodies[i as usize].solid, solid], input.length_unit);
         match second {
-            Side::Body(j) => first.against(&self.bodies[j as usize].tree, reach),
+            Side::Body(j) => first.against(&self.bodies[j as usize].tree, reach).0,
             Side::Static(item) => match &self.statics[item as usize].kind {
-                TargetKind::Medial(_, tree) => first.against(tree, reach),
+                TargetKind::Medial(_, tree) => first.against(tree, reach).0,
                 TargetKind::Box(_, fixed) => first.against_fixed(fixed, reach),
             },
         }

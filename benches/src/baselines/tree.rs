@@ -144,6 +144,11 @@ impl<V: Volume> Tree<V> {
         volumes.reverse();
     }
 
+    /// Bytes of the nodes and of their volumes.
+    pub fn memory(&self) -> usize {
+        size_of_val(&*self.nodes) + size_of_val(&*self.volumes)
+    }
+
     /// The volume around all primitives.
     pub fn root(&self) -> &V {
         &self.volumes[0]
@@ -165,11 +170,12 @@ impl<V: Volume> Tree<V> {
         found
     }
 
-    /// Pairs of primitives whose leaves, and all nodes above them, come within `margin` of each other.
-    pub fn against(&self, other: &Self, margin: f32) -> Vec<[u32; 2]> {
-        let mut found = Vec::new();
+    /// Pairs of primitives whose leaves, and all nodes above them, come within `margin` of each other. Also returns the number of tested node pairs.
+    pub fn against(&self, other: &Self, margin: f32) -> (Vec<[u32; 2]>, usize) {
+        let (mut found, mut tests) = (Vec::new(), 0);
         let mut stack = vec![(0, 0)];
         while let Some((node1, node2)) = stack.pop() {
+            tests += 1;
             let (volume1, volume2) = (&self.volumes[node1], &other.volumes[node2]);
             if !volume1.meets(volume2, margin) {
                 continue;
@@ -185,7 +191,7 @@ impl<V: Volume> Tree<V> {
                 (_, Link::RightChild(right)) => stack.extend([(node1, right as usize), (node1, node2 + 1)]),
             }
         }
-        found
+        (found, tests)
     }
 }
 

@@ -83,13 +83,13 @@ fn exhaustive_baselines_give_the_same_results() {
 
 fn compare_baselines(steps: usize) {
     let mut random = Random(3);
-    let (mut totals, mut kept, mut hybrids) = ([0; 4], [0; 3], 0);
+    let (mut totals, mut kept, mut hybrids) = ([0; 4], [0; 4], 0);
     for number in 0..steps {
         let (mut input, statics) = random_step(&mut random, 12, 6, 2.0, Vec3::ZERO);
         // The baselines do not support bodies that push others.
         input.bodies.iter_mut().for_each(|body| body.stops = body.active);
         let hybrid = run(&input, &statics);
-        for (kind, kept) in [Kind::Obb, Kind::Sphere, Kind::Aabb].into_iter().zip(&mut kept) {
+        for (kind, kept) in [Kind::Obb, Kind::Sphere, Kind::Aabb, Kind::Medial].into_iter().zip(&mut kept) {
             let other = kind.baseline().step(&input, &statics, pool()).unwrap();
             assert_eq!(hybrid.pairs, other.pairs, "step {number}, {kind:?}");
             assert_eq!(hybrid.manifolds, other.manifolds, "step {number}, {kind:?}");
