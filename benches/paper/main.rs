@@ -9,10 +9,13 @@
 //!
 //! The process is bound to one core.
 
+mod chains;
 mod hierarchies;
+mod page;
 mod report;
 mod scenes;
 mod techniques;
+mod times;
 
 use std::{
     path::{Path, PathBuf},
@@ -74,6 +77,15 @@ struct ModelRow {
     error: TwoSidedError,
 }
 
+/// All results of a run.
+struct Findings {
+    models: Vec<ModelRow>,
+    criteria: (slabs::Verdicts, conic::Verdicts),
+    hierarchies: Vec<hierarchies::HierarchyRow>,
+    chains: Vec<chains::ChainRow>,
+    scenes: Vec<scenes::SceneResult>,
+}
+
 fn main() -> ExitCode {
     outcome::of(run(&Args::parse()))
 }
@@ -92,11 +104,13 @@ fn run(args: &Args) -> Result<(), String> {
     let criteria = (slabs::compare(cases, 1), conic::compare(cases, 2));
     println!("{criteria:#?}");
     let table = TABLE_1.iter().map(|row| model_row(row, &models, &folder)).collect::<Result<Vec<_>, _>>()?;
-    let rows = hierarchies::rows(
+    let hierarchies = hierarchies::rows(
         &TABLE_1.iter().filter_map(|&(name, paper, _)| axis(&models, name, paper)).collect::<Vec<_>>(),
         args.quick,
     );
-    rows.iter().for_each(|row| println!("{row:?}"));
+    hierarchies.iter().for_each(|row| println!("{row:?}"));
+    let chains = chains::rows(&models, args.quick);
+    chains.iter().for_each(|row| println!("{}, {} steps: {:?}", row.name, row.look_ahead, row.pairs));
     let mut results = Vec::new();
     for scene in scenes::SCENES.iter().filter(|scene| args.scene.as_deref().is_none_or(|only| only == scene.name)) {
         let result = scenes::run(scene, &models, args.quick)?;
@@ -105,8 +119,9 @@ fn run(args: &Args) -> Result<(), String> {
     }
     let words: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
     let command = format!("cargo bench --bench paper -- {}", words.join(" "));
+    let findings = Findings { models: table, criteria, hierarchies, chains, scenes: results };
     match &args.out {
-        Some(out) => report::write_all(out, [&machine, &command], &table, &criteria, &rows, &results),
+        Some(out) => report::write_all(out, [&machine, &command], &findings),
         None => Ok(()),
     }
 }

@@ -43,8 +43,8 @@ pub const TECHNIQUES: [Technique; 12] = [
     Technique {
         section: "4, figure 5",
         name: "a chain of cones along a curved path",
-        code: "none in the broad phase; `src/pipeline/sweep/first_impact.rs` halves the time interval of a pair",
-        difference: "The centre of a bounding sphere is near the centre of mass, so its path bends little. Pairs whose rotation bends the path of their primitives are searched in \
+        code: "`benches/src/paper/chains.rs` only; `src/pipeline/sweep/first_impact.rs` halves the time interval of a pair",
+        difference: "One cone leaves almost the same pairs: see [chains of cones](#chains-of-cones). Pairs whose rotation bends the path of their primitives are searched in \
             intervals.",
         test: "`physics::spins::whole_turns_are_about_the_axis_of_the_spin`",
     },
@@ -95,7 +95,7 @@ pub const TECHNIQUES: [Technique; 12] = [
         section: "6",
         name: "hierarchical medial axis for culling between bodies",
         code: "`src/pipeline/sweep/mid_phase.rs`",
-        difference: "Trees of aligned boxes over the primitives, one against the other, with boxes that hold the relative motion. Levels of detail replace coarse shapes.",
+        difference: "Trees of aligned boxes instead, because trees of medial primitives take longer: see [hierarchies](#hierarchies).",
         test: "`physics::culling::baselines_give_the_same_results`",
     },
 ];

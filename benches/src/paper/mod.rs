@@ -2,10 +2,12 @@
 //!
 //! | module | section of the paper | content |
 //! |---|---|---|
+//! | [`chains`] | 4, figure 5 | chains of swept bounding spheres |
 //! | [`slabs`] | 3.2 | degenerate slabs by two circles on the largest sphere |
 //! | [`conic`] | 4.1 | overlap of a cone and a box by a quadratic function on the unit tesseract |
 //! | [`flat`] | 4, 4.2 | swept bounding spheres, then all primitive pairs of the remaining body pairs, without trees |
 
+pub mod chains;
 pub mod conic;
 pub mod flat;
 pub mod slabs;
