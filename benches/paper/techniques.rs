@@ -73,8 +73,9 @@ pub const TECHNIQUES: [Technique; 12] = [
         section: "4.2, figure 6",
         name: "generalized medial mesh",
         code: "`PackedMedialMesh`, `src/medial_axis/packed.rs`",
-        difference: "Shapes of bodies are uploaded in this form. The boxes of statics have a buffer of their own on the GPU.",
-        test: "`medial_axis::packed::tests::layout_is_the_papers`",
+        difference: "Shapes are uploaded in this form, without their bounds. Bounds lie in the records of bodies and statics: a body scales its bound, and the broad phase already \
+            reads the eight storage buffers that every adapter supports.",
+        test: "`medial_axis::packed::tests::kinds_and_indices_are_those_of_the_paper`",
     },
     Technique {
         section: "4.2",

@@ -128,7 +128,7 @@ pub fn prepare(method: Method, model: &Model, resolution: usize, sphere_counts: 
     let mesh = &model.mesh;
     let bad = |error: &dyn std::fmt::Display| format!("{}: {error}", model.name);
     let medial = |axis: &MedialAxis, error: Deviation, preparation: Duration| {
-        let packed = PackedMedialMesh::pack_dynamic(axis);
+        let packed = PackedMedialMesh::new(axis);
         Prepared {
             parts: axis.primitives().len(),
             error,

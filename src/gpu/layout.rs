@@ -274,8 +274,7 @@ mod tests {
             (MedialAxis::sphere(0.5).unwrap(), "SPHERE"),
             (MedialAxis::cone(sphere(0.0), sphere(1.0)).unwrap(), "CONE"),
         ] {
-            // The first primitive is the bound.
-            let [_, [kind, ..]] = PackedMedialMesh::pack_dynamic(&axis).primitives[..] else { panic!("{axis:?}") };
+            let [[kind, ..]] = PackedMedialMesh::new(&axis).primitives[..] else { panic!("{axis:?}") };
             assert_eq!(kind.cast_unsigned(), number(&chords, name), "{name}");
         }
     }

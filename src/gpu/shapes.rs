@@ -34,14 +34,13 @@ impl Shapes {
     }
 
     fn add(&mut self, axis: &MedialAxis) -> u32 {
-        let PackedMedialMesh { spheres, primitives } = PackedMedialMesh::pack_dynamic(axis);
+        let PackedMedialMesh { spheres, primitives } = PackedMedialMesh::new(axis);
         let index = self.table.len() as u32;
         let nodes = axis.bvh().bytes();
         self.table.push(layout::Shape {
             spheres: self.spheres.len() as u32,
-            // The first primitive is the bound.
-            primitives: self.primitives.len() as u32 + 1,
-            primitive_count: primitives.len() as u32 - 1,
+            primitives: self.primitives.len() as u32,
+            primitive_count: primitives.len() as u32,
             nodes: (self.nodes.len() / NODE as usize) as u32,
             node_count: (nodes.len() / NODE as usize) as u32,
         });

@@ -177,7 +177,7 @@ pub struct Verdicts {
     pub faces_wrong: usize,
     /// Overlaps that the words of the paper miss.
     pub edges_missed: usize,
-    /// Overlaps that the words of the paper report although there are none.
+    /// False positives of the words of the paper.
     pub edges_false: usize,
     /// Pairs for which `g = 0` is an ellipsoid.
     pub ellipsoids: usize,

@@ -77,7 +77,7 @@ pub struct Verdicts {
     pub undecided: usize,
     /// Wrong verdicts of `bevy_medial`.
     pub ours_wrong: usize,
-    /// Max protrusion of a degenerate slab from what remains of it in `bevy_medial`.
+    /// Max protrusion of a degenerate slab from its result in `bevy_medial`.
     pub ours_max_loss: f64,
     /// Wrong verdicts of the two circles on slabs with a radius.
     pub circles_wrong: usize,
