@@ -7,12 +7,13 @@ use std::{
 
 use bevy::{
     camera::RenderTarget,
+    ecs::system::IntoObserverSystem,
     log::LogPlugin,
     prelude::*,
     render::{
         RenderPlugin,
         render_resource::TextureFormat,
-        view::screenshot::{Screenshot, save_to_disk},
+        view::screenshot::{Screenshot, ScreenshotCaptured, save_to_disk},
     },
     window::ExitCondition,
     winit::WinitPlugin,
@@ -56,9 +57,14 @@ impl Studio {
         {
             return Err(format!("{}: {error}", file.display()));
         }
-        let picture = Screenshot::image(self.target.clone());
-        self.app.world_mut().spawn(picture).observe(save_to_disk(PathBuf::from(file)));
+        self.shoot(save_to_disk(PathBuf::from(file)));
         Ok(())
+    }
+
+    /// Requests a picture of this frame for an observer.
+    pub fn shoot<M>(&mut self, observer: impl IntoObserverSystem<ScreenshotCaptured, (), M>) {
+        let picture = Screenshot::image(self.target.clone());
+        self.app.world_mut().spawn(picture).observe(observer);
     }
 
     /// Updates the app until the requested picture is written.

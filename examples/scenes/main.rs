@@ -5,13 +5,14 @@
 //!                                         [--budget PERCENT] [--backend auto|cpu|gpu]
 //!                                         [--cull hybrid|none|bvh-obb|bvh-sphere|bvh-aabb|bvh-medial]
 //!                                         [--csv FILE] [--json FILE] [--list]
-//!                                         [--screenshot FILE] [--frames DIR] [--overlay] [--layers NAME,NAME]
+//!                                         [--screenshot FILE] [--frames DIR] [--movie FILE] [--overlay] [--layers NAME,NAME]
 //! ```
 
 #[path = "../common/mod.rs"]
 mod common;
 mod control;
 mod grab;
+mod movie;
 mod offscreen;
 mod overlay;
 mod panel;
@@ -39,6 +40,9 @@ use view::Show;
 
 /// Size of pictures, in pixels.
 const PICTURE: UVec2 = UVec2::new(1280, 720);
+
+/// Size of movies, in pixels.
+const MOVIE: UVec2 = UVec2::new(528, 297);
 
 #[derive(Parser)]
 #[command(about = "Demo scenes of bevy_medial")]
@@ -84,6 +88,9 @@ struct Args {
     /// Write a picture of every step, `0001.png` and so on, into a folder and exit. Needs a graphics adapter, but no display.
     #[arg(long, value_name = "DIR", conflicts_with = "screenshot")]
     frames: Option<PathBuf>,
+    /// Run the steps, write an animated GIF of every third one and exit. Needs a graphics adapter, but no display.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["screenshot", "frames"])]
+    movie: Option<PathBuf>,
     /// Show the figures and the graph of the window in pictures.
     #[arg(long)]
     overlay: bool,
@@ -151,6 +158,9 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     }
     if let Some(folder) = &args.frames {
         return Ok(offscreen::frames(show(), steps, PICTURE, folder)?);
+    }
+    if let Some(file) = &args.movie {
+        return Ok(offscreen::movie(show(), steps, MOVIE, file)?);
     }
     // With these options the program runs the steps and exits, so it opens no window.
     let wants_figures = args.csv.is_some() || args.json.is_some() || args.cull != Cull::Hybrid || args.steps.is_some();

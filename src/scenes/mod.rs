@@ -77,7 +77,7 @@ pub const SCENES: &[Scene] = &[
         name: "pile",
         about: "200 animals fall into a bin",
         steps: 240,
-        view: [Vec3::new(6.0, 7.5, 9.5), Vec3::new(0.0, 1.3, 0.0)],
+        view: [Vec3::new(4.5, 5.4, 7.2), Vec3::new(0.0, 1.5, 0.0)],
         build: pile,
     },
 ];
