@@ -1,9 +1,6 @@
-use std::{
-    cell::LazyCell,
-    collections::{BTreeMap, HashMap},
-};
+use std::{cell::LazyCell, collections::BTreeMap};
 
-use bevy::prelude::*;
+use bevy::{ecs::entity::EntityHashMap, prelude::*};
 
 use super::{MedialContactEnded, MedialContactStarted, MedialStep, TouchPoint};
 use crate::{
@@ -12,8 +9,8 @@ use crate::{
 };
 
 /// The touching entities. Keys have the entities in ascending order, because the sides of a pair may change places. Values are the messages to send when the
-/// touch ends, in the order of the first message.
-type Touching = BTreeMap<[Entity; 2], MedialContactEnded>;
+/// touch ends, in the order of the first message, and the number of the last step with a contact or an impact.
+type Touching = BTreeMap<[Entity; 2], (MedialContactEnded, u64)>;
 
 fn key(entities: [Entity; 2]) -> [Entity; 2] {
     let [a, b] = entities;
@@ -25,22 +22,30 @@ pub(super) fn tell_contacts(
     mut commands: Commands,
     step: Res<MedialStep>,
     existing: Query<()>,
-    mut touching: Local<Touching>,
+    (mut touching, mut number, mut counts): (Local<Touching>, Local<u64>, Local<[usize; 2]>),
     mut started: MessageWriter<MedialContactStarted>,
     mut ended: MessageWriter<MedialContactEnded>,
 ) {
-    let mut now = Touching::new();
+    // If no body is active and none has come or gone, no touch has begun or ended.
+    let last_counts = std::mem::replace(&mut *counts, [step.input.bodies.len(), step.statics.bodies().len()]);
+    if last_counts == *counts && !step.input.bodies.iter().any(|body| body.active) {
+        return;
+    }
+    *number += 1;
+    let now = *number;
     for pair in &step.output.pairs {
         let (info1, info2) = (step.info(pair.first), step.info(pair.second));
         let (entity1, entity2, body1, body2) = (info1.entity, info2.entity, info1.body, info2.body);
         let key = key([entity1, entity2]);
         let Some(touch) = touch_point(&step, pair) else { continue };
-        let known = touching.get(&key).copied();
+        let known = touching.get_mut(&key);
         if known.is_none() && pair.impact.is_none() && touch.separation > LINEAR_SLOP * step.input.length_unit {
             continue;
         }
-        now.insert(key, known.unwrap_or(MedialContactEnded { entity1, entity2, body1, body2 }));
-        if known.is_none() {
+        if let Some((_, last)) = known {
+            *last = now;
+        } else {
+            touching.insert(key, (MedialContactEnded { entity1, entity2, body1, body2 }, now));
             let sensor = info1.sensor || info2.sensor;
             let message = MedialContactStarted { entity1, entity2, body1, body2, touch, sensor };
             started.write(message);
@@ -48,28 +53,27 @@ pub(super) fn tell_contacts(
         }
     }
     // A sleeping body is not tested unless the other side moves. It still touches.
-    let states: LazyCell<HashMap<Entity, (bool, bool)>, _> = LazyCell::new(|| {
+    let states: LazyCell<EntityHashMap<(bool, bool)>, _> = LazyCell::new(|| {
         let bodies = step.input.bodies.iter().zip(&step.infos);
         let statics = step.static_infos.iter().map(|info| (info.entity, (false, false)));
         bodies.map(|(body, info)| (info.entity, (body.active, info.asleep))).chain(statics).collect()
     });
-    for (&key, &message) in touching.iter() {
-        if now.contains_key(&key) {
-            continue;
+    touching.retain(|key, (message, last)| {
+        if *last == now {
+            return true;
         }
         if let [Some(&(active1, asleep1)), Some(&(active2, asleep2))] = key.map(|entity| states.get(&entity))
             && (asleep1 || asleep2)
             && !(active1 || active2)
         {
-            now.insert(key, message);
-            continue;
+            return true;
         }
-        ended.write(message);
-        for event in [message, message.swapped()].into_iter().filter(|event| existing.contains(event.entity1)) {
+        ended.write(*message);
+        for event in [*message, message.swapped()].into_iter().filter(|event| existing.contains(event.entity1)) {
             commands.trigger(event);
         }
-    }
-    *touching = now;
+        false
+    });
 }
 
 /// Returns the first impact of the pair, or else its deepest contact.

@@ -6,6 +6,7 @@ use bevy::{platform::collections::HashMap, prelude::*};
 use bevy_rapier3d::{
     parry::shape::SharedShape,
     rapier::{
+        data::Coarena,
         dynamics::{RigidBody as RapierBody, RigidBodyHandle, RigidBodyType},
         geometry::{Collider as RapierCollider, ColliderHandle},
     },
@@ -96,17 +97,18 @@ struct World<'a, 'c> {
     joint_islands: HashMap<RigidBodyHandle, RigidBodyHandle>,
     /// Poses of the bodies that slept in the last step. A body that sleeps at another pose was moved there, e.g. by restoring a context, so its pairs are
     /// searched once.
-    sleepers: &'a HashMap<Entity, Pose3>,
+    sleepers: Option<&'a Coarena<Pose3>>,
 }
 
 impl Gather<'_, '_, '_> {
     /// Gathers all worlds with a medial collider. `known`: the fixed colliders of the last step.
     pub fn run(&mut self, contexts: &Query<Context>, known: &mut Vec<Fixed>) -> Gathered {
         let step = &mut *self.step;
-        let sleepers: HashMap<Entity, Pose3> = std::iter::zip(&step.infos, &step.input.bodies)
-            .filter(|(info, _)| info.asleep)
-            .map(|(info, body)| (info.entity, body.sweep.end))
-            .collect();
+        let mut sleepers: Vec<Coarena<Pose3>> = step.worlds.iter().map(|_| Coarena::new()).collect();
+        for (info, body) in std::iter::zip(&step.infos, &step.input.bodies).filter(|(info, _)| info.asleep) {
+            sleepers[body.world as usize].insert(info.collider.0, body.sweep.end);
+        }
+        let worlds = std::mem::take(&mut step.worlds);
         step.input.prediction = 0.0;
         step.input.length_unit = 0.0;
         step.input.core_depth = step.settings.core_depth;
@@ -120,7 +122,11 @@ impl Gather<'_, '_, '_> {
                 running: self.rapier.runs(&context),
                 dt: self.rapier.simulated(&context),
                 joint_islands: joint_islands(context.joints, &context.bodies.bodies),
-                sleepers: &sleepers,
+                sleepers: worlds
+                    .iter()
+                    .zip(&sleepers)
+                    .find(|(world, _)| **world == context.entity)
+                    .map(|known| known.1),
                 context: &context,
             };
             gathered.worlds.push((context.entity, world.dt));
@@ -189,10 +195,10 @@ impl Gather<'_, '_, '_> {
         let Some(solid) = solid(collider.shared_shape()) else { return };
         let World { index, context, running, dt, ref joint_islands, sleepers } = *world;
         let (end, sensor) = (collider_pose(collider, Some(body)), collider.is_sensor());
-        let start = self.rapier.snapshot.starts.get(&(context.entity, handle)).filter(|_| running).copied();
-        let start = start.unwrap_or(Start::at_rest(end));
+        let start = self.rapier.snapshot.starts.get(&context.entity).and_then(|starts| starts.get(handle.0));
+        let start = start.filter(|_| running).copied().unwrap_or(Start::at_rest(end));
         let simulated = running && body.is_enabled();
-        let active = simulated && (!body.is_sleeping() || sleepers.get(&entity) != Some(&end));
+        let active = simulated && (!body.is_sleeping() || sleepers.and_then(|known| known.get(handle.0)) != Some(&end));
         if simulated && !active {
             gathered.resting.push((self.step.input.bodies.len(), sensor || !body.is_dynamic()));
         }

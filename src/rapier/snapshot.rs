@@ -7,12 +7,12 @@ use bevy::{
     platform::{collections::HashMap, time::Instant},
     prelude::*,
 };
-use bevy_rapier3d::{prelude::TimestepMode, rapier::geometry::ColliderHandle};
+use bevy_rapier3d::{prelude::TimestepMode, rapier::data::Coarena};
 
 use super::{
     context::{Context, ContextReadOnlyItem, collider_pose, displacement},
     owed::OwedTime,
-    table::{ContactTable, SecondKey},
+    table::{ContactTable, Displacements, SecondKey},
 };
 use crate::{
     geometry::Pose3,
@@ -23,15 +23,18 @@ use crate::{
 /// Poses and velocities of colliders before rapier's step.
 #[derive(Resource, Default)]
 pub(super) struct Snapshot {
-    pub starts: HashMap<(Entity, ColliderHandle), Start>,
+    /// By the entity of the context and by collider.
+    pub starts: HashMap<Entity, Coarena<Start>>,
     /// [`SimulationToRenderTime`] of each world before the step: rendered time minus simulated time, in seconds.
     pub leads: HashMap<Entity, f32>,
     /// True if rapier's step has run since the snapshot. A condition on its system set may skip it.
     stepped: bool,
+    /// A buffer for the displacements of the next step.
+    displacements: Displacements,
     pub took: Duration,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Start {
     pub pose: Pose3,
     pub linear: Vec3,
@@ -56,18 +59,20 @@ pub(super) fn snapshot(
     contexts: Query<Context>,
 ) {
     let clock = Instant::now();
-    let snapshot = snapshot.as_mut();
-    let mut displacements = HashMap::new();
+    let Snapshot { starts, leads, stepped, displacements, took } = snapshot.as_mut();
+    displacements.clear();
     let mut reach = ContactMargin::new(0.0, 0.0);
     let dt = to_come(&mode, &time);
-    snapshot.starts.clear();
-    snapshot.leads.clear();
-    snapshot.leads.extend(contexts.iter().map(|context| (context.entity, context.lead.diff)));
-    snapshot.stepped = false;
+    starts.clear();
+    leads.clear();
+    leads.extend(contexts.iter().map(|context| (context.entity, context.lead.diff)));
+    *stepped = false;
     for context in contexts.iter().filter(|context| context.is_medial()) {
         let ContactMargin { prediction, length_unit, .. } = context.reach();
         reach.prediction = reach.prediction.max(prediction);
         reach.length_unit = reach.length_unit.max(length_unit);
+        let starts = starts.entry(context.entity).or_default();
+        starts.reserve(context.colliders.colliders.len());
         for (handle, collider) in context.colliders.colliders.iter() {
             let body = context.body(collider);
             let Some(moving) = body.filter(|body| !body.is_fixed()) else { continue };
@@ -81,13 +86,12 @@ pub(super) fn snapshot(
                 *known = displacement;
             }
             let (linear, angular) = (moving.linvel(), moving.angvel());
-            let start = Start { pose: collider_pose(collider, body), linear, angular };
-            snapshot.starts.insert((context.entity, handle), start);
+            starts.insert(handle.0, Start { pose: collider_pose(collider, body), linear, angular });
         }
     }
     let colliders = contexts.iter().filter(|context| context.is_medial()).map(|context| context.colliders);
     table.prepare(displacements, reach, step.contacts(), colliders);
-    snapshot.took = clock.elapsed();
+    *took = clock.elapsed();
 }
 
 /// Records that rapier's step runs. This system is in rapier's step set, so the same run conditions apply.

@@ -22,11 +22,14 @@ use crate::{
 #[reflect(Resource, Default, Clone)]
 pub struct ContactTable(#[reflect(ignore, clone)] Arc<RwLock<Entries>>);
 
+/// Displacements of colliders in the next step, by shape.
+pub(super) type Displacements = HashMap<SecondKey, Displacement>;
+
 struct Entries {
     /// ContactMargin and range of manifolds of each pair.
     pairs: HashMap<PairKey, (ContactMargin, Range<usize>)>,
     manifolds: Vec<Manifold>,
-    displacements: HashMap<SecondKey, Displacement>,
+    displacements: Displacements,
     /// Prediction distance of colliders without contact skin, in metres.
     prediction: f32,
     length_unit: f32,
@@ -113,9 +116,10 @@ impl ContactTable {
     }
 
     /// Replaces all content: the motion of all moving colliders in the next step, the prediction distance, the length unit, and the contacts of the last step.
+    /// `displacements` gets those of the step before, as a buffer.
     pub(super) fn prepare<'a>(
         &self,
-        displacements: HashMap<SecondKey, Displacement>,
+        displacements: &mut Displacements,
         ContactMargin { prediction, length_unit, .. }: ContactMargin,
         contacts: &ContactCache,
         worlds: impl Iterator<Item = &'a RapierContextColliders>,
@@ -133,7 +137,8 @@ impl ContactTable {
                 }
             }
         }
-        (table.displacements, table.prediction, table.length_unit) = (displacements, prediction, length_unit);
+        std::mem::swap(&mut table.displacements, displacements);
+        (table.prediction, table.length_unit) = (prediction, length_unit);
     }
 
     /// Returns the length unit in metres.

@@ -11,7 +11,11 @@
 //! - **stops**: the time that stops at impacts add to a step of the scene `dinosaur`, on one thread. The same steps run with and without stops;
 //! - **view**: the time of an update while physics is paused, with 1,000 bodies of the rain in contact: with the debug view off, with shapes, with all
 //!   layers except the candidates, and with all layers. On the CPU, without a renderer;
+//! - **own shapes**: 120 convex decompositions of rapier fall into a bin, with the plugin and without it, in turns;
+//! - **sleeping**: an update with 5,000 sleeping medial boxes, and with rapier's cuboids without the plugin, in turns;
 //! - **memory**: bytes of a step's input per body, bytes kept between steps without the output, and allocations of a step, from a counting allocator.
+
+mod beside_rapier;
 
 use std::{
     ops::ControlFlow,
@@ -136,6 +140,15 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     tell("stops: extra time, median", 0, median(extra.iter().copied()), "ms");
     tell("stops: extra time, 95 of 100", 0, extra[extra.len() * 95 / 100], "ms");
     tell("stops: extra time, most", 0, extra[extra.len() - 1], "ms");
+
+    let (own, asleep) = if args.quick { (9, 50) } else { (120, 5000) };
+    let beside_rapier::Own { sums_ms, last_ms } = beside_rapier::own_shapes(own, if args.quick { 40 } else { 300 })?;
+    tell("own shapes: sum, rapier alone", own, sums_ms[0], "ms");
+    tell("own shapes: sum with the plugin, ratio", own, sums_ms[1] / sums_ms[0], "");
+    tell("own shapes: last updates, ratio", own, last_ms[1] / last_ms[0], "");
+    let updates = beside_rapier::sleeping(asleep, if args.quick { 60 } else { 300 })?;
+    tell("sleeping: an update, rapier's cuboids", asleep, updates[0], "ms");
+    tell("sleeping: an update, medial, ratio", asleep, updates[1] / updates[0], "");
 
     let viewed = counts[counts.len().min(2) - 1];
     for (what, median) in view(&deer, viewed, steps) {
