@@ -5,14 +5,12 @@ use std::{
 };
 
 use glam::{DMat4, Mat4, Vec3};
-use gltf::{
-    Accessor, Document, Gltf, Mesh, Node, Primitive, Semantic,
-    accessor::{DataType, Dimensions},
-    buffer::Source,
-    mesh::Mode,
-};
+use gltf::{Document, Gltf, Mesh, Node, Primitive, Semantic, buffer::Source, mesh::Mode};
 
-use super::FormatError;
+use super::{
+    FormatError,
+    accessors::{indices, positions},
+};
 use crate::builder::{
     MAX_MESH_SIZE, MeshError, TriangleMesh,
     mesh::{list, strip},
@@ -21,11 +19,12 @@ use crate::builder::{
 /// Size of the header of a GLB file in bytes. The file's stated length includes it.
 const GLB_HEADER: u32 = 12;
 
-/// Prefixes of extensions that do not affect the shape.
-const COLOURS: [&str; 5] = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_"];
+/// Prefixes of extensions that do not affect the shape, and the supported extension.
+const KNOWN: [&str; 6] =
+    ["KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "KHR_lights_", "KHR_mesh_quantization"];
 
 /// Reads all meshes of the default scene, or of the first one if there is no default, transformed by their nodes.
-pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatError> {
+pub(super) fn parse(bytes: &[u8], folder: &Path, warnings: &mut Vec<String>) -> Result<TriangleMesh, FormatError> {
     let length = bytes.get(8..12).and_then(|length| length.try_into().ok()).map(u32::from_le_bytes);
     if bytes.starts_with(b"glTF") && length.is_none_or(|length| length < GLB_HEADER) {
         return Err(FormatError::damaged("the GLB header", "it is truncated, or states an impossible length"));
@@ -33,12 +32,11 @@ pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatE
     let damaged = |error: gltf::Error| FormatError::damaged("the glTF document", error.to_string());
     let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(damaged)?;
     let mut json = document.into_json();
-    // Extensions for colours and lights do not change the surface.
-    json.extensions_required.retain(|name| !COLOURS.iter().any(|prefix| name.starts_with(prefix)));
+    json.extensions_required.retain(|name| !KNOWN.iter().any(|prefix| name.starts_with(prefix)));
     // Exporters do not always list this extension as required.
     let places = json.extensions_used.iter().find(|name| *name == "EXT_mesh_gpu_instancing");
     if let Some(name) = json.extensions_required.first().or(places) {
-        let remedy = "export it without quantization, compression and other extensions";
+        let remedy = "export it without compression and other extensions";
         return Err(FormatError::new("the glTF document", format!("it needs the extension {name}"), remedy));
     }
     // The validation of the crate uses these indices without a check.
@@ -52,9 +50,7 @@ pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatE
     let scene = scene.ok_or_else(|| {
         FormatError::new("the glTF document", "it has no scene", "put the meshes into a scene and export it again")
     })?;
-    let file = File { buffers: buffers(&document, blob, folder)? };
-
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    let mut file = File { buffers: buffers(&document, blob, folder)?, ..File::default() };
     let mut seen = vec![false; document.nodes().len()];
     let mut open: Vec<(Node, DMat4)> = scene.nodes().map(|node| (node, DMat4::IDENTITY)).collect();
     while let Some((node, parent)) = open.pop() {
@@ -63,23 +59,36 @@ pub(super) fn parse(bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatE
             return Err(FormatError::damaged(place, "the scene reaches it twice, so its nodes are not a tree"));
         }
         let pose = parent * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
-        if let Some(skin) = node.skin() {
-            let problem = format!("it is deformed by skin {}, and its own transform does not count", skin.index());
-            let remedy = "apply the armature's pose and all transforms, and export it without";
-            return Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
-        }
         if let Some(mesh) = node.mesh() {
-            let mut weights = node.weights().or(mesh.weights()).into_iter().flatten();
-            if weights.any(|&weight| weight != 0.0) && mesh.primitives().any(|p| p.morph_targets().len() > 0) {
-                let problem = format!("mesh {} is deformed by its morph targets", mesh.index());
-                let remedy = "apply its shape keys and export it without, or set their weights to 0";
-                return Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
-            }
-            file.add(&mesh, &pose, &mut positions, &mut triangles)?;
+            check_rigid(&node, &mesh)?;
+            file.add(&mesh, &pose)?;
         }
         open.extend(node.children().map(|child| (child, pose)));
     }
-    Ok(TriangleMesh::new(positions, triangles)?)
+    if let Some(first) = file.left_out.first() {
+        let problem = format!("{} primitives of lines or points, the first is {first}", file.left_out.len());
+        if file.triangles.is_empty() {
+            let problem = format!("it has no triangles, only {problem}");
+            return Err(FormatError::new("the glTF document", problem, "turn them into triangles"));
+        }
+        warnings.push(format!("left out: {problem}"));
+    }
+    Ok(TriangleMesh::new(file.positions, file.triangles)?)
+}
+
+/// Returns an error for a mesh that its node deforms.
+fn check_rigid(node: &Node, mesh: &Mesh) -> Result<(), FormatError> {
+    let refused = |problem, remedy| Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
+    if let Some(skin) = node.skin() {
+        let problem = format!("it is deformed by skin {}, and its own transform does not count", skin.index());
+        return refused(problem, "apply the armature's pose and all transforms, and export it without");
+    }
+    let mut weights = node.weights().or(mesh.weights()).into_iter().flatten();
+    if weights.any(|&weight| weight != 0.0) && mesh.primitives().any(|p| p.morph_targets().len() > 0) {
+        let problem = format!("mesh {} is deformed by its morph targets", mesh.index());
+        return refused(problem, "apply its shape keys and export it without, or set their weights to 0");
+    }
+    Ok(())
 }
 
 /// The bytes of all buffers: of the GLB file itself, of `data:` URIs, and of other files.
@@ -136,50 +145,45 @@ fn percent_decoded(uri: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
+/// The buffers of a file, and the surface that has been read from them.
+#[derive(Default)]
 struct File {
     buffers: Vec<Vec<u8>>,
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+    /// Places of primitives without a surface.
+    left_out: Vec<String>,
 }
 
 impl File {
     /// Adds the triangles of a mesh.
-    fn add(
-        &self,
-        mesh: &Mesh,
-        pose: &DMat4,
-        positions: &mut Vec<Vec3>,
-        triangles: &mut Vec<[u32; 3]>,
-    ) -> Result<(), FormatError> {
+    fn add(&mut self, mesh: &Mesh, pose: &DMat4) -> Result<(), FormatError> {
         for primitive in mesh.primitives() {
             let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
-            let corners = self.triangles(&primitive, &place)?;
+            if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
+                self.left_out.push(place);
+                continue;
+            }
             let accessor = primitive.get(&Semantic::Positions);
             let accessor = accessor.ok_or_else(|| FormatError::damaged(place.clone(), "it has no positions"))?;
-            let (kind, shape) = (accessor.data_type(), accessor.dimensions());
-            if (kind, shape) != (DataType::F32, Dimensions::Vec3) {
-                let remedy = "export it without quantization";
-                return Err(FormatError::new(place, format!("its positions are {kind:?} {shape:?}"), remedy));
-            }
-            let local: Vec<[f32; 3]> = self
-                .elements::<12>(&accessor)?
-                .map(|bytes| bytemuck::pod_read_unaligned::<[[u8; 4]; 3]>(&bytes).map(f32::from_le_bytes))
-                .collect();
+            let local = positions(&accessor, &self.buffers, &place)?;
+            let corners = self.corners(&primitive, local.len(), &place)?;
             if let Some(index) = corners.iter().flatten().find(|&&index| index as usize >= local.len()) {
                 let problem = format!("there is no vertex {index} among {}", local.len());
                 return Err(FormatError::damaged(place, problem));
             }
             // Several nodes may use one mesh, so the size of the file does not bound the total.
-            for (what, count) in
-                [("vertices", positions.len() + local.len()), ("triangles", triangles.len() + corners.len())]
-            {
+            let vertices = ("vertices", self.positions.len() + local.len());
+            for (what, count) in [vertices, ("triangles", self.triangles.len() + corners.len())] {
                 if count > MAX_MESH_SIZE {
                     return Err(MeshError::TooLarge { what, count }.into());
                 }
             }
-            let first = positions.len() as u32;
-            positions.extend(local.iter().map(|&p| pose.transform_point3(Vec3::from(p).as_dvec3()).as_vec3()));
+            let first = self.positions.len() as u32;
+            self.positions.extend(local.iter().map(|p| pose.transform_point3(p.as_dvec3()).as_vec3()));
             // A mirroring transform turns triangles inside out.
             let mirrored = pose.determinant() < 0.0;
-            triangles.extend(corners.iter().map(|&[a, b, c]| {
+            self.triangles.extend(corners.iter().map(|&[a, b, c]| {
                 let triangle = if mirrored { [a, c, b] } else { [a, b, c] };
                 triangle.map(|i| first + i)
             }));
@@ -188,57 +192,15 @@ impl File {
     }
 
     /// The triangles of a primitive, as indices of its own vertices.
-    fn triangles(&self, primitive: &Primitive, place: &str) -> Result<Vec<[u32; 3]>, FormatError> {
-        let indices: Vec<u32> = match primitive.indices() {
-            None => {
-                let count = primitive.get(&Semantic::Positions).map_or(0, |accessor| accessor.count());
-                (0..count.min(MAX_MESH_SIZE) as u32).collect()
-            }
-            Some(accessor) => match (accessor.data_type(), accessor.dimensions()) {
-                (DataType::U8, Dimensions::Scalar) => self.elements(&accessor)?.map(|[i]| i.into()).collect(),
-                (DataType::U16, Dimensions::Scalar) => {
-                    self.elements(&accessor)?.map(|i| u16::from_le_bytes(i).into()).collect()
-                }
-                (DataType::U32, Dimensions::Scalar) => self.elements(&accessor)?.map(u32::from_le_bytes).collect(),
-                (kind, shape) => {
-                    return Err(FormatError::damaged(place, format!("its indices are {kind:?} {shape:?}")));
-                }
-            },
+    fn corners(&self, primitive: &Primitive, vertices: usize, place: &str) -> Result<Vec<[u32; 3]>, FormatError> {
+        let indices = match primitive.indices() {
+            None => (0..vertices as u32).collect(),
+            Some(accessor) => indices(&accessor, &self.buffers, place)?,
         };
-        match primitive.mode() {
-            Mode::Triangles => Ok(list(&indices)),
-            Mode::TriangleStrip => Ok(strip(&indices)),
-            Mode::TriangleFan => Ok(match indices.split_first() {
-                Some((&apex, rim)) => rim.windows(2).map(|w| [apex, w[0], w[1]]).collect(),
-                None => Vec::new(),
-            }),
-            mode => {
-                let problem = format!("it is drawn as {mode:?}, not as triangles");
-                Err(FormatError::new(place, problem, "remove it, or turn it into triangles"))
-            }
-        }
-    }
-
-    /// The elements of an accessor, of `N` bytes each.
-    fn elements<const N: usize>(&self, accessor: &Accessor) -> Result<impl Iterator<Item = [u8; N]>, FormatError> {
-        let place = || format!("accessor {}", accessor.index());
-        let view = accessor.view().filter(|_| accessor.sparse().is_none());
-        let view = view.ok_or_else(|| {
-            FormatError::new(
-                place(),
-                "it is sparse or compressed",
-                "export it without sparse accessors and compression",
-            )
-        })?;
-        let stride = view.stride().unwrap_or(N);
-        let buffer = self.buffers.get(view.buffer().index());
-        let end = view.offset().checked_add(view.length());
-        let bytes = buffer.zip(end).and_then(|(buffer, end)| buffer.get(view.offset()..end));
-        let bytes = bytes.and_then(|bytes| bytes.get(accessor.offset()..));
-        let count = accessor.count();
-        let needed = count.checked_sub(1).map_or(Some(0), |gaps| gaps.checked_mul(stride)?.checked_add(N));
-        let bytes = bytes.zip(needed).and_then(|(bytes, needed)| bytes.get(..needed)).filter(|_| stride >= N);
-        let bytes = bytes.ok_or_else(|| FormatError::damaged(place(), "its elements do not lie within its buffer"))?;
-        Ok((0..count).map(move |i| std::array::from_fn(|byte| bytes[i * stride + byte])))
+        Ok(match (primitive.mode(), indices.split_first()) {
+            (Mode::TriangleStrip, _) => strip(&indices),
+            (Mode::TriangleFan, Some((&apex, rim))) => rim.windows(2).map(|w| [apex, w[0], w[1]]).collect(),
+            _ => list(&indices),
+        })
     }
 }

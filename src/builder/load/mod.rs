@@ -1,11 +1,13 @@
 //! Reads triangle meshes from files: OBJ, glTF and GLB, STL, PLY.
 //!
 //! Only the surface is read: positions and faces, as one mesh in the units of the file, which count as metres. Polygons are split into
-//! triangles, and vertices at equal positions are merged. Unsupported content is an error, never a partial mesh.
+//! triangles, and vertices at equal positions are merged. Lines and points have no surface: they are left out with a warning. Other unsupported
+//! content is an error, never a partial mesh.
 //!
 //! OBJ and STL have their own parsers. Errors of the crate `tobj` contain no line numbers, and the crate `stl_io` parses binary files that
 //! start with `solid` as text, although such files are common.
 
+mod accessors;
 mod gltf;
 mod obj;
 mod ply;
@@ -14,15 +16,17 @@ mod stl;
 
 use std::path::{Path, PathBuf};
 
+use bevy::log::warn;
 use glam::Vec3;
 use thiserror::Error;
 
 use super::{MeshError, TriangleMesh};
+use crate::medial_axis::ma::without_mark;
 
 /// A format of mesh files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshFormat {
-    /// Wavefront OBJ: all `v` and `f` records; the rest is skipped.
+    /// Wavefront OBJ: all `v` and `f` records of all objects; free-form surfaces are refused, and the rest is skipped.
     Obj,
     /// glTF 2.0, as JSON or as GLB: all meshes of the default scene, placed by their nodes.
     Gltf,
@@ -43,7 +47,7 @@ pub enum LoadError {
         /// The error of the file system.
         source: std::io::Error,
     },
-    /// The extension of the file name is not a known one.
+    /// Neither the content nor the extension of the file name is that of a known format.
     #[error("{}: the extension is not .obj, .gltf, .glb, .stl or .ply; convert the mesh to one of these", path.display())]
     UnknownFormat {
         /// The file.
@@ -57,6 +61,15 @@ pub enum LoadError {
         /// The place in the file and the reason.
         source: FormatError,
     },
+}
+
+/// The mesh of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loaded {
+    /// The surface.
+    pub mesh: TriangleMesh,
+    /// Content that was left out, and assumptions about content that contradicts itself.
+    pub warnings: Vec<String>,
 }
 
 /// An error in the content of a file, and its place.
@@ -115,30 +128,62 @@ impl MeshFormat {
         }
     }
 
+    /// The format of the content of a file. The extension of its name decides if the content has no mark of a format, as in OBJ files.
+    pub fn detect(bytes: &[u8], path: &Path) -> Option<Self> {
+        let text = without_mark(bytes).trim_ascii_start();
+        if stl::is_stl(bytes) {
+            Some(Self::Stl)
+        } else if text.starts_with(b"glTF") || text.starts_with(b"{") {
+            Some(Self::Gltf)
+        } else if text.starts_with(b"ply\n") || text.starts_with(b"ply\r") {
+            Some(Self::Ply)
+        } else {
+            Self::of(path)
+        }
+    }
+
     /// Parses the bytes of a file. A glTF file may refer to other files by paths relative to `folder`.
     ///
     /// # Errors
-    /// The first error. Memory and time are bounded by the size of the files, whatever sizes they declare.
-    pub fn parse(self, bytes: &[u8], folder: &Path) -> Result<TriangleMesh, FormatError> {
+    /// The first error. Memory and time are bounded by the size of the files and by [`MAX_MESH_SIZE`](super::MAX_MESH_SIZE), whatever sizes they
+    /// declare.
+    pub fn parse(self, bytes: &[u8], folder: &Path) -> Result<Loaded, FormatError> {
+        let mut warnings = Vec::new();
         let mesh = match self {
-            Self::Obj => obj::parse(bytes),
-            Self::Gltf => gltf::parse(bytes, folder),
-            Self::Stl => stl::parse(bytes),
+            Self::Obj => obj::parse(bytes, &mut warnings),
+            Self::Gltf => gltf::parse(bytes, folder, &mut warnings),
+            Self::Stl => stl::parse(bytes, &mut warnings),
             Self::Ply => ply::parse(bytes),
         }?;
-        Ok(mesh.welded())
+        Ok(Loaded { mesh: mesh.welded(), warnings })
     }
 }
 
-/// Reads a mesh file. The extension of its name determines the format.
+/// Reads a mesh file and logs its warnings: see [`read`].
+///
+/// # Errors
+/// Those of [`read`].
+pub fn load(path: &Path) -> Result<TriangleMesh, LoadError> {
+    let Loaded { mesh, warnings } = read(path)?;
+    warnings.iter().for_each(|warning| warn!("{}: {warning}", path.display()));
+    Ok(mesh)
+}
+
+/// Reads a mesh file. Its content determines the format, or the extension of its name: see [`MeshFormat::detect`].
 ///
 /// # Errors
 /// The path of the file, the place in it, the reason and advice.
-pub fn load(path: &Path) -> Result<TriangleMesh, LoadError> {
-    let format = MeshFormat::of(path).ok_or_else(|| LoadError::UnknownFormat { path: path.into() })?;
+pub fn read(path: &Path) -> Result<Loaded, LoadError> {
     let bytes = std::fs::read(path).map_err(|source| LoadError::Io { path: path.into(), source })?;
+    let format = MeshFormat::detect(&bytes, path).ok_or_else(|| LoadError::UnknownFormat { path: path.into() })?;
     let folder = path.parent().unwrap_or(Path::new(""));
     format.parse(&bytes, folder).map_err(|source| LoadError::Format { path: path.into(), source })
+}
+
+/// The lines of a text without its byte order mark. They end in LF, CR LF, or CR alone.
+fn lines(bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
+    let lines = without_mark(bytes).split(|&byte| byte == b'\n');
+    lines.flat_map(|line| line.strip_suffix(b"\r").unwrap_or(line).split(|&byte| byte == b'\r'))
 }
 
 /// Three coordinates, or a description of the error.

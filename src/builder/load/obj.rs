@@ -1,15 +1,15 @@
 use glam::Vec3;
 
-use super::{FormatError, polygon::triangulate, position};
-use crate::{builder::TriangleMesh, medial_axis::ma::without_mark};
+use super::{FormatError, lines, polygon::triangulate, position};
+use crate::builder::TriangleMesh;
 
 /// Parses `v` and `f` records. Indices count from 1, or backwards from the latest vertex if negative.
-pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
+pub(super) fn parse(bytes: &[u8], warnings: &mut Vec<String>) -> Result<TriangleMesh, FormatError> {
     let mut positions: Vec<Vec3> = Vec::new();
     // The corners of all faces in one list, and for each face its line and the end of its corners.
     let (mut corners, mut faces) = (Vec::new(), Vec::new());
-    let mut joined = String::new();
-    let mut lines = (1..).zip(without_mark(bytes).split(|&byte| byte == b'\n')).peekable();
+    let (mut joined, mut left_out) = (String::new(), 0);
+    let mut lines = (1..).zip(lines(bytes)).peekable();
     while let Some((line, content)) = lines.next() {
         // Names may be in any encoding. The parsed records are ASCII.
         joined.push_str(String::from_utf8_lossy(content).trim_end());
@@ -38,9 +38,17 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
                 }
                 faces.push((line, corners.len()));
             }
+            Some("l" | "p") => left_out += 1,
+            Some("surf") => {
+                let remedy = "convert it to triangles and export it again";
+                return Err(FormatError::new(format!("line {line}"), "it is a free-form surface", remedy));
+            }
             _ => {}
         }
         joined.clear();
+    }
+    if left_out > 0 {
+        warnings.push(format!("{left_out} records of lines or points are left out"));
     }
     let mut triangles = Vec::with_capacity(faces.len());
     let mut start = 0;

@@ -4,7 +4,7 @@ use ply_rs_bw::{
     ply::{ElementDef, Encoding, Property, PropertyAccess, PropertyAccessResult, PropertyType},
 };
 
-use super::{FormatError, polygon::triangulate};
+use super::{FormatError, lines, polygon::triangulate};
 use crate::builder::{TriangleMesh, mesh::strip};
 
 /// An element of any kind, with the properties of vertices and of faces.
@@ -86,10 +86,10 @@ impl Content {
         let parser = Parser::<Element>::new();
         let (head, body) = bytes.split_at(end_of_header(bytes));
         // Comments may be in any encoding. The parsed properties are ASCII.
-        let head = String::from_utf8_lossy(head);
+        let head = lines(head).map(String::from_utf8_lossy).collect::<Vec<_>>().join("\n");
         let header = parser.read_header(&mut Reader::new(head.as_bytes())).map_err(damaged)?;
         let mut reader = Reader::new(body);
-        let mut lines = (head.lines().count() + 1..).zip(body.split(|&byte| byte == b'\n'));
+        let mut lines = (head.lines().count() + 1..).zip(lines(body));
         let mut content = Self::default();
         for (name, definition) in &header.elements {
             check_size(name, definition, bytes.len())?;
@@ -164,9 +164,16 @@ fn check_size(name: &str, definition: &ElementDef, bytes: usize) -> Result<(), F
 
 /// End of the last line of the header, or the number of bytes without such a line.
 fn end_of_header(bytes: &[u8]) -> usize {
-    const LAST: &[u8] = b"\nend_header";
-    let last = bytes.windows(LAST.len()).position(|bytes| bytes == LAST).map(|start| start + LAST.len());
-    let end = last.and_then(|last| bytes[last..].iter().position(|&byte| byte == b'\n').map(|end| last + end + 1));
+    const LAST: &[u8] = b"end_header";
+    let is_end = |byte: &u8| matches!(byte, b'\n' | b'\r');
+    let is_last = |bytes: &[u8]| is_end(&bytes[0]) && &bytes[1..] == LAST;
+    let end = bytes.windows(1 + LAST.len()).position(is_last).and_then(|start| {
+        let after = start + 1 + LAST.len();
+        let end = after + bytes[after..].iter().position(is_end)?;
+        // With lines that end in CR alone, an LF is the first byte of the body.
+        let is_pair = bytes[end..].starts_with(b"\r\n") && bytes[..end].contains(&b'\n');
+        Some(end + 1 + usize::from(is_pair))
+    });
     end.unwrap_or(bytes.len())
 }
 

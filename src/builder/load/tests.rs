@@ -140,8 +140,21 @@ fn files(mesh: &TriangleMesh) -> [(&'static str, MeshFormat, Vec<u8>); 8] {
     ]
 }
 
-fn parse(format: MeshFormat, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
+fn parsed(format: MeshFormat, bytes: &[u8]) -> Result<Loaded, FormatError> {
     format.parse(bytes, Path::new("no such folder"))
+}
+
+fn parse(format: MeshFormat, bytes: &[u8]) -> Result<TriangleMesh, FormatError> {
+    Ok(parsed(format, bytes)?.mesh)
+}
+
+/// The corners of all triangles.
+fn corners(mesh: &TriangleMesh) -> Vec<[Vec3; 3]> {
+    mesh.triangles.iter().map(|t| mesh.corners(*t)).collect()
+}
+
+fn read_bytes(format: MeshFormat, bytes: &[u8]) -> Loaded {
+    parsed(format, bytes).unwrap_or_else(|error| panic!("{error}: {:?}", String::from_utf8_lossy(bytes)))
 }
 
 fn error(format: MeshFormat, text: &str) -> String {
@@ -152,7 +165,8 @@ fn error(format: MeshFormat, text: &str) -> String {
 fn all_formats_give_the_same_mesh() {
     let mesh = ring();
     for (name, format, bytes) in files(&mesh) {
-        let read = parse(format, &bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let Loaded { mesh: read, warnings } = parsed(format, &bytes).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert!(warnings.is_empty(), "{name}: {warnings:?}");
         let corners = |mesh: &TriangleMesh| mesh.triangles.iter().map(|t| mesh.corners(*t)).collect::<Vec<_>>();
         assert_eq!(corners(&read), corners(&mesh), "{name}");
         let report = MeshReport::new(&read);
@@ -370,97 +384,5 @@ fn ply_strips_turn_to_and_fro_and_start_anew_at_negative_indices() {
     assert!(read("5 0 1 -1 2 3").unwrap_err().to_string().contains("the mesh has no triangles"));
 }
 
-#[test]
-fn gltf_nodes_place_their_meshes() {
-    let json = gltf_json(&tetrahedron());
-    let with_nodes = |nodes: &str| json.replace(r#""nodes": [{ "mesh": 0 }]"#, &format!(r#""nodes": [{nodes}]"#));
-    let read = |nodes: &str| parse(MeshFormat::Gltf, with_nodes(nodes).as_bytes()).unwrap();
-    let nested = r#"{ "translation": [10, 0, 0], "children": [1, 2] }, { "mesh": 0, "scale": [2, 2, 2] },
-                    { "mesh": 0, "translation": [0, 5, 0], "scale": [-1, 1, 1] }, { "mesh": 0 }"#;
-    let mesh = read(nested);
-    let report = MeshReport::new(&mesh);
-    assert_eq!(
-        (report.triangles, report.components, report.is_closed()),
-        (8, 2, true),
-        "the fourth node is in no scene"
-    );
-    assert!((report.volume - 9.0 / 6.0).abs() < 1e-6, "the mirrored mesh is inside out: {report}");
-    assert_eq!((mesh.aabb().min, mesh.aabb().max), (Vec3::new(9.0, 0.0, 0.0), Vec3::new(12.0, 6.0, 2.0)));
-
-    let skinned = with_nodes(r#"{ "mesh": 0, "skin": 0, "scale": [0.01, 0.01, 0.01] }"#);
-    let skinned = skinned.replacen('{', r#"{ "skins": [{ "joints": [0] }],"#, 1);
-    assert!(
-        error(MeshFormat::Gltf, &skinned).starts_with("node 0: it is deformed by skin 0"),
-        "{}",
-        error(MeshFormat::Gltf, &skinned)
-    );
-
-    let targets = r#""indices": 1, "targets": [{ "POSITION": 0 }] }"#;
-    let bent = |weight: &str| {
-        with_nodes(&format!(r#"{{ "mesh": 0, "weights": [{weight}] }}"#)).replace(r#""indices": 1 }"#, targets)
-    };
-    assert!(parse(MeshFormat::Gltf, bent("0").as_bytes()).is_ok());
-    let told = error(MeshFormat::Gltf, &bent("0.5"));
-    assert!(told.starts_with("node 0: mesh 0 is deformed by its morph targets; apply its shape keys"), "{told}");
-
-    let cycle = error(MeshFormat::Gltf, &with_nodes(r#"{ "children": [1] }, { "children": [0], "mesh": 0 }"#));
-    assert_eq!(cycle, "node 0: the scene reaches it twice, so its nodes are not a tree; export it again");
-}
-
-#[test]
-fn gltf_modes_and_errors() {
-    let json = gltf_json(&tetrahedron());
-    let with_mode = |mode: u32| json.replace(r#""indices": 1 }"#, &format!(r#""indices": 1, "mode": {mode} }}"#));
-    // In the strip, three triangles would repeat a corner.
-    for (mode, count) in [(4, 4), (5, 7), (6, 10)] {
-        assert_eq!(parse(MeshFormat::Gltf, with_mode(mode).as_bytes()).unwrap().triangles.len(), count);
-    }
-    let lines = "mesh 0, primitive 0: it is drawn as Lines, not as triangles; remove it, or turn it into triangles";
-    assert_eq!(error(MeshFormat::Gltf, &with_mode(1)), lines);
-    let wild = json.replace(r#""POSITION": 0"#, r#""POSITION": 9"#);
-    let missing = "the glTF document: a mesh refers to accessor 9, which does not exist; export it again";
-    assert_eq!(error(MeshFormat::Gltf, &wild), missing);
-    let unindexed = json.replace(r#", "indices": 1 }"#, " }");
-    assert_eq!(parse(MeshFormat::Gltf, unindexed.as_bytes()).unwrap().triangles, [[0, 1, 2]]);
-
-    let beside = gltf_document(&tetrahedron(), Some("a%20file.bin"));
-    let missing = parse(MeshFormat::Gltf, beside.0.as_bytes()).unwrap_err().to_string();
-    assert!(
-        missing.starts_with("buffer 0: it cannot be read: ")
-            && missing.contains("a file.bin")
-            && missing.contains(".glb"),
-        "{missing}"
-    );
-    let folder = std::env::temp_dir().join(format!("bevy_medial_{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    std::fs::write(folder.join("a file.bin"), &beside.1).unwrap();
-    std::fs::write(folder.join("model.GLTF"), &beside.0).unwrap();
-    assert_eq!(load(&folder.join("model.GLTF")).unwrap(), tetrahedron().welded());
-    std::fs::write(folder.join("a file.bin"), &beside.1[1..]).unwrap();
-    let short = load(&folder.join("model.GLTF")).unwrap_err().to_string();
-    std::fs::write(folder.join("model.GLTF"), gltf_document(&tetrahedron(), Some(".")).0).unwrap();
-    let no_file = load(&folder.join("model.GLTF")).unwrap_err().to_string();
-    std::fs::remove_dir_all(&folder).unwrap();
-    assert!(no_file.contains("buffer 0: it cannot be read: it is not a file"), "{no_file}");
-    assert!(short.ends_with("model.GLTF: buffer 0: it declares 72 bytes and has 71; export it again"), "{short}");
-
-    let device = gltf_document(&tetrahedron(), Some("/dev/zero")).0;
-    assert!(error(MeshFormat::Gltf, &device).contains("its URI is not a relative path: `/dev/zero`"));
-    let needing = |name: &str| json.replacen('{', &format!("{{ \"extensionsRequired\": [\"{name}\"],"), 1);
-    assert!(parse(MeshFormat::Gltf, needing("KHR_materials_unlit").as_bytes()).is_ok());
-    let webp = needing("EXT_texture_webp").replacen(
-        '{',
-        r#"{ "textures": [{ "extensions": { "EXT_texture_webp": { "source": 0 } } }], "images": [{ "uri": "a.webp" }],"#,
-        1,
-    );
-    parse(MeshFormat::Gltf, webp.as_bytes()).unwrap();
-    let instanced = json.replacen('{', r#"{ "extensionsUsed": ["KHR_materials_unlit", "EXT_mesh_gpu_instancing"],"#, 1);
-    assert!(error(MeshFormat::Gltf, &instanced).contains("it needs the extension EXT_mesh_gpu_instancing"));
-    let needed = error(MeshFormat::Gltf, &needing("KHR_draco_mesh_compression"));
-    assert!(needed.contains("KHR_draco_mesh_compression; export it without quantization, compression"), "{needed}");
-
-    let remote = gltf_document(&tetrahedron(), Some("https://example.org/a.bin")).0;
-    assert!(error(MeshFormat::Gltf, &remote).contains("its URI is not a relative path: `https://"));
-    assert!(load(Path::new("model.fbx")).unwrap_err().to_string().contains("the extension is not .obj"));
-    assert!(load(Path::new("no such.obj")).unwrap_err().to_string().starts_with("no such.obj: cannot be read"));
-}
+mod gltf;
+mod kinds;
