@@ -113,7 +113,8 @@ pub mod random;
 pub mod rapier;
 #[cfg(feature = "rapier")]
 pub mod scenes;
-mod whole_file;
+#[doc(hidden)]
+pub mod whole_file;
 
 /// Common imports for apps.
 pub mod prelude {
