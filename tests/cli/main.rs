@@ -1,5 +1,8 @@
 //! Tests of the program `medial` as a process: arguments, output and exit codes.
 
+mod arguments;
+mod outputs;
+
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -204,9 +207,11 @@ fn errors_are_one_line_with_an_exit_code() {
     let bad_axis = folder.file("bad.ma", "1 0 0\nv 0 0 0 -1\n");
     let good_mesh = folder.file("good.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let bear = format!("{MODELS}bear.ma");
+    let levels = format!("{MODELS}bear.medial");
     let itself = fs::read(&good_mesh).unwrap();
     let new_folder = folder.0.join("new/").to_str().unwrap().to_owned();
     let cases: [(&[&str], &str); 15] = [
+        (&["measure", &good_mesh, &good_mesh], "good.obj: it is a triangle mesh; build a medial mesh of it first"),
         (&["info", "no such.ma"], "no such.ma: cannot be read"),
         (&["info", "no such.obj"], "no such.obj: cannot be read"),
         (&["info", &bad_mesh], "bad.obj: line 2: there is no vertex 2"),
@@ -215,12 +220,11 @@ fn errors_are_one_line_with_an_exit_code() {
         (&["measure", &bear, &bear], "the extension is not .obj"),
         (&["clean", &bear, "-o", "/no such folder/out.ma"], "/no such folder: there is no such folder"),
         (&["build", &bad_mesh, "-o", "out.ma"], "bad.obj: line 2"),
-        (&["build", &good_mesh, "-o", "out.medial"], "out.medial: the output is the finest level, as text"),
         (&["build", &good_mesh, "-o", &good_mesh], "good.obj: that is the name of a triangle mesh; name it "),
         (&["build", &good_mesh, "-o", MODELS], "it is a folder; name a file in it"),
         (&["build", &good_mesh, "-o", &new_folder], "it is a folder; name a file in it"),
-        (&["clean", &bear, "-o", "out.medial"], "out.medial: the output is the finest level, as text"),
-        (&["clean", "bear.medial", "-o", "out.ma"], "bear.medial: levels of detail are clean already"),
+        (&["clean", &bear, "-o", "out.medial"], "out.medial: a clean medial mesh has one level, as text"),
+        (&["clean", &levels, "-o", "out.ma"], "bear.medial: levels of detail are clean already"),
         (&["build", &good_mesh, "-o", "/no such folder/out.ma"], "/no such folder: there is no such folder"),
     ];
     for (args, expected) in cases {

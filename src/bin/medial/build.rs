@@ -1,65 +1,94 @@
 use std::{
-    ops::ControlFlow,
+    fs,
+    ops::{ControlFlow, RangeInclusive},
     path::{Path, PathBuf},
 };
 
-use bevy_medial::builder::{DEFAULT_SEED, FitOptions, Level, MeshReport, fit, load::MeshFormat};
+use bevy_medial::{
+    builder::{DEFAULT_SEED, FitOptions, Level, MedialLevels, MeshReport, TriangleMesh, fit},
+    medial_axis::MAX_SPHERES,
+};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::{Outcome, info, load_mesh, write_axis};
+use super::{
+    Outcome,
+    files::{self, at, check_output, is_levels, load_mesh},
+    rows::{Row, json},
+};
 
 #[derive(clap::Args)]
 pub struct Args {
     /// The triangle mesh.
     mesh: PathBuf,
-    /// Where to write the medial mesh.
-    #[arg(short, long, value_name = "OUT.ma")]
+    /// Where to write the medial mesh: OUT.ma for the finest level as text, OUT.medial for all levels of detail with their errors.
+    #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// Largest number of spheres of the finest level.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    spheres: Option<u32>,
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=MAX_SPHERES as u64))]
+    spheres: Option<u64>,
     /// Largest error of the finest level, in either direction, in percent of the mesh's diagonal.
-    #[arg(long, value_name = "PERCENT", value_parser = percent)]
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
     max_error: Option<f32>,
     /// Also write all levels of detail with their errors beside the finest level: OUT.medial.
     #[arg(long)]
     levels: bool,
     /// Number of searches for each level; the best result is used. More searches give a better result and take longer. Default: one or two for the
     /// finest level (shorter ones with fewer than 100 triangles per sphere), up to four for levels of few spheres.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    searches: Option<u32>,
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=u64::from(u32::MAX)))]
+    searches: Option<u64>,
     /// The same seed gives the same result.
-    #[arg(long, default_value_t = DEFAULT_SEED)]
+    #[arg(long, default_value_t = DEFAULT_SEED, allow_negative_numbers = true, value_parser = whole(0..=u64::MAX))]
     seed: u64,
+    /// Print a JSON object per line for each level. Lengths are in metres, errors in percent.
+    #[arg(long)]
+    json: bool,
 }
 
 fn percent(text: &str) -> Result<f32, String> {
     let value = text.parse().ok().filter(|value: &f32| value.is_finite() && *value > 0.0);
-    value.ok_or_else(|| "not a positive number".into())
+    value.ok_or_else(|| "it is not a positive number".into())
 }
 
-/// Checks the output path before the work, which would fail or overwrite a triangle mesh.
-pub fn check_output(output: &Path) -> Result<(), String> {
-    if info::has_levels(output) {
-        let text = output.with_extension("ma");
-        return Err(format!(
-            "{}: the output is the finest level, as text: name it {}; --levels writes the .medial file beside it",
-            output.display(),
-            text.display()
-        ));
+/// A parser of whole numbers in a range.
+fn whole(range: RangeInclusive<u64>) -> impl Fn(&str) -> Result<u64, String> + Clone + Send + Sync + 'static {
+    move |text| {
+        let number = text.parse().ok().filter(|number| range.contains(number));
+        number.ok_or_else(|| format!("it is not a whole number from {} to {}", range.start(), range.end()))
     }
-    if output.is_dir() || output.as_os_str().to_string_lossy().ends_with(std::path::is_separator) {
-        return Err(format!("{}: it is a folder; name a file in it", output.display()));
-    }
-    if MeshFormat::of(output).is_some() {
-        let named = output.with_extension("ma");
-        return Err(format!("{}: that is the name of a triangle mesh; name it {}", output.display(), named.display()));
-    }
-    match output.parent() {
-        Some(folder) if folder != Path::new("") && !folder.is_dir() => {
-            Err(format!("{}: there is no such folder; make it first", folder.display()))
+}
+
+/// The files of a build.
+struct Outputs<'a> {
+    /// The finest level, as text.
+    finest: Option<&'a Path>,
+    levels: Option<PathBuf>,
+}
+
+impl<'a> Outputs<'a> {
+    /// Checks the paths before the work.
+    fn new(args: &'a Args) -> Result<Self, String> {
+        let outputs = if is_levels(&args.output) {
+            Self { finest: None, levels: Some(args.output.clone()) }
+        } else {
+            Self { finest: Some(&args.output), levels: args.levels.then(|| beside(&args.output)) }
+        };
+        for output in outputs.finest.into_iter().chain(outputs.levels.as_deref()) {
+            check_output(output)?;
+            if fs::canonicalize(output)
+                .is_ok_and(|output| fs::canonicalize(&args.mesh).is_ok_and(|mesh| mesh == output))
+            {
+                return Err(at(output, "it is the triangle mesh; name another file"));
+            }
         }
-        _ => Ok(()),
+        Ok(outputs)
+    }
+
+    /// Writes all files or none.
+    fn write(self, chain: &MedialLevels) -> Result<(), String> {
+        let finest = self.finest.zip(chain.levels.first());
+        let finest = finest.map(|(path, level)| (path.to_owned(), files::text(&level.axis)));
+        let levels = self.levels.map(|path| (path, chain.to_bytes()));
+        files::write(&finest.into_iter().chain(levels).collect::<Vec<_>>())
     }
 }
 
@@ -77,40 +106,43 @@ fn beside(output: &Path) -> PathBuf {
 
 pub fn run(args: &Args) -> Outcome {
     let mesh = load_mesh(&args.mesh)?;
-    check_output(&args.output)?;
+    let outputs = Outputs::new(args)?;
     // Printed first, because a flaw may explain why the build fails.
     for flaw in MeshReport::new(&mesh).flaws() {
-        eprintln!("warning: {}: {flaw}", args.mesh.display());
+        eprintln!("warning: {}", at(&args.mesh, flaw));
     }
-    let mut text = String::new();
+    let chain = fitted(args, &mesh, outputs.levels.is_some())?;
+    if let (Some(finest), Some(asked)) = (chain.levels.first(), args.max_error)
+        && finest.error.max() > asked
+    {
+        eprintln!("warning: {}", at(&args.mesh, format!("the error is more than {asked} %; allow more spheres")));
+    }
+    outputs.write(&chain)?;
+    let line = |(number, Level { axis, error }): (usize, &Level)| match args.json {
+        true => json(&Row::new(&args.output, Some(number), axis, error)),
+        false => format!("level {number}: {} spheres, {error}\n", axis.spheres().len()),
+    };
+    Ok(chain.levels.iter().enumerate().map(line).collect())
+}
+
+/// Fits the levels and shows the progress.
+fn fitted(args: &Args, mesh: &TriangleMesh, levels: bool) -> Result<MedialLevels, String> {
     let bar = ProgressBar::new(1000);
     if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {wide_bar} {percent} %") {
         bar.set_style(style);
     }
+    // The casts are lossless on targets of 32 bits and more.
     let options = FitOptions {
         spheres: args.spheres.map(|spheres| spheres as usize),
         max_error: args.max_error,
-        levels: args.levels,
+        levels,
         searches: args.searches.map(|searches| searches as usize),
         seed: args.seed,
     };
-    let levels = fit(&mesh, &options, &|fraction| {
+    let chain = fit(mesh, &options, &|fraction| {
         bar.set_position((fraction * 1000.0) as u64);
         ControlFlow::Continue(())
     });
     bar.finish_and_clear();
-    let chain = levels.map_err(|error| format!("{}: {error}", args.mesh.display()))?;
-    for (number, Level { axis, error }) in chain.levels.iter().enumerate() {
-        text += &format!("level {number}: {} spheres, {error}\n", axis.spheres().len());
-    }
-    if let Some(finest) = chain.levels.first() {
-        if let Some(asked) = args.max_error.filter(|asked| finest.error.max() > *asked) {
-            eprintln!("warning: {}: the error is more than {asked} %; allow more spheres", args.mesh.display());
-        }
-        write_axis(&args.output, &finest.axis)?;
-    }
-    if args.levels {
-        chain.save(&beside(&args.output)).map_err(|error| error.to_string())?;
-    }
-    Ok(text)
+    chain.map_err(|error| at(&args.mesh, error))
 }

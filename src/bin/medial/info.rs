@@ -1,69 +1,132 @@
 use std::{fmt::Write, path::Path};
 
 use bevy_medial::{
-    builder::{MedialLevels, MeshReport, load::MeshFormat},
-    geometry::{Aabb, Primitive},
+    builder::{Level, MeshReport, TriangleMesh},
+    geometry::Aabb,
+    medial_axis::{CleanupReport, MedialAxis, ma::MaFile},
+};
+use serde::Serialize;
+
+use super::{
+    Outcome,
+    files::{Content, at},
+    rows::{Row, json, kinds},
 };
 
-use super::{Outcome, at, load_mesh, read_file};
-
-pub fn of(path: &Path) -> Outcome {
-    if MeshFormat::of(path).is_some() {
-        mesh(path)
-    } else if has_levels(path) {
-        levels(path)
-    } else {
-        medial(path)
+pub fn of(path: &Path, as_json: bool) -> Outcome {
+    match Content::read(path)? {
+        Content::Mesh(mesh) => Ok(of_mesh(path, &mesh, as_json)),
+        Content::Levels(levels) => Ok(of_levels(path, &levels, as_json)),
+        Content::Medial(file) => of_medial(path, file, as_json),
     }
 }
 
-/// Returns true if the name is that of a file of levels.
-pub fn has_levels(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("medial"))
-}
-
-fn levels(path: &Path) -> Outcome {
-    let levels = MedialLevels::load(path).map_err(|error| error.to_string())?.levels;
+fn of_levels(path: &Path, levels: &[Level], as_json: bool) -> String {
+    let rows = levels.iter().enumerate().map(|(number, level)| Row::new(path, Some(number), &level.axis, &level.error));
+    if as_json {
+        return rows.map(|row| json(&row)).collect();
+    }
     let mut text = format!("{}: {} levels, finest first\n", path.display(), levels.len());
-    for (number, level) in levels.iter().enumerate() {
-        let [_, cones, slabs] = kinds(level.axis.primitives());
-        let spheres = level.axis.spheres().len();
+    for (Row { spheres, cones, slabs, .. }, (number, level)) in rows.zip(levels.iter().enumerate()) {
         let _ = writeln!(text, "level {number}: {spheres} spheres, {cones} cones, {slabs} slabs; {}", level.error);
     }
-    Ok(text)
+    text
 }
 
-fn mesh(path: &Path) -> Outcome {
-    let mesh = load_mesh(path)?;
-    let Aabb { min, max } = mesh.aabb();
-    Ok(format!("{}: a triangle mesh\nbounds: {min} to {max} m\n{}\n", path.display(), MeshReport::new(&mesh)))
+/// A triangle mesh in JSON. Lengths are in metres.
+#[derive(Serialize)]
+struct Surface {
+    file: String,
+    triangles: usize,
+    vertices: usize,
+    pieces: usize,
+    min: [f32; 3],
+    max: [f32; 3],
+    diagonal: f32,
+    closed: bool,
+    /// In cubic metres. `None` if the surface is not closed.
+    volume: Option<f64>,
+    flaws: Vec<String>,
 }
 
-fn medial(path: &Path) -> Outcome {
-    let file = read_file(path)?;
-    let mut text = format!("{}: a medial mesh\n", path.display());
+fn of_mesh(path: &Path, mesh: &TriangleMesh, as_json: bool) -> String {
+    let (Aabb { min, max }, report) = (mesh.aabb(), MeshReport::new(mesh));
+    if as_json {
+        return json(&Surface {
+            file: path.display().to_string(),
+            triangles: report.triangles,
+            vertices: report.vertices,
+            pieces: report.components,
+            min: min.to_array(),
+            max: max.to_array(),
+            diagonal: report.diagonal,
+            closed: report.is_closed(),
+            volume: Some(report.volume).filter(|_| report.is_closed()),
+            flaws: report.flaws(),
+        });
+    }
+    format!("{}: a triangle mesh\nbounds: {min} to {max} m\n{report}\n", path.display())
+}
+
+/// A clean medial mesh in JSON. Lengths are in metres, the density is 1.
+#[derive(Serialize)]
+struct Medial {
+    file: String,
+    spheres: usize,
+    /// Spheres that are in no cone and no slab.
+    single: usize,
+    cones: usize,
+    slabs: usize,
+    min: [f32; 3],
+    max: [f32; 3],
+    smallest_radius: f32,
+    largest_radius: f32,
+    mean_radius: f32,
+    volume: f32,
+    centre_of_mass: [f32; 3],
+    inertia: [[f32; 3]; 3],
+}
+
+impl Medial {
+    fn new(path: &Path, axis: &MedialAxis) -> Self {
+        let ([single, cones, slabs], mass, Aabb { min, max }) = (kinds(axis.primitives()), axis.mass(), axis.aabb());
+        let radii = axis.spheres().iter().map(|sphere| sphere.radius);
+        Self {
+            file: path.display().to_string(),
+            spheres: axis.spheres().len(),
+            single,
+            cones,
+            slabs,
+            min: min.to_array(),
+            max: max.to_array(),
+            smallest_radius: axis.min_radius(),
+            largest_radius: radii.clone().fold(0.0, f32::max),
+            mean_radius: (radii.map(f64::from).sum::<f64>() / axis.spheres().len() as f64) as f32,
+            volume: mass.volume,
+            centre_of_mass: mass.center_of_mass.to_array(),
+            inertia: mass.inertia.to_cols_array_2d(),
+        }
+    }
+}
+
+fn of_medial(path: &Path, file: MaFile, as_json: bool) -> Outcome {
     let counts = [file.spheres.len(), file.edges.len(), file.faces.len()];
-    let _ = writeln!(text, "in the file: {} spheres, {} edges, {} faces", counts[0], counts[1], counts[2]);
     let (axis, report) = file.into_medial_axis().map_err(|error| at(path, error))?;
-    let [spheres, cones, slabs] = kinds(axis.primitives());
-    let _ = writeln!(text, "clean-up: {report}");
-    let _ = writeln!(text, "clean: {} spheres; {spheres} single, {cones} cones, {slabs} slabs", axis.spheres().len());
-    let Aabb { min, max } = axis.aabb();
-    let _ = writeln!(text, "bounds: {min} to {max} m, diagonal {} m", max.distance(min));
-    let mean = axis.spheres().iter().map(|s| f64::from(s.radius)).sum::<f64>() / axis.spheres().len() as f64;
-    let greatest = axis.spheres().iter().map(|s| s.radius).fold(0.0, f32::max);
-    let _ = writeln!(text, "radii: {} to {greatest} m, mean {} m", axis.min_radius(), mean as f32);
-    let mass = axis.mass();
-    let [x, y, z] = [mass.inertia.x_axis, mass.inertia.y_axis, mass.inertia.z_axis];
-    let _ = writeln!(text, "volume: {} m^3, centre of mass: {} m", mass.volume, mass.center_of_mass);
-    let _ = writeln!(text, "inertia at unit density: {x} {y} {z} m^5");
-    Ok(text)
+    let medial = Medial::new(path, &axis);
+    Ok(if as_json { json(&medial) } else { described(&medial, &axis, counts, &report) })
 }
 
-/// Returns the numbers of sphere, cone and slab primitives.
-pub fn kinds(primitives: &[Primitive]) -> [usize; 3] {
-    primitives.iter().fold([0; 3], |mut counts, primitive| {
-        counts[primitive.indices().len() - 1] += 1;
-        counts
-    })
+fn described(medial: &Medial, axis: &MedialAxis, counts: [usize; 3], report: &CleanupReport) -> String {
+    let Medial { file, spheres, single, cones, slabs, smallest_radius, largest_radius, mean_radius, .. } = medial;
+    let mut text = format!("{file}: a medial mesh\n");
+    let _ = writeln!(text, "in the file: {} spheres, {} edges, {} faces", counts[0], counts[1], counts[2]);
+    let _ = writeln!(text, "clean-up: {report}");
+    let _ = writeln!(text, "clean: {spheres} spheres; {single} single, {cones} cones, {slabs} slabs");
+    let (Aabb { min, max }, mass) = (axis.aabb(), axis.mass());
+    let _ = writeln!(text, "bounds: {min} to {max} m, diagonal {} m", max.distance(min));
+    let _ = writeln!(text, "radii: {smallest_radius} to {largest_radius} m, mean {mean_radius} m");
+    let _ = writeln!(text, "volume: {} m^3, centre of mass: {} m", mass.volume, mass.center_of_mass);
+    let [x, y, z] = [mass.inertia.x_axis, mass.inertia.y_axis, mass.inertia.z_axis];
+    let _ = writeln!(text, "inertia at unit density: {x} {y} {z} m^5");
+    text
 }

@@ -1,21 +1,22 @@
 //! Builds, measures and cleans medial meshes: `medial --help`.
 
 mod build;
+mod files;
 mod info;
+mod rows;
 
 use std::{
     fmt::Write as _,
-    fs,
     io::Write as _,
     path::{Path, PathBuf},
     process::ExitCode,
 };
 
-use bevy_medial::{
-    builder::{MedialLevels, TriangleMesh, load, measure},
-    medial_axis::{MedialAxis, ma},
-};
+use bevy_medial::{builder::measure, medial_axis::MedialAxis};
 use clap::{Parser, Subcommand};
+
+use files::{Content, at, check_output, is_levels, load_mesh};
+use rows::{Percent, Row, json};
 
 #[derive(Parser)]
 #[command(version, about = "Builds, measures and cleans medial meshes")]
@@ -26,7 +27,7 @@ struct Args {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Builds a medial mesh from a triangle mesh (.obj, .gltf, .glb, .stl, .ply).
+    /// Builds a medial mesh from a triangle mesh (OBJ, glTF, STL, PLY).
     Build(build::Args),
     /// Prints the two-sided error of medial meshes in percent of the triangle mesh's diagonal.
     Measure {
@@ -38,11 +39,18 @@ enum Command {
         /// Measure against the triangle mesh with flat caps over its holes, as `build` does.
         #[arg(long)]
         close_holes: bool,
+        /// Print a JSON object per line for each row. Lengths are in metres, errors in percent.
+        #[arg(long)]
+        json: bool,
     },
-    /// Describes a medial mesh (.ma), levels of detail (.medial), or a triangle mesh and its flaws.
+    /// Describes medial meshes (.ma), levels of detail (.medial), or triangle meshes and their flaws.
     Info {
-        /// The file.
-        file: PathBuf,
+        /// The files. An error in one of them does not affect the others.
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
+        /// Print a JSON object per line for each mesh or level. Lengths are in metres.
+        #[arg(long)]
+        json: bool,
     },
     /// Writes a medial mesh without degenerate, duplicate and covered parts, which fills the same volume.
     Clean {
@@ -55,45 +63,47 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let result = match Args::parse().command {
-        Command::Build(args) => build::run(&args),
-        Command::Measure { mesh, medial, close_holes } => measured(&mesh, &medial, close_holes),
-        Command::Info { file } => info::of(&file),
-        Command::Clean { medial, output } => cleaned(&medial, &output),
+    let succeeded = match Args::parse().command {
+        Command::Build(args) => print(build::run(&args)),
+        Command::Measure { mesh, medial, close_holes, json } => print(measured(&mesh, &medial, close_holes, json)),
+        Command::Info { files, json } => files.iter().fold(true, |all, file| print(info::of(file, json)) && all),
+        Command::Clean { medial, output } => print(cleaned(&medial, &output)),
     };
-    match result {
-        Ok(text) => {
-            // The reader may have closed the pipe before the end.
-            let _ = std::io::stdout().write_all(text.as_bytes());
-            ExitCode::SUCCESS
-        }
-        Err(message) => {
-            let _ = writeln!(std::io::stderr(), "error: {message}");
-            ExitCode::FAILURE
-        }
-    }
+    if succeeded { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
 /// The text to print, or an error message.
 type Outcome = Result<String, String>;
 
-fn measured(mesh: &Path, medial: &[PathBuf], close_holes: bool) -> Outcome {
+/// Returns true for a text. The reader may have closed the pipe before the end.
+fn print(outcome: Outcome) -> bool {
+    let _ = match &outcome {
+        Ok(text) => std::io::stdout().write_all(text.as_bytes()),
+        Err(message) => writeln!(std::io::stderr(), "error: {message}"),
+    };
+    outcome.is_ok()
+}
+
+fn measured(mesh: &Path, medial: &[PathBuf], close_holes: bool, as_json: bool) -> Outcome {
     let mut mesh = load_mesh(mesh)?;
     if close_holes {
         mesh = mesh.with_holes_closed();
     }
-    let rows: Vec<_> = medial.iter().map(|path| read_axes(path)).collect::<Result<_, _>>()?;
-    let rows: Vec<_> = rows.into_iter().flatten().collect();
-    let width = rows.iter().map(|row| row.0.len()).max().unwrap_or(0).max("medial mesh".len());
+    let axes: Vec<_> = medial.iter().map(|path| read_axes(path)).collect::<Result<_, _>>()?;
+    let rows = axes.into_iter().zip(medial).flat_map(|(axes, path)| axes.into_iter().map(move |axis| (path, axis)));
+    let rows = rows.map(|(path, (level, axis))| Row::new(path, level, &axis, &measure(&mesh, &axis)));
+    if as_json {
+        return Ok(rows.map(|row| json(&row)).collect());
+    }
+    let rows: Vec<Row> = rows.collect();
+    let width = rows.iter().map(|row| row.name().len()).max().unwrap_or(0).max("medial mesh".len());
     let mut text = format!("diagonal {} m; errors in percent of it\n", mesh.diagonal());
     let _ = writeln!(text, "{:width$}  spheres  cones  slabs |   mesh to envelope |   envelope to mesh", "medial mesh");
     let _ = writeln!(text, "{:width$}                        |      max      mean |      max      mean", "");
-    for (name, axis) in rows {
-        let error = measure(&mesh, &axis);
-        let [_, cones, slabs] = info::kinds(axis.primitives());
-        let _ = write!(text, "{name:width$}  {:7}  {cones:5}  {slabs:5}", axis.spheres().len());
-        for deviation in [error.mesh_to_envelope, error.envelope_to_mesh] {
-            let _ = write!(text, " | {:8.3} {:9.4}", deviation.max, deviation.mean);
+    for row in rows {
+        let _ = write!(text, "{:width$}  {:7}  {:5}  {:5}", row.name(), row.spheres, row.cones, row.slabs);
+        for Percent { max, mean } in [row.mesh_to_envelope, row.envelope_to_mesh] {
+            let _ = write!(text, " | {max:8.3} {mean:9.4}");
         }
         text.push('\n');
     }
@@ -101,39 +111,32 @@ fn measured(mesh: &Path, medial: &[PathBuf], close_holes: bool) -> Outcome {
 }
 
 fn cleaned(medial: &Path, output: &Path) -> Outcome {
-    build::check_output(output)?;
-    if info::has_levels(medial) {
-        return Err(at(medial, "levels of detail are clean already; only .ma files can be cleaned"));
+    if is_levels(output) {
+        let text = output.with_extension("ma");
+        return Err(at(output, format!("a clean medial mesh has one level, as text: name it {}", text.display())));
     }
-    let (axis, report) = read_file(medial)?.into_medial_axis().map_err(|error| at(medial, error))?;
-    write_axis(output, &axis)?;
+    let (axis, report) = match Content::read(medial)? {
+        Content::Medial(file) => file.into_medial_axis().map_err(|error| at(medial, error))?,
+        Content::Levels(_) => {
+            return Err(at(medial, "levels of detail are clean already; only .ma files can be cleaned"));
+        }
+        Content::Mesh(_) => return Err(at(medial, "it is a triangle mesh; only .ma files can be cleaned")),
+    };
+    check_output(output)?;
+    files::write(&[(output.to_owned(), files::text(&axis))])?;
     Ok(format!("{}: {report}\n", output.display()))
 }
 
-/// Returns the medial meshes of a file with their names: one, or one for each level.
-fn read_axes(path: &Path) -> Result<Vec<(String, MedialAxis)>, String> {
-    let name = path.display().to_string();
-    if !info::has_levels(path) {
-        let (axis, _) = read_file(path)?.into_medial_axis().map_err(|error| at(path, error))?;
-        return Ok(vec![(name, axis)]);
+/// Returns the medial meshes of a file: one, or one for each level with its number.
+fn read_axes(path: &Path) -> Result<Vec<(Option<usize>, MedialAxis)>, String> {
+    match Content::read(path)? {
+        Content::Levels(levels) => {
+            Ok(levels.into_iter().enumerate().map(|(number, level)| (Some(number), level.axis)).collect())
+        }
+        Content::Medial(file) => {
+            let (axis, _) = file.into_medial_axis().map_err(|error| at(path, error))?;
+            Ok(vec![(None, axis)])
+        }
+        Content::Mesh(_) => Err(at(path, "it is a triangle mesh; build a medial mesh of it first")),
     }
-    let levels = MedialLevels::load(path).map_err(|error| error.to_string())?.levels;
-    Ok(levels.into_iter().enumerate().map(|(number, level)| (format!("{name} level {number}"), level.axis)).collect())
-}
-
-fn load_mesh(path: &Path) -> Result<TriangleMesh, String> {
-    load::load(path).map_err(|error| error.to_string())
-}
-
-fn read_file(path: &Path) -> Result<ma::MaFile, String> {
-    let bytes = fs::read(path).map_err(|error| at(path, format!("cannot be read: {error}")))?;
-    ma::parse(&bytes).map_err(|error| at(path, error))
-}
-
-fn write_axis(path: &Path, axis: &MedialAxis) -> Result<(), String> {
-    ma::save(path, &axis.into()).map_err(|error| at(path, format!("cannot be written: {error}")))
-}
-
-fn at(path: &Path, error: impl std::fmt::Display) -> String {
-    format!("{}: {error}", path.display())
 }
