@@ -65,7 +65,7 @@ impl Refused {
         } else if self.0.insert(name.entity) {
             let transform = transform.compute_transform();
             error!(
-                "{name}: the entity collides with nothing at {transform:?}; give it finite values and, if it has a medial mesh, a uniform, positive scale"
+                "{name}: the entity collides with nothing at {transform:?}; give it finite values and, if it has a medial mesh, a uniform scale with an even number of mirrored axes"
             );
         }
         placed
@@ -230,6 +230,31 @@ mod tests {
         assert!((told - 1.0).abs() > 1e-3, "{told}: the rotation has unit length already");
         let (pose, _) = pose_of(&place).unwrap();
         assert!(pose.rotation.is_normalized());
+    }
+
+    #[test]
+    fn an_even_number_of_mirrored_axes_is_a_rotation() {
+        let turn = Quat::from_euler(EulerRot::XYZ, 0.3, -0.7, 1.1);
+        let mut placed = [0; 2];
+        for number in 0..64u8 {
+            let scale = |bits: u8| Vec3::from_array([0, 1, 2].map(|k| 1.0 - 2.0 * f32::from(bits >> k & 1))) * 1.5;
+            let [parent, child] = [number % 8, number / 8].map(|bits| Transform {
+                translation: Vec3::X,
+                rotation: turn,
+                scale: scale(bits),
+            });
+            let place = GlobalTransform::from(parent) * child;
+            let found = uniform_pose_of(&place);
+            placed[usize::from(found.is_some())] += 1;
+            assert_eq!(found.is_some(), number.count_ones() % 2 == 0, "{} {}", parent.scale, child.scale);
+            for point in [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z] {
+                let same = |(pose, scale): (Pose3, f32)| {
+                    pose.transform_point(point * scale).distance(place.transform_point(point)) < 1e-5
+                };
+                assert!(found.is_none_or(same), "{} {}", parent.scale, child.scale);
+            }
+        }
+        assert_eq!(placed, [32, 32]);
     }
 
     /// An app without rapier. Each update takes 1/60 s.

@@ -67,6 +67,9 @@ pub(super) fn attach_shapes(
     for (name, mesh, detail, transform, is_child, attached) in &meshes {
         let scale = if is_child {
             hierarchy.compute_global_transform(name.entity).map_or(transform.scale, |global| global.scale())
+        } else if transform.scale.min_element() < 0.0 {
+            // An even number of mirrored axes is a rotation.
+            GlobalTransform::from(*transform).scale()
         } else {
             transform.scale
         };
@@ -99,7 +102,7 @@ pub(super) fn attach_shapes(
         if !is_uniform(scale) || !(finest.mass().inertia * scale.x.powi(5)).is_finite() {
             error!(
                 "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \
-                 give it a uniform, positive, moderate Transform::scale, or build a mesh of the wanted proportions"
+                 give it a uniform, moderate Transform::scale with an even number of mirrored axes, or build a mesh of the wanted proportions"
             );
             entity.try_remove::<(Collider, MedialLevel)>();
             continue;

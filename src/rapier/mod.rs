@@ -7,7 +7,7 @@
 //! -- Detect        run the pipeline from start poses to solved poses; stop bodies at their first impact; fill the table for
 //!                  the next step; set more solver iterations for fast pairs in contact
 //! Writeback
-//! -- Report        messages, events and diagnostics
+//! -- Report        messages, events and diagnostics; correct transforms of bodies below turned parents
 //! ```
 //!
 //! One pass of the pipeline finds the impacts of this step and the contacts of the next step, because the next step starts where this one ends.
@@ -43,6 +43,7 @@ mod context;
 mod detect;
 mod dispatcher;
 mod gather;
+mod hierarchy;
 mod hooks;
 mod interpolation;
 mod joints;
@@ -111,14 +112,22 @@ where
             MedialSystems::Report.after(PhysicsSet::Writeback).before(TransformSystems::Propagate),
         ),
     );
-    let attach =
-        (install_dispatcher, attach::attach_shapes, attach::attach_boxes, attach::keep_unscaled, attach::follow_bodies);
+    let attach = (
+        install_dispatcher,
+        hierarchy::straighten,
+        hierarchy::restore,
+        attach::attach_shapes,
+        attach::attach_boxes,
+        attach::keep_unscaled,
+        attach::follow_bodies,
+    );
     // Rapier propagates transforms without marking dirty trees. Changes to entities with children, such as those by character controllers, would be lost.
     let mark = mark_dirty_trees
         .run_if(resource_exists::<StaticTransformOptimizations>)
         .after(update_character_controls)
         .before(RapierTransformPropagateSet);
     let prepare = (
+        hierarchy::place_colliders,
         attach::keep_contacts_fresh,
         attach::wake_attached,
         quarantine::release,
@@ -131,6 +140,7 @@ where
         .add_systems(schedule, mark.in_set(PhysicsSet::SyncBackend))
         .add_systems(schedule, prepare.chain().in_set(MedialSystems::Snapshot))
         .add_systems(schedule, detect.in_set(MedialSystems::Detect))
+        .add_systems(schedule, hierarchy::correct.in_set(MedialSystems::Report))
         .add_systems(schedule, snapshot::note_step.in_set(PhysicsSet::StepSimulation));
 }
 

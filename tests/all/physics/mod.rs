@@ -18,6 +18,7 @@ mod kept_time;
 mod levels;
 mod life;
 mod messages;
+mod mirrors;
 mod observers;
 mod picking;
 mod probes;
