@@ -66,7 +66,7 @@ fn main() -> ExitCode {
     let succeeded = match Args::parse().command {
         Command::Build(args) => print(build::run(&args)),
         Command::Measure { mesh, medial, close_holes, json } => print(measured(&mesh, &medial, close_holes, json)),
-        Command::Info { files, json } => files.iter().fold(true, |all, file| print(info::of(file, json)) && all),
+        Command::Info { files, json } => files.iter().filter(|file| !print(info::of(file, json))).count() == 0,
         Command::Clean { medial, output } => print(cleaned(&medial, &output)),
     };
     if succeeded { ExitCode::SUCCESS } else { ExitCode::FAILURE }

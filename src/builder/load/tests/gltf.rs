@@ -166,7 +166,7 @@ fn sparse_accessors_replace_elements() {
 fn quantized_positions_are_numbers_or_parts_of_one() {
     // Two corners, and 0. The strides are multiples of 4 bytes, as the extension requires.
     let padded = |width: usize, values: [i32; 6]| -> Vec<u8> {
-        let stride = (3 * width).next_multiple_of(4);
+        let stride = usize::next_multiple_of(3 * width, 4);
         let vertices = [[0; 3], [values[0], values[1], values[2]], [values[3], values[4], values[5]]];
         let vertex = |vertex: [i32; 3]| {
             let mut bytes: Vec<u8> = vertex.iter().flat_map(|x| x.to_le_bytes()[..width].to_vec()).collect();
@@ -185,7 +185,7 @@ fn quantized_positions_are_numbers_or_parts_of_one() {
     ];
     for (kind, width, values, expected) in cases {
         for normalized in [true, false] {
-            let stride = (3 * width as usize).next_multiple_of(4);
+            let stride = usize::next_multiple_of(3 * width, 4);
             let accessor = format!(
                 r#"{{ "bufferView": 0, "componentType": {kind}, "normalized": {normalized}, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1] }}"#
             );
