@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::{
     TriangleMesh,
+    check::MOST_OFF,
     judge::Judge,
     parallel,
     progress::{Progress, Shares, between},
@@ -56,9 +57,9 @@ pub struct Built {
 /// Results of a build beside the shape.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
-    /// Connected components of the triangle mesh.
+    /// Components of the triangle mesh: connected pieces, of which those that overlap or touch count as one. Pieces that enclose no volume are left out.
     pub components: usize,
-    /// Components that enclose no volume and therefore contain no sphere.
+    /// Components without a sphere, because their volume is almost zero.
     pub empty_components: usize,
     /// Root mean square distance of surface samples to the envelope, as a fraction of the diagonal of the mesh's bounding box.
     pub rms_error: f32,
@@ -102,6 +103,36 @@ pub enum BuildError {
         components: usize,
         /// Largest allowed number of spheres.
         spheres: usize,
+    },
+    /// The mass properties of the finest shape differ from those of the mesh.
+    #[error(
+        "the {what} of the shape with {spheres} spheres is {percent:.0} % off, more than {MOST_OFF} %; allow more spheres, make thin parts thicker, or split the mesh"
+    )]
+    Mass {
+        /// The property with the largest difference.
+        what: &'static str,
+        /// Number of spheres of the shape.
+        spheres: usize,
+        /// The difference.
+        percent: f32,
+    },
+    /// The error of the finest shape is larger than [`error_limit`](super::FitOptions::error_limit).
+    #[error(
+        "the error of the shape with {spheres} spheres is {percent:.1} % of the diagonal, more than {limit} %; allow more spheres, or a larger error"
+    )]
+    Error {
+        /// Number of spheres of the shape.
+        spheres: usize,
+        /// The error in percent of the diagonal.
+        percent: f32,
+        /// The largest allowed error.
+        limit: f32,
+    },
+    /// The mass or the inertia of the solid is too small for an f32.
+    #[error("the mesh is {diagonal:e} m in size, and its mass is too small to compute with; scale it up")]
+    TooSmall {
+        /// Diagonal of the bounding box in metres.
+        diagonal: f32,
     },
     /// The progress callback cancelled the build.
     #[error("the build was cancelled")]

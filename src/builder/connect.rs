@@ -67,7 +67,7 @@ fn protrusion(solid: &Solid, complex: &Complex, [i, j]: [u32; 2]) -> f64 {
         let ball = hull.blend(&[1.0 - t, t, 0.0]);
         let Some(nearest) = solid.tree.closest(ball.center, 1.0) else { return 1.0 };
         let distance = nearest.distance(ball.center);
-        ball.radius + if solid.tree.is_inside(ball.center) { -distance } else { distance }
+        ball.radius + if solid.is_inside(ball.center) { -distance } else { distance }
     };
     (1..STEPS).map(at).fold(0.0, f64::max)
 }

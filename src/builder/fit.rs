@@ -7,8 +7,8 @@ use bevy::prelude::{Reflect, ReflectDefault};
 use super::{
     BuildError, BuildOptions, Built, DEFAULT_SEED, Level, MedialLevels, TriangleMesh,
     build::{coarser, finest, finest_share},
+    check::{check, check_solid},
     judge::Judge,
-    measure,
     progress::between,
     search::Search,
     solid::Solid,
@@ -21,16 +21,22 @@ const DEFAULT_SPHERES: usize = 60;
 /// Smallest number of spheres tried for a limited error, and default of the largest number.
 const TRIED: [usize; 2] = [8, 512];
 
+/// Default of the largest error, in percent of the diagonal.
+const ERROR_LIMIT: f32 = 6.0;
+
 /// Options of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Clone, PartialEq)]
 pub struct FitOptions {
-    /// Largest number of spheres of the finest level. `None`: 60, or with `max_error` as many as it requires, up to 512.
+    /// Largest number of spheres of the finest level. `None`: 60, or with `max_error` as many as it requires, up to 512. Without `max_error`, more are
+    /// used if mass properties or `error_limit` require them.
     pub spheres: Option<usize>,
     /// Largest error of the finest level in either direction, in percent of the mesh's diagonal. The smallest number of spheres of 8, 16, 32, ... that
-    /// reaches it is used; if none does, the largest number.
+    /// reaches it is used; if none does, the number with the smallest error.
     pub max_error: Option<f32>,
+    /// Error of the finest level in percent of the diagonal above which the build fails. Default: 6 %.
+    pub error_limit: f32,
     /// True: builds all levels of detail, down to one sphere per component. False: builds the finest level only.
     pub levels: bool,
     /// Number of searches for each level, each from different samples; the best result is used. `None`: one or two for the finest level, depending on the
@@ -42,16 +48,26 @@ pub struct FitOptions {
 
 impl Default for FitOptions {
     fn default() -> Self {
-        Self { spheres: None, max_error: None, levels: false, searches: None, seed: DEFAULT_SEED }
+        Self {
+            spheres: None,
+            max_error: None,
+            error_limit: ERROR_LIMIT,
+            levels: false,
+            searches: None,
+            seed: DEFAULT_SEED,
+        }
     }
 }
 
-/// Builds medial meshes of a solid, with their two-sided errors relative to the mesh [with its holes closed](TriangleMesh::with_holes_closed).
+/// Builds medial meshes of a solid, with their two-sided errors relative to the surface that bounds it: the mesh
+/// [with its holes closed](TriangleMesh::with_holes_closed), without repeated triangles, sheets, and surfaces inside the solid.
 ///
-/// `progress` is called with the completed part of the work, from 0 to 1, and may cancel the build. With a limited error it starts again at 0 for each trial.
+/// Volume, centre of mass and inertia of the finest level are within 10 % of those of the solid. The centre of mass is relative to the radius of gyration.
+///
+/// `progress` is called with the completed part of the work, from 0 to 1, and may cancel the build. It starts again at 0 for each trial of a number of spheres.
 ///
 /// # Errors
-/// The errors of [`build`](super::build()).
+/// The errors of [`build`](super::build()), and those of a finest level whose mass properties or error exceed their limits with every number of spheres.
 pub fn fit(
     mesh: &TriangleMesh,
     options: &FitOptions,
@@ -64,34 +80,19 @@ pub fn fit(
         ..BuildOptions::default()
     };
     let solid = Solid::new(mesh)?;
+    check_solid(&solid)?;
     let judge = Judge::new(&solid, options.seed);
-    let level = |built: Built| Level { error: measure(&solid.mesh, &built.axis), axis: built.axis };
+    let level = |built: Built| Level { error: solid.measure(&built.axis), axis: built.axis };
     let share = |spheres: usize| if options.levels { finest_share(mesh, &with(spheres)) } else { 1.0 };
-    let trial = |spheres: usize| -> Result<(Search, Level), BuildError> {
+    let trial = |spheres: usize| -> Result<Trial, BuildError> {
         let search = finest(&judge, mesh, &with(spheres), &between(progress, 0.0, share(spheres)))?;
         let level = level(search.built(&solid)?);
-        Ok((search, level))
+        Ok(Trial { flaw: check(&solid, &level, options.error_limit).err(), search, level })
     };
-    let (search, first) = match options.max_error {
-        None => trial(options.spheres.unwrap_or(DEFAULT_SPHERES))?,
-        Some(error) => {
-            let most = options.spheres.unwrap_or(TRIED[1]).min(MAX_SPHERES);
-            let mut spheres = TRIED[0].min(most);
-            loop {
-                match trial(spheres) {
-                    // If fewer than half of the spheres are used, more spheres do not reduce the error.
-                    Ok(found) if spheres == most || found.1.error.max() <= error || found.0.balls() < spheres / 2 => {
-                        break found;
-                    }
-                    Ok(_) => {}
-                    // Each component needs a sphere, so the next number may be large enough.
-                    Err(BuildError::TooFewSpheres { .. }) if spheres < most => {}
-                    Err(error) => return Err(error),
-                }
-                spheres = spheres.saturating_mul(2).min(most);
-            }
-        }
-    };
+    let Trial { search, level: first, flaw } = best_trial(options, trial)?;
+    if let Some(flaw) = flaw {
+        return Err(flaw);
+    }
     let mut levels = vec![first];
     if options.levels {
         let spheres = search.spheres();
@@ -99,6 +100,41 @@ pub fn fit(
         levels.extend(coarser(&judge, mesh, &with(spheres), search, level, &progress)?);
     }
     Ok(MedialLevels { levels: useful(levels) })
+}
+
+/// A finest level with one number of spheres.
+struct Trial {
+    search: Search,
+    level: Level,
+    /// Limit that the level exceeds.
+    flaw: Option<BuildError>,
+}
+
+/// Tries larger and larger numbers of spheres until one satisfies the options, and returns the best trial.
+fn best_trial(options: &FitOptions, trial: impl Fn(usize) -> Result<Trial, BuildError>) -> Result<Trial, BuildError> {
+    let most = options.spheres.unwrap_or(TRIED[1]).min(MAX_SPHERES);
+    let first = if options.max_error.is_some() { TRIED[0] } else { options.spheres.unwrap_or(DEFAULT_SPHERES) };
+    let enough = options.max_error.unwrap_or(f32::INFINITY);
+    let mut spheres = first.min(most);
+    let mut best: Option<Trial> = None;
+    loop {
+        match trial(spheres) {
+            Ok(found) => {
+                let rank = |trial: &Trial| (trial.flaw.is_some(), trial.level.error.max());
+                let is_enough = found.flaw.is_none() && found.level.error.max() <= enough;
+                // If fewer than half of the spheres are used, more spheres do not reduce the error.
+                let is_last = is_enough || spheres == most || found.search.balls() < spheres / 2;
+                best = Some(best.take().filter(|best| rank(best) <= rank(&found)).unwrap_or(found));
+                if is_last && let Some(best) = best.take() {
+                    return Ok(best);
+                }
+            }
+            // Each component needs a sphere, so the next number may be large enough.
+            Err(BuildError::TooFewSpheres { .. }) if spheres < most => {}
+            Err(error) => return Err(error),
+        }
+        spheres = spheres.saturating_mul(2).min(most);
+    }
 }
 
 /// The finest level, and the levels with a smaller error than every coarser level.

@@ -31,25 +31,30 @@ impl TriangleMesh {
     #[must_use]
     pub fn with_holes_closed(&self) -> Self {
         let mut mesh = self.welded();
-        let rims = rims(&mesh.triangles);
-        if rims.is_empty() {
-            return mesh;
-        }
-        let places = mesh.unit_places();
-        let corners = |triangle: &[u32; 3]| triangle.map(|i| places[i as usize]);
-        let mut caps: Vec<Vec<[u32; 3]>> = rims.into_iter().map(|rim| cap(rim, &places)).collect();
-        // Each closed hole makes the winding numbers at the other rims more accurate.
-        for _ in 0..ROUNDS {
-            let tree = tree_of(mesh.triangles.iter().map(corners));
-            let (closing, others): (Vec<_>, Vec<_>) =
-                caps.into_iter().partition(|cap| is_over_a_hole(cap.iter().map(corners), &tree));
-            if closing.is_empty() {
-                break;
-            }
-            mesh.triangles.extend(closing.into_iter().flatten());
-            caps = others;
-        }
+        close(&mut mesh);
         mesh
+    }
+}
+
+/// Adds the caps to a welded mesh, after its triangles.
+pub(super) fn close(mesh: &mut TriangleMesh) {
+    let rims = rims(&mesh.triangles);
+    if rims.is_empty() {
+        return;
+    }
+    let places = mesh.unit_places();
+    let corners = |triangle: &[u32; 3]| triangle.map(|i| places[i as usize]);
+    let mut caps: Vec<Vec<[u32; 3]>> = rims.into_iter().map(|rim| cap(rim, &places)).collect();
+    // Each closed hole makes the winding numbers at the other rims more accurate.
+    for _ in 0..ROUNDS {
+        let tree = tree_of(mesh.triangles.iter().map(corners));
+        let (closing, others): (Vec<_>, Vec<_>) =
+            caps.into_iter().partition(|cap| is_over_a_hole(cap.iter().map(corners), &tree));
+        if closing.is_empty() {
+            break;
+        }
+        mesh.triangles.extend(closing.into_iter().flatten());
+        caps = others;
     }
 }
 

@@ -19,6 +19,9 @@ const MOST_SAMPLES: f64 = 6.0e5;
 /// Points of the envelope's patches deeper inside than this are hidden by other primitives. Relative to the frame's unit.
 const HIDDEN: f64 = 1.0e-5;
 
+/// Depth inside the envelope from which a point of the mesh may be hidden. Relative to the frame's unit.
+const EXAMINED: f64 = 1.0e-3;
+
 /// Distance of one surface from another, in percent of the mesh's diagonal.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Deviation {
@@ -66,6 +69,15 @@ impl fmt::Display for TwoSidedError {
 /// # Panics
 /// If an index of the mesh is out of range.
 pub fn measure(mesh: &TriangleMesh, axis: &MedialAxis) -> TwoSidedError {
+    measure_shown(mesh, axis, |_| false)
+}
+
+/// The same without the points of the mesh that are hidden, in its frame. Points at the envelope need not be examined, since their error is small.
+pub(super) fn measure_shown(
+    mesh: &TriangleMesh,
+    axis: &MedialAxis,
+    is_hidden: impl Fn(DVec3) -> bool + Sync,
+) -> TwoSidedError {
     let frame = Frame::new(mesh, axis);
     let envelope = frame.envelope(axis);
     let surface = TriangleTree::new(&frame.triangles(mesh));
@@ -74,10 +86,21 @@ pub fn measure(mesh: &TriangleMesh, axis: &MedialAxis) -> TwoSidedError {
     let triangles = surface.triangles().iter().map(|t| Patch::Triangle(t.map(|p| p.as_vec3())));
     let (points, areas) = samples(&triangles.collect::<Vec<_>>(), spacing);
     let distances = envelope.distances(&points);
+    let shown = |distance: f64, at: DVec3| -distance < EXAMINED || !is_hidden(at * frame.unit + frame.origin);
+    let shown_points = parallel::map(distances.len(), 64, |i| shown(distances[i], points.positions[i]));
     let mut to_envelope = Sum::default();
-    distances.iter().zip(areas).for_each(|(distance, area)| to_envelope.add(distance.abs(), f64::from(area)));
+    let areas = distances.iter().zip(areas).zip(shown_points).filter(|(_, shown)| *shown);
+    areas.for_each(|((distance, area), _)| to_envelope.add(distance.abs(), f64::from(area)));
     let errors = frame.signed(mesh, &envelope);
-    mesh.triangles.iter().flatten().for_each(|&i| to_envelope.add(errors[i as usize].abs(), 0.0));
+    let mut corners: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
+    corners.sort_unstable();
+    corners.dedup();
+    for i in corners {
+        let error = errors[i as usize];
+        if shown(error, frame.point(mesh.positions[i as usize])) {
+            to_envelope.add(error.abs(), 0.0);
+        }
+    }
 
     let spheres: Vec<Sphere> =
         frame.balls(axis).iter().map(|b| Sphere::new(b.center.as_vec3(), b.radius as f32)).collect();

@@ -193,6 +193,28 @@ pub(super) fn edge_uses(triangles: &[[u32; 3]]) -> HashMap<[u32; 2], [u32; 2]> {
     uses
 }
 
+/// An edge of a triangle, with the smaller vertex first.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct EdgeUse {
+    pub edge: [u32; 2],
+    pub triangle: u32,
+    /// True if the triangle runs from the smaller to the larger vertex.
+    pub along: bool,
+}
+
+/// The edges of the triangles in ascending order. Triangles with a repeated vertex are ignored.
+pub(super) fn sorted_edges(triangles: &[[u32; 3]]) -> Vec<EdgeUse> {
+    let proper = (0..).zip(triangles).filter(|(_, triangle)| is_proper(triangle));
+    let mut edges: Vec<EdgeUse> = proper
+        .flat_map(|(triangle, &[a, b, c])| {
+            let edge = move |[i, j]: [u32; 2]| EdgeUse { edge: [i.min(j), i.max(j)], triangle, along: i < j };
+            [[a, b], [b, c], [c, a]].map(edge)
+        })
+        .collect();
+    edges.sort_unstable();
+    edges
+}
+
 /// True for triangles without a repeated vertex.
 fn is_proper([a, b, c]: &[u32; 3]) -> bool {
     a != b && b != c && c != a

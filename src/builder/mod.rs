@@ -16,6 +16,8 @@
 //! Within a build, the diagonal of the mesh's bounding box is 1. The same mesh and options give the same bytes, for any number of threads.
 
 mod build;
+mod check;
+mod clean;
 mod clusters;
 mod connect;
 mod descent;
@@ -24,6 +26,7 @@ mod exchange;
 mod fit;
 mod holes;
 mod hull;
+mod interior;
 mod judge;
 mod levels;
 #[cfg(feature = "mesh_files")]

@@ -1,4 +1,4 @@
-//! Turns pieces of a mesh that are inside out, as mirrored parts often are. Where they overlap with others, they would cut into them.
+//! Turns a mesh outward, and with it the pieces that are inside out, as mirrored parts often are. Where they overlap with others, they would cut into them.
 
 use glam::DVec3;
 
@@ -7,7 +7,7 @@ use super::{TriangleMesh, mesh::pieces, solid::tree_of};
 /// Smaller volumes, relative to the cube of the diagonal, have an unreliable sign because of rounding.
 const LEAST_VOLUME: f64 = 1e-9;
 
-/// Turns the pieces of a welded mesh that face the opposite way of the whole mesh, except cavities, which lie inside other pieces.
+/// Turns a welded mesh outward, and the pieces that face the opposite way of the whole mesh, except cavities, which lie inside other pieces.
 pub(super) fn oriented(mut mesh: TriangleMesh) -> TriangleMesh {
     let (piece_of, count) = pieces(mesh.positions.len(), &mesh.triangles);
     let places = mesh.unit_places();
@@ -18,12 +18,10 @@ pub(super) fn oriented(mut mesh: TriangleMesh) -> TriangleMesh {
     }
     let whole = volumes.iter().sum::<f64>().signum();
     let mut turned: Vec<bool> = volumes.iter().map(|volume| volume * whole < -LEAST_VOLUME).collect();
-    if !turned.contains(&true) {
-        return mesh;
-    }
     // For each of these pieces: the winding number of the other pieces around it, integrated over its area, and its area.
     let mut around = vec![[0.0; 2]; count];
-    let tree = tree_of(corners.iter().copied());
+    let any = turned.contains(&true);
+    let tree = tree_of(corners.iter().copied().filter(|_| any));
     for (&piece, [a, b, c]) in piece_of.iter().zip(&corners).filter(|(piece, _)| turned[**piece as usize]) {
         const OFF: f64 = 1e-4;
         let normal = (b - a).cross(c - a);
@@ -39,7 +37,7 @@ pub(super) fn oriented(mut mesh: TriangleMesh) -> TriangleMesh {
         *turned &= sum < 0.5 * area;
     }
     for (triangle, &piece) in mesh.triangles.iter_mut().zip(&piece_of) {
-        if turned[piece as usize] {
+        if turned[piece as usize] != (whole < 0.0) {
             triangle.swap(1, 2);
         }
     }
@@ -77,7 +75,7 @@ mod tests {
             (&[(1.0, Vec3::ZERO), (-0.2, within)], &[1.0, -0.2]),
             (&[(1.0, Vec3::ZERO), (-0.5, beside), (-0.2, within)], &[1.0, 0.5, -0.2]),
             // The whole mesh is inside out. A piece inside another one is a cavity as well.
-            (&[(-1.0, Vec3::ZERO), (0.2, within), (0.5, across)], &[-1.0, 0.2, -0.5]),
+            (&[(-1.0, Vec3::ZERO), (0.2, within), (0.5, across)], &[1.0, -0.2, 0.5]),
         ] {
             let at = |i: usize| each[i].1;
             let expected: Vec<(f32, Vec3)> = expected.iter().enumerate().map(|(i, &size)| (size, at(i))).collect();

@@ -2,6 +2,7 @@ use std::{collections::HashSet, fmt};
 
 use super::{
     TriangleMesh,
+    clean::Cleaned,
     mesh::{edge_uses, is_flat},
 };
 
@@ -27,6 +28,8 @@ pub struct MeshReport {
     pub flipped_edges: usize,
     /// Triangles with the same three vertices as an earlier one.
     pub duplicate_faces: usize,
+    /// Connected pieces that enclose no volume: sheets, and strips with one side. A build leaves them out.
+    pub sheets: usize,
     /// Triangles without an area.
     pub zero_area_faces: usize,
     /// Vertices of the list that no triangle uses.
@@ -55,6 +58,7 @@ impl MeshReport {
             non_manifold_edges: 0,
             flipped_edges: 0,
             duplicate_faces: 0,
+            sheets: 0,
             zero_area_faces: 0,
             unused_vertices: used.iter().filter(|&&used| !used).count(),
             volume: 0.0,
@@ -78,6 +82,9 @@ impl MeshReport {
                 _ => report.non_manifold_edges += 1,
             }
         }
+        if report.boundary_edges > 0 {
+            report.sheets = Cleaned::new(mesh).sheets;
+        }
         report
     }
 
@@ -96,7 +103,8 @@ impl MeshReport {
             ),
             (self.non_manifold_edges, "edges of more than two triangles: pieces touch or cross there; separate them"),
             (self.flipped_edges, "edges between triangles that face opposite ways: make normals consistent"),
-            (self.duplicate_faces, "duplicate triangles: remove doubles"),
+            (self.duplicate_faces, "duplicate triangles: a build uses one of each; remove doubles"),
+            (self.sheets, "pieces that enclose no volume: a build leaves them out; give sheets a thickness"),
             (self.zero_area_faces, "triangles without area: dissolve degenerate faces"),
             (self.unused_vertices, "unused vertices: harmless"),
         ]

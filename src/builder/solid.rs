@@ -3,18 +3,24 @@
 use glam::DVec3;
 
 use super::{
-    BuildError, TriangleMesh,
+    BuildError, TriangleMesh, TwoSidedError,
+    clean::Cleaned,
+    interior::Interior,
+    measure::measure_shown,
     mesh::{edge_uses, is_flat, pieces},
-    orient::oriented,
+    parallel,
     tree::TriangleTree,
 };
+use crate::medial_axis::{MassProperties, MedialAxis};
 
-/// The proper triangles of a mesh and of the caps over its holes, translated and scaled so that the diagonal of their bounding box is 1.
+/// The triangles that bound a solid, translated and scaled so that the diagonal of their bounding box is 1.
 pub(super) struct Solid {
-    /// The mesh with its holes closed, and its pieces turned the same way.
+    /// The bounding triangles of the mesh and of the caps over its holes, outward.
     pub mesh: TriangleMesh,
     pub tree: TriangleTree,
-    /// Part of each triangle, in the order of the tree.
+    /// All triangles, if the tree lacks some: those inside the solid, where pieces overlap.
+    whole: Option<TriangleTree>,
+    /// Part of each triangle, in the order of the tree: its piece, with all pieces that overlap it.
     pub parts: Vec<u32>,
     pub part_count: usize,
     /// Half of the diagonal of the box around each part, rounded up.
@@ -26,6 +32,8 @@ pub(super) struct Solid {
     /// Middle of the bounding box and length of its diagonal, in the units of the mesh.
     pub origin: DVec3,
     pub diagonal: f64,
+    /// Mass properties in the units of the mesh.
+    pub mass: MassProperties,
 }
 
 /// The tree of the triangles, except those with almost no height relative to their longest side.
@@ -36,54 +44,88 @@ pub(super) fn tree_of(triangles: impl Iterator<Item = [DVec3; 3]>) -> TriangleTr
 /// Triangles with a height of less than this part of their longest side are omitted.
 const FLAT: f64 = 1e-9;
 
-impl Solid {
-    pub fn new(mesh: &TriangleMesh) -> Result<Self, BuildError> {
-        for (triangle, indices) in mesh.triangles.iter().enumerate() {
-            for &index in indices {
-                let position = mesh.positions.get(index as usize);
-                let position = position.ok_or(BuildError::IndexOutOfRange { triangle, index })?;
-                if !position.is_finite() {
-                    return Err(BuildError::NotFinite { vertex: index });
-                }
+/// Distance from a surface at which its sides are probed, as a part of the diagonal.
+const PROBE: f64 = 1e-4;
+
+/// Returns the first flaw of the lists.
+fn check(mesh: &TriangleMesh) -> Result<(), BuildError> {
+    for (triangle, indices) in mesh.triangles.iter().enumerate() {
+        for &index in indices {
+            let position = mesh.positions.get(index as usize);
+            let position = position.ok_or(BuildError::IndexOutOfRange { triangle, index })?;
+            if !position.is_finite() {
+                return Err(BuildError::NotFinite { vertex: index });
             }
         }
-        let corners = mesh.triangles.iter().flatten().map(|&i| mesh.positions[i as usize].as_dvec3());
-        let (min, max) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
-        let (origin, diagonal) = ((min + max) * 0.5, (max - min).length());
-        if mesh.triangles.is_empty() || diagonal <= 0.0 {
-            return Err(BuildError::Empty);
-        }
-        let mesh = oriented(mesh.with_holes_closed());
-        let place = |i: u32| (mesh.positions[i as usize].as_dvec3() - origin) / diagonal;
-        let proper: Vec<[u32; 3]> =
-            mesh.triangles.iter().copied().filter(|triangle| !is_flat(&triangle.map(place), FLAT)).collect();
-        if proper.is_empty() {
-            return Err(BuildError::Empty);
-        }
-        let source: Vec<[DVec3; 3]> = proper.iter().map(|t| t.map(place)).collect();
-        let tree = TriangleTree::new(&source);
-        let (of_source, part_count) = pieces(mesh.positions.len(), &proper);
-        let mut boxes = vec![[DVec3::INFINITY, DVec3::NEG_INFINITY]; part_count];
-        for (corners, &part) in source.iter().zip(&of_source) {
-            let [min, max] = &mut boxes[part as usize];
-            corners.iter().for_each(|&corner| (*min, *max) = (min.min(corner), max.max(corner)));
-        }
-        let part_radii = boxes.iter().map(|[min, max]| (0.5 * (1.0 + 1e-9) * (max - min).length()).min(0.5)).collect();
-        let open_of_source = open_edges(&mesh.triangles, &proper);
-        let open_edges = tree.order().iter().map(|&i| open_of_source[i as usize]).collect();
-        let parts = tree.order().iter().map(|&i| of_source[i as usize]).collect();
-        let mut seen = vec![false; mesh.positions.len()];
-        let first_seen = |&triangle: &u32| {
-            let fresh =
-                proper[triangle as usize].into_iter().filter(|&i| !std::mem::replace(&mut seen[i as usize], true));
-            fresh.map(place).collect()
-        };
-        let vertices = tree.order().iter().map(first_seen).collect();
-        Ok(Self { mesh, parts, part_count, part_radii, open_edges, vertices, tree, origin, diagonal })
     }
+    if mesh.triangles.is_empty() || mesh.diagonal() <= 0.0 { Err(BuildError::Empty) } else { Ok(()) }
 }
 
 impl Solid {
+    pub fn new(source: &TriangleMesh) -> Result<Self, BuildError> {
+        check(source)?;
+        let mut mesh = Cleaned::new(source).mesh;
+        if mesh.triangles.is_empty() {
+            return Err(BuildError::NoVolume);
+        }
+        let (min, max) = (mesh.aabb().min.as_dvec3(), mesh.aabb().max.as_dvec3());
+        let (origin, diagonal) = ((min + max) * 0.5, (max - min).length());
+        let places: Vec<DVec3> = mesh.positions.iter().map(|p| (p.as_dvec3() - origin) / diagonal).collect();
+        let corners = |triangle: [u32; 3]| triangle.map(|i| places[i as usize]);
+        let all = std::mem::take(&mut mesh.triangles);
+        let mut proper: Vec<[u32; 3]> = all.iter().copied().filter(|&t| !is_flat(&corners(t), FLAT)).collect();
+        let (piece_of, piece_count) = pieces(places.len(), &proper);
+        let metres: Vec<[DVec3; 3]> = proper.iter().map(|&t| corners(t).map(|p| p * diagonal)).collect();
+        let Interior { mass, bodies, body_count, buried } = Interior::new(&metres, &piece_of, piece_count, origin);
+        let overlap = buried.iter().filter(|&&buried| !buried).count() > body_count;
+        let whole = overlap.then(|| tree_of(proper.iter().map(|&t| corners(t))));
+        let bounds: Vec<bool> = parallel::map(proper.len(), 64, |i| {
+            let hidden = |whole: &TriangleTree| probes(corners(proper[i])).all(|p| is_within(whole, p));
+            !buried[piece_of[i] as usize] && !whole.as_ref().is_some_and(hidden)
+        });
+        let kept = |i: &usize| bounds[*i];
+        let of_source: Vec<u32> = (0..proper.len()).filter(kept).map(|i| bodies[piece_of[i] as usize]).collect();
+        proper = (0..proper.len()).filter(kept).map(|i| proper[i]).collect();
+        if proper.is_empty() {
+            return Err(BuildError::NoVolume);
+        }
+        let tree = TriangleTree::new(&proper.iter().map(|&t| corners(t)).collect::<Vec<_>>());
+        let mut boxes = vec![[DVec3::INFINITY, DVec3::NEG_INFINITY]; body_count];
+        for (&triangle, &part) in proper.iter().zip(&of_source) {
+            let [min, max] = &mut boxes[part as usize];
+            corners(triangle).iter().for_each(|&corner| (*min, *max) = (min.min(corner), max.max(corner)));
+        }
+        let part_radii = boxes.iter().map(|[min, max]| (0.5 * (1.0 + 1e-9) * (max - min).length()).min(0.5)).collect();
+        let open_of_source = open_edges(&all, &proper);
+        let open_edges = tree.order().iter().map(|&i| open_of_source[i as usize]).collect();
+        let parts = tree.order().iter().map(|&i| of_source[i as usize]).collect();
+        let mut seen = vec![false; places.len()];
+        let first_seen = |&triangle: &u32| {
+            let fresh =
+                proper[triangle as usize].into_iter().filter(|&i| !std::mem::replace(&mut seen[i as usize], true));
+            fresh.map(|i| places[i as usize]).collect()
+        };
+        let vertices = tree.order().iter().map(first_seen).collect();
+        mesh.triangles = proper;
+        let part_count = body_count;
+        Ok(Self { mesh, parts, part_count, part_radii, open_edges, vertices, tree, whole, origin, diagonal, mass })
+    }
+
+    /// True inside the solid.
+    pub fn is_inside(&self, point: DVec3) -> bool {
+        self.whole.as_ref().unwrap_or(&self.tree).is_inside(point)
+    }
+
+    /// The two-sided error of a shape, relative to the surface that bounds the solid.
+    pub fn measure(&self, axis: &MedialAxis) -> TwoSidedError {
+        measure_shown(&self.mesh, axis, |point| self.is_hidden((point - self.origin) / self.diagonal))
+    }
+
+    /// True for a point of the surface with the solid on both sides, as where pieces overlap.
+    pub fn is_hidden(&self, point: DVec3) -> bool {
+        self.whole.as_ref().is_some_and(|whole| is_within(whole, point))
+    }
+
     /// The nearest point of the surface, or `None` if it lies on the rim of a hole. There the part of the surface that belongs to `point` is missing.
     ///
     /// `near`: a triangle that may be nearby, for speed. Returns the triangle of the point as well, in the order of the tree.
@@ -105,8 +147,25 @@ impl Solid {
     pub fn is_out(&self, point: DVec3, away: DVec3, normal: DVec3) -> bool {
         const SURE: f64 = 0.5;
         let along = away.dot(normal);
-        if along.abs() > SURE * away.length() { along > 0.0 } else { !self.tree.is_inside(point) }
+        if along.abs() > SURE * away.length() { along > 0.0 } else { !self.is_inside(point) }
     }
+}
+
+/// True if the surroundings of a point are inside: the corners of a small tetrahedron, which lie on both sides of any plane through the point.
+fn is_within(whole: &TriangleTree, point: DVec3) -> bool {
+    let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+    corners.into_iter().all(|corner| whole.is_inside(point + PROBE * DVec3::from_array(corner)))
+}
+
+/// Points near the corners of a triangle, its middle, and more of them for a larger triangle.
+fn probes([a, b, c]: [DVec3; 3]) -> impl Iterator<Item = DVec3> {
+    /// Distance between the points, as a part of the diagonal, and largest number along an edge.
+    const SPACING: f64 = 0.02;
+    const MOST: f64 = 60.0;
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    let count = (longest / SPACING).ceil().clamp(2.0, MOST) as u32;
+    let inset = move |i: u32| (f64::from(i) + 0.1) / (f64::from(count) + 0.3);
+    (0..=count).flat_map(move |i| (0..=count - i).map(move |j| a + (b - a) * inset(i) + (c - a) * inset(j)))
 }
 
 /// For each edge of the triangles `of`, true if no other triangle of `all` has it. `all` contains triangles without area, which close gaps without area.

@@ -85,6 +85,12 @@ impl Samples {
                 parts.push(part);
             }
         }
+        let shown = parallel::map(positions.len(), 64, |i| !solid.is_hidden(positions[i]));
+        let shown = |i: &usize| shown[*i];
+        let [positions, normals] =
+            [positions, normals].map(|list: Vec<DVec3>| (0..list.len()).filter(shown).map(|i| list[i]).collect());
+        let mut weights: Vec<f64> = (0..weights.len()).filter(shown).map(|i| weights[i]).collect();
+        let parts = (0..parts.len()).filter(shown).map(|i| parts[i]).collect();
         let total: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= total);
         Self { points: Points::new(positions), normals, weights, parts, area, spacing: share.sqrt() }
@@ -103,7 +109,7 @@ impl Samples {
 /// The normal or its opposite, the one that points out of the solid. Zero if neither does.
 fn outward(solid: &Solid, point: DVec3, normal: DVec3) -> DVec3 {
     for probe in PROBES.map(|probe| normal * probe) {
-        match [point - probe, point + probe].map(|place| solid.tree.is_inside(place)) {
+        match [point - probe, point + probe].map(|place| solid.is_inside(place)) {
             [true, false] => return normal,
             [false, true] => return -normal,
             [true, true] => break,
@@ -122,8 +128,12 @@ fn point_of_triangle(random: &mut Random, [a, b, c]: &[DVec3; 3]) -> DVec3 {
 /// Largest number of iterations of shrinking.
 const ROUNDS: usize = 24;
 
-/// Largest distance that a ball may protrude from the solid, as a part of its radius.
+/// Largest distance that a ball may protrude from the solid, as a part of its radius. It may not protrude by the radius that it would have otherwise, because
+/// a large ball protrudes little from a thin wall.
 const OVERLAP: f64 = 0.01;
+
+/// Smallest protrusion that is distinguished from rounding, as a part of the radius.
+const UNSEEN: f64 = 1e-5;
 
 /// Cosine of the smallest angle between a ball's two contacts, as seen from its centre. Balls with smaller angles result from facets and noise.
 const LEAST_SEPARATION: f64 = 0.75;
@@ -135,10 +145,11 @@ pub(super) fn medial_ball(solid: &Solid, part: u32, point: DVec3, normal: DVec3)
     let mut radius = solid.part_radii[part as usize];
     for _ in 0..ROUNDS {
         let center = point - normal * radius;
-        let Some(nearest) = solid.tree.closest(center, radius * (1.0 - OVERLAP)) else { break };
+        let Some(nearest) = solid.tree.closest(center, radius * (1.0 - UNSEEN)) else { break };
         let chord = point - nearest;
         let smaller = chord.length_squared() / (2.0 * normal.dot(chord));
-        if !(smaller > 0.0 && smaller < radius) {
+        let protrusion = radius - center.distance(nearest);
+        if !(smaller > 0.0 && smaller < radius) || protrusion < (OVERLAP * radius).min(smaller) {
             break;
         }
         let shrunk = point - normal * smaller;

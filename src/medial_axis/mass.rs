@@ -12,7 +12,7 @@ const CHORDS: f64 = 150_000.0;
 
 /// Direction of the lines, as the rotation that maps them to the x axis. It is oblique, so that the faces of boxes and the
 /// sides of rods along an axis do not fall between two rows of lines.
-const LINES: DQuat = DQuat::from_xyzw(1.0 / 11.0, 5.0 / 11.0, 4.0 / 11.0, 8.888_194_417_315_589 / 11.0);
+pub(crate) const LINES: DQuat = DQuat::from_xyzw(1.0 / 11.0, 5.0 / 11.0, 4.0 / 11.0, 8.888_194_417_315_589 / 11.0);
 
 /// Mass properties of a solid at unit density.
 ///
@@ -54,12 +54,14 @@ impl MassProperties {
             .collect();
         let area: f64 = hulls.iter().map(Hull::shadow).sum();
         let spacing = (area / CHORDS).sqrt();
+        let chords = if spacing > 0.0 { chords(&hulls, spacing) } else { vec![] };
+        Self::of_chords(&chords, spacing, middle)
+    }
+
+    /// Mass properties of the solid that a grid of lines intersects along `chords`. Coordinates of chords are relative to `middle` and rotated by [`LINES`].
+    pub(crate) fn of_chords(chords: &[Chord], spacing: f64, middle: DVec3) -> Self {
         let mut moments = Moments { volume: 0.0, first: DVec3::ZERO, second: DMat3::ZERO };
-        if spacing > 0.0 {
-            for chord in chords(&hulls, spacing) {
-                moments.add(chord, spacing * spacing);
-            }
-        }
+        chords.iter().for_each(|chord| moments.add(chord, spacing));
         moments.finish(middle)
     }
 
@@ -73,31 +75,36 @@ impl MassProperties {
 
 /// An interval of a line inside the shape.
 #[derive(Clone, Copy)]
-struct Chord {
+pub(crate) struct Chord {
     /// Number of the line along y and z.
-    line: [i64; 2],
-    /// The y and z coordinates of the line.
-    at: [f64; 2],
+    pub line: [i64; 2],
     /// The x coordinates at which the line enters and leaves.
-    from: f64,
-    to: f64,
+    pub from: f64,
+    pub to: f64,
+}
+
+/// The y or z coordinate of a line. Lines run through the middles of the cells, so the samples of a symmetric shape are symmetric.
+pub(crate) fn line_position(number: i64, spacing: f64) -> f64 {
+    (number as f64 + 0.5) * spacing
+}
+
+/// The number of the first line at or above a y or z coordinate.
+pub(crate) fn first_line(from: f64, spacing: f64) -> i64 {
+    (from / spacing - 0.5).ceil() as i64
 }
 
 /// The chords of all lines of a grid around the origin with the union of `hulls`.
 fn chords(hulls: &[Hull], spacing: f64) -> Vec<Chord> {
-    // Lines run through the middles of the cells, so the samples of a symmetric shape are symmetric.
-    let position = |number: i64| (number as f64 + 0.5) * spacing;
     let mut chords = Vec::new();
     for hull in hulls {
         let [ys, zs] = [1, 2].map(|axis| {
             let (least, greatest) = hull.range(axis);
-            (least / spacing - 0.5).ceil() as i64..=(greatest / spacing - 0.5).floor() as i64
+            first_line(least, spacing)..first_line(greatest, spacing)
         });
         for y in ys {
             for z in zs.clone() {
-                let at = [position(y), position(z)];
-                if let Some((from, to)) = hull.chord(at) {
-                    chords.push(Chord { line: [y, z], at, from, to });
+                if let Some((from, to)) = hull.chord([y, z].map(|number| line_position(number, spacing))) {
+                    chords.push(Chord { line: [y, z], from, to });
                 }
             }
         }
@@ -121,10 +128,11 @@ struct Moments {
 }
 
 impl Moments {
-    /// Adds a prism along x with the cross-section area `section`.
-    fn add(&mut self, Chord { at: [y, z], from, to, .. }: Chord, section: f64) {
+    /// Adds a prism along x with a square cross-section.
+    fn add(&mut self, &Chord { line, from, to }: &Chord, spacing: f64) {
+        let [y, z] = line.map(|number| line_position(number, spacing));
         // Integrals of 1, x and x^2.
-        let length = (to - from) * section;
+        let length = (to - from) * spacing * spacing;
         let x = length * 0.5 * (from + to);
         let xx = length / 3.0 * (from * from + from * to + to * to);
         let first = DVec3::new(x, y * length, z * length);

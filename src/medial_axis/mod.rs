@@ -30,6 +30,7 @@ use crate::geometry::{Aabb, Bvh, Primitive, Sphere};
 pub use cleanup::CleanupReport;
 pub(crate) use cleanup::numbers_of_kept;
 pub use mass::MassProperties;
+pub(crate) use mass::{Chord, LINES, first_line, line_position};
 pub(crate) use surface::face_normals;
 #[cfg(feature = "debug")]
 pub(crate) use surface::mantle_directions;

@@ -105,8 +105,9 @@ struct Cache(Option<PathBuf>);
 struct Key {
     mesh: AssetId<Mesh>,
     spheres: Option<usize>,
-    /// Bits of the value, so that NaN equals itself.
+    /// Bits of the values, so that NaN equals itself.
     max_error: Option<u32>,
+    error_limit: u32,
     levels: bool,
     searches: Option<usize>,
     seed: u64,
@@ -114,8 +115,9 @@ struct Key {
 
 impl Key {
     fn new(mesh: AssetId<Mesh>, options: &FitOptions) -> Self {
-        let &FitOptions { spheres, max_error, levels, searches, seed } = options;
-        Self { mesh, spheres, max_error: max_error.map(f32::to_bits), levels, searches, seed }
+        let &FitOptions { spheres, max_error, error_limit, levels, searches, seed } = options;
+        let (max_error, error_limit) = (max_error.map(f32::to_bits), error_limit.to_bits());
+        Self { mesh, spheres, max_error, error_limit, levels, searches, seed }
     }
 }
 

@@ -138,6 +138,7 @@ fn fitted(args: &Args, mesh: &TriangleMesh, levels: bool) -> Result<MedialLevels
         levels,
         searches: args.searches.map(|searches| searches as usize),
         seed: args.seed,
+        ..FitOptions::default()
     };
     let chain = fit(mesh, &options, &|fraction| {
         bar.set_position((fraction * 1000.0) as u64);

@@ -228,7 +228,14 @@ fn components_and_resources_survive_a_round_trip_as_text() {
     let mut app = app_with(plugins, &assets());
     add_monitor(&mut app);
     let mesh = load(&app, "models/bear.medial");
-    let options = FitOptions { spheres: Some(7), max_error: Some(0.5), levels: true, searches: Some(2), seed: 9 };
+    let options = FitOptions {
+        spheres: Some(7),
+        max_error: Some(0.5),
+        error_limit: 5.0,
+        levels: true,
+        searches: Some(2),
+        seed: 9,
+    };
     let world = app.world_mut();
     let original = world
         .spawn((
