@@ -84,10 +84,17 @@ pub fn fit(
     let judge = Judge::new(&solid, options.seed);
     let level = |built: Built| Level { error: solid.measure(&built.axis), axis: built.axis };
     let share = |spheres: usize| if options.levels { finest_share(mesh, &with(spheres)) } else { 1.0 };
-    let trial = |spheres: usize| -> Result<Trial, BuildError> {
-        let search = finest(&judge, mesh, &with(spheres), &between(progress, 0.0, share(spheres)))?;
+    let examine = |search: Search| -> Result<Trial, BuildError> {
         let level = level(search.built(&solid)?);
         Ok(Trial { flaw: check(&solid, &level, options.error_limit).err(), search, level })
+    };
+    let trial = |spheres: usize| -> Result<Trial, BuildError> {
+        let fitted = examine(finest(&judge, mesh, &with(spheres), &between(progress, 0.0, share(spheres)))?)?;
+        if fitted.flaw.is_none() {
+            return Ok(fitted);
+        }
+        let inscribed = examine(fitted.search.inscribed(&judge))?;
+        Ok(if inscribed.flaw.is_none() { inscribed } else { fitted })
     };
     let Trial { search, level: first, flaw } = best_trial(options, trial)?;
     if let Some(flaw) = flaw {
@@ -150,34 +157,4 @@ fn useful(levels: Vec<Level>) -> Vec<Level> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{
-        builder::{Deviation, TwoSidedError},
-        medial_axis::MedialAxis,
-    };
-
-    #[test]
-    fn a_level_no_better_than_a_coarser_one_is_left_out() {
-        let kept = |errors: &[f32]| {
-            let level = |&max: &f32| Level {
-                axis: MedialAxis::torus(1.0, 0.2, 8).unwrap(),
-                error: TwoSidedError { mesh_to_envelope: Deviation { max, mean: 0.1 }, ..TwoSidedError::default() },
-            };
-            let levels: Vec<Level> = errors.iter().map(level).collect();
-            useful(levels).iter().map(|level| level.error.max()).collect::<Vec<_>>()
-        };
-        let cases: [(&[f32], &[f32]); 6] = [
-            (&[], &[]),
-            (&[3.0], &[3.0]),
-            (&[1.0, 2.0, 4.0], &[1.0, 2.0, 4.0]),
-            (&[1.0, 5.0, 4.0, 4.0, 7.0], &[1.0, 4.0, 7.0]),
-            // The finest level is always kept.
-            (&[2.0, 1.0, 3.0], &[2.0, 1.0, 3.0]),
-            (&[2.0, 9.0, 8.0, 1.0], &[2.0, 1.0]),
-        ];
-        for (errors, expected) in cases {
-            assert_eq!(kept(errors), expected, "{errors:?}");
-        }
-    }
-}
+mod tests;

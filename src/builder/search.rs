@@ -221,6 +221,21 @@ impl Search {
         if mended.is_break() { Err(BuildError::Cancelled) } else { Ok(()) }
     }
 
+    /// The shape with other spheres: each is the largest ball inside the solid at the point of the surface that is nearest to the sphere. Spheres of a fit
+    /// protrude from thin parts, because errors are small relative to the diagonal there.
+    pub fn inscribed(&self, judge: &Judge) -> Self {
+        let tree = &judge.solid.tree;
+        let mut search = self.clone();
+        for (ball, &part) in search.complex.balls.iter_mut().zip(&self.parts) {
+            if let Some((point, triangle)) = tree.closest_with_triangle(ball.center, None) {
+                let [a, b, c] = tree.triangles()[triangle as usize];
+                *ball = medial_ball(judge.solid, part, point, (b - a).cross(c - a).normalize_or_zero());
+            }
+        }
+        search.verdict = judge.verdict(&search.complex);
+        search
+    }
+
     /// The current shape with its report.
     pub fn built(&self, solid: &Solid) -> Result<Built, BuildError> {
         let Self { complex, fine, .. } = self;
