@@ -26,6 +26,7 @@ mod exchange;
 mod fit;
 mod holes;
 mod hull;
+mod inscribe;
 mod interior;
 mod judge;
 mod levels;

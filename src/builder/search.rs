@@ -10,6 +10,7 @@ use super::{
     descent,
     envelope::Complex,
     hull::Ball,
+    inscribe::inscribe,
     judge::{Judge, Verdict},
     mend, parallel,
     progress::{Progress, between},
@@ -221,19 +222,11 @@ impl Search {
         if mended.is_break() { Err(BuildError::Cancelled) } else { Ok(()) }
     }
 
-    /// The shape with other spheres: each is the largest ball inside the solid at the point of the surface that is nearest to the sphere. Spheres of a fit
-    /// protrude from thin parts, because errors are small relative to the diagonal there.
+    /// The same shape, changed to lie [inside the solid](inscribe()).
     pub fn inscribed(&self, judge: &Judge) -> Self {
-        let tree = &judge.solid.tree;
-        let mut search = self.clone();
-        for (ball, &part) in search.complex.balls.iter_mut().zip(&self.parts) {
-            if let Some((point, triangle)) = tree.closest_with_triangle(ball.center, None) {
-                let [a, b, c] = tree.triangles()[triangle as usize];
-                *ball = medial_ball(judge.solid, part, point, (b - a).cross(c - a).normalize_or_zero());
-            }
-        }
-        search.verdict = judge.verdict(&search.complex);
-        search
+        let complex = inscribe(&self.complex, &self.parts, &self.fine, judge.solid);
+        let verdict = judge.verdict(&complex);
+        Self { complex, verdict, ..self.clone() }
     }
 
     /// The current shape with its report.

@@ -145,7 +145,14 @@ pub(super) fn medial_ball(solid: &Solid, part: u32, point: DVec3, normal: DVec3)
     let mut radius = solid.part_radii[part as usize];
     for _ in 0..ROUNDS {
         let center = point - normal * radius;
-        let Some(nearest) = solid.tree.closest(center, radius * (1.0 - UNSEEN)) else { break };
+        let Some(nearest) = solid.tree.closest(center, radius * (1.0 - UNSEEN)) else {
+            if solid.is_inside(center) {
+                break;
+            }
+            // The opposite wall is too near to be seen from afar.
+            radius *= 0.1;
+            continue;
+        };
         let chord = point - nearest;
         let smaller = chord.length_squared() / (2.0 * normal.dot(chord));
         let protrusion = radius - center.distance(nearest);
