@@ -57,7 +57,7 @@ pub struct Built {
 /// Results of a build beside the shape.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
-    /// Components of the triangle mesh: connected pieces, of which those that overlap or touch count as one. Pieces that enclose no volume are left out.
+    /// Number of components of the triangle mesh. Connected pieces that overlap or touch are one component. Pieces without a volume are left out.
     pub components: usize,
     /// Components without a sphere, because their volume is almost zero.
     pub empty_components: usize,

@@ -27,10 +27,11 @@ const LEAST_VOLUME: f64 = 1e-12;
 /// Checks mass properties and error of a shape. `limit` is the largest error in percent of the diagonal.
 pub(super) fn check(solid: &Solid, level: &Level, limit: f32) -> Result<(), BuildError> {
     let spheres = level.axis.spheres().len();
-    let off = differences(level.axis.mass(), &solid.mass);
-    let (what, worst) = off.into_iter().fold(("", 0.0), |a, b| if b.1 <= a.1 { a } else { b });
+    // The absolute value of NaN, from a shape without mass, is the largest of all.
+    let off = differences(level.axis.mass(), &solid.mass).map(|(what, off)| (what, off.abs()));
+    let (what, worst) = off.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
     let error = level.error.max();
-    if !(worst <= MOST_OFF) {
+    if worst > MOST_OFF || worst.is_nan() {
         Err(BuildError::Mass { what, spheres, percent: worst as f32 })
     } else if error > limit {
         Err(BuildError::Error { spheres, percent: error, limit })

@@ -75,8 +75,8 @@ fn key(triangle: [u32; 3], number: u32) -> ([u32; 3], bool, u32) {
     (sorted, triangle[(first + 1) % 3] != sorted[1], number)
 }
 
-/// Turns triangles so that those with a common edge face the same way, the way of most of the area. Returns true for each triangle of a patch where that is
-/// impossible, because the patch has one side only; it stays unchanged.
+/// Turns triangles so that those with a common edge have the same orientation, that of most of the area. Returns true for each triangle of a patch where that
+/// is impossible, because the patch has one side only. Such a patch stays unchanged.
 fn turn_alike(mesh: &mut TriangleMesh) -> Vec<bool> {
     let edges = sorted_edges(&mesh.triangles);
     let pairs = edges.chunk_by(|a, b| a.edge == b.edge).filter_map(|uses| <[EdgeUse; 2]>::try_from(uses).ok());
@@ -101,7 +101,7 @@ fn turn_alike(mesh: &mut TriangleMesh) -> Vec<bool> {
         ways.push([as_is, turned]);
     }
     for (triangle, &[as_is, turned]) in mesh.triangles.iter_mut().zip(&ways) {
-        // Of equal areas, the way of the first triangle is chosen.
+        // If the areas are equal, the orientation of the first triangle is chosen.
         if (areas[as_is as usize], turned) < (areas[turned as usize], as_is) {
             triangle.swap(1, 2);
         }

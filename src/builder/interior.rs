@@ -19,7 +19,7 @@ const ROWS: f64 = 4_000_000.0;
 /// The interior of a surface.
 pub(super) struct Interior {
     pub mass: MassProperties,
-    /// For each piece, the number of its body: pieces that overlap or touch along a line, and cavities with what encloses them.
+    /// Body of each piece. Pieces that overlap or touch along a line are one body. A cavity belongs to the body around it.
     pub bodies: Vec<u32>,
     pub body_count: usize,
     /// For each piece, true if all lines that meet it run inside on both of its sides. Such a piece does not bound the interior.
