@@ -182,8 +182,8 @@ fn build_keeps_sphere_limit_and_max_error() {
     assert!(!errors(&["build", &mesh, "-o", &by_error, "--max-error", "2"]).contains("warning"));
     let (spheres, found) = error(&by_error);
     assert!(found <= 2.0 && spheres < 64, "{spheres} spheres, {found} %");
-    let few = ["build", &mesh, "-o", &by_error, "--max-error", "2", "--spheres", "4"];
-    assert!(errors(&few).contains("warning: ") && errors(&few).contains("torus.obj: the error is more than 2 %"));
+    let few = ["build", &mesh, "-o", &by_error, "--max-error", "0.01", "--spheres", "12"];
+    assert!(errors(&few).contains("warning: ") && errors(&few).contains("torus.obj: the error is more than 0.01 %"));
 }
 
 #[test]

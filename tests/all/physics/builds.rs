@@ -23,7 +23,7 @@ fn app(cache: Option<PathBuf>) -> App {
 
 /// A few spheres, so that tests take little time.
 fn few() -> BuildMedialMesh {
-    BuildMedialMesh(FitOptions { spheres: Some(8), ..default() })
+    BuildMedialMesh(FitOptions { spheres: Some(16), ..default() })
 }
 
 fn add(app: &mut App, mesh: impl Into<Mesh>) -> Mesh3d {
@@ -96,7 +96,7 @@ fn a_built_shape_collides_and_is_shared() {
     assert!(handle(bodies[0]) == handle(bodies[1]) && handle(bodies[0]) == handle(late));
     assert_eq!(app.world().resource::<Assets<MedialAxis>>().len(), 2);
     assert!(axis_of(&app, late).coarser().is_empty() && axis_of(&app, leveled).coarser().len() > 1);
-    assert_eq!(axis_of(&app, late).spheres().len(), 8);
+    assert_eq!(axis_of(&app, late).spheres().len(), 16);
     let mut record = Record::default();
     record.run(&mut app, 300);
     for body in bodies {
