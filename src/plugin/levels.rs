@@ -57,6 +57,9 @@ impl MedialBudget {
 
 /// The level of detail with which an entity collides; 0 is the finest. It is added with the shape and is written by the plugin only.
 ///
+/// An observer of `On<Add, MedialLevel>` runs when a body gets its shape, for example after its file is loaded. Before that, the body has the `Collider`
+/// that the user has given it, or none.
+///
 /// [`MedialAxis::level`] returns its shape. The primitives of a [`TouchPoint`](super::TouchPoint) are primitives of that shape.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]

@@ -29,6 +29,9 @@ pub struct Args {
     /// Largest error of the finest level, in either direction, in percent of the mesh's diagonal.
     #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
     max_error: Option<f32>,
+    /// Error of the finest level above which the build fails.
+    #[arg(long, value_name = "PERCENT", default_value_t = FitOptions::default().error_limit, allow_negative_numbers = true, value_parser = percent)]
+    error_limit: f32,
     /// Also write all levels of detail with their errors beside the finest level: OUT.medial.
     #[arg(long)]
     levels: bool,
@@ -135,10 +138,10 @@ fn fitted(args: &Args, mesh: &TriangleMesh, levels: bool) -> Result<MedialLevels
     let options = FitOptions {
         spheres: args.spheres.map(|spheres| spheres as usize),
         max_error: args.max_error,
+        error_limit: args.error_limit,
         levels,
         searches: args.searches.map(|searches| searches as usize),
         seed: args.seed,
-        ..FitOptions::default()
     };
     let chain = fit(mesh, &options, &|fraction| {
         bar.set_position((fraction * 1000.0) as u64);
