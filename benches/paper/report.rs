@@ -63,7 +63,8 @@ fn frame_rows(result: &SceneResult) -> impl Iterator<Item = FrameRow> {
                 }
             };
             let (scene, name) = (result.scene.name, METHODS[method]);
-            let (ms, active) = (time(frame, method)?, frame.is_active);
+            // A tenth of a microsecond.
+            let (ms, active) = ((time(frame, method)? * 1e4).round() / 1e4, frame.is_active);
             Some(FrameRow { scene, frame: number, method: name, ms, body_pairs, primitive_pairs, active })
         })
     })
