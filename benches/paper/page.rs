@@ -20,7 +20,7 @@ const HEAD: &str = "\
 # The paper, reproduced
 
 This page sets the tables and figures of *Efficient Collision Detection using Hybrid Medial Axis Transform and BVH for Rigid Body Simulation* beside those of this crate, so that you can
-check what is reproduced, what is surpassed and what is not. The command below makes the page, its CSV and its charts in one run, on one CPU core.
+check which results this crate reproduces or surpasses, and which margins it does not reach. The command below makes the page, its CSV and its charts in one run, on one CPU core.
 ";
 
 const SCENES: &str = "

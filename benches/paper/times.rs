@@ -73,7 +73,7 @@ pub struct Faults {
     pub false_positives: usize,
 }
 
-/// Fraction of a frame by which a touch may be late.
+/// Touches that are later by less than this fraction of a frame are not late.
 pub const LATE: f32 = 1e-3;
 
 pub fn faults(result: &SceneResult) -> Faults {
