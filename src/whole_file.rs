@@ -64,6 +64,11 @@ impl Staged {
         Ok(staged)
     }
 
+    /// Returns true if a rename replaces the destination.
+    pub fn is_file(&self) -> bool {
+        self.temporary.is_some()
+    }
+
     /// Renames the temporary file, or writes to the device or pipe.
     ///
     /// # Errors
@@ -100,6 +105,8 @@ impl Target {
         match fs::metadata(path) {
             Ok(metadata) if metadata.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
             Ok(metadata) if !metadata.is_file() => Ok(Self::Stream(path.into())),
+            // A rename would replace what the shell has opened, with the content before the end.
+            Ok(_) if path.starts_with("/dev") => Err(io::Error::other("it leads to a file; name that file")),
             Ok(metadata) => Ok(Self::File { path: fs::canonicalize(path)?, existing: Some(metadata.permissions()) }),
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 // A link may lead to a file that does not exist yet. Such links form no loop, which would be another error.

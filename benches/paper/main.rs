@@ -10,6 +10,7 @@
 //! The process is bound to one core.
 
 mod chains;
+mod device;
 mod hierarchies;
 mod page;
 mod report;
@@ -84,6 +85,8 @@ struct Findings {
     hierarchies: Vec<hierarchies::HierarchyRow>,
     chains: Vec<chains::ChainRow>,
     scenes: Vec<scenes::SceneResult>,
+    /// Name of the adapter, and a row for each scene.
+    device: Option<(String, Vec<device::DeviceRow>)>,
 }
 
 fn main() -> ExitCode {
@@ -117,9 +120,18 @@ fn run(args: &Args) -> Result<(), String> {
         println!("{}", report::summary(&result));
         results.push(result);
     }
+    let device = match device::Device::request() {
+        Some(mut device) => {
+            let rows =
+                results.iter().map(|result| device.run((result.scene.name, result.busiest.0), &result.busiest.1));
+            let rows = rows.collect::<Result<Vec<_>, _>>()?;
+            Some((device.name, rows))
+        }
+        None => None,
+    };
     let words: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
     let command = format!("cargo bench --bench paper -- {}", words.join(" "));
-    let findings = Findings { models: table, criteria, hierarchies, chains, scenes: results };
+    let findings = Findings { models: table, criteria, hierarchies, chains, scenes: results, device };
     match &args.out {
         Some(out) => report::write_all(out, [&machine, &command], &findings),
         None => Ok(()),

@@ -2,6 +2,7 @@
 
 use bevy::{prelude::*, tasks::ComputeTaskPool};
 use bevy_medial::{
+    pipeline::{Statics, StepInput},
     plugin::MedialStep,
     prelude::MedialBudget,
     scenes::{Model, Monitor, Scene, headless_app, set_budget},
@@ -59,6 +60,8 @@ pub struct SceneResult {
     /// Primitive pairs of all body pairs.
     pub pairs: usize,
     pub frames: Vec<Frame>,
+    /// Number and input of the frame with most primitive pairs after the culling of bodies.
+    pub busiest: (usize, (StepInput, Statics)),
 }
 
 /// Runs a scene at the budget whose number of primitive pairs is nearest to that of the paper.
@@ -71,6 +74,7 @@ pub fn run(paper: &'static PaperScene, models: &[Model], quick: bool) -> Result<
     let mut app = app_of(scene, budget, models);
     let mut comparisons: Vec<Comparison> = CULLS.into_iter().filter_map(Comparison::with).collect();
     let (mut flat, mut frames, mut activity) = (Flat::default(), Vec::new(), Vec::new());
+    let (mut most, mut busiest) = (0, Default::default());
     let steps = if quick { 60.min(scene.steps) } else { scene.steps };
     for number in 0..steps as usize {
         app.update();
@@ -83,6 +87,10 @@ pub fn run(paper: &'static PaperScene, models: &[Model], quick: bool) -> Result<
             0 => Some(flat_steps(&mut flat, step)?),
             _ => None,
         };
+        if let Some([first, ..]) = flat.as_ref().filter(|[first, ..]| first.primitive_pairs > most) {
+            most = first.primitive_pairs;
+            busiest = (number, (step.input.clone(), step.statics.clone()));
+        }
         let contact_pairs = step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty()).count();
         let energy = app.world().resource::<Monitor>().rows.last().map_or(0.0, |row| row.kinetic_energy_per_kg);
         activity.push(Activity { contact_pairs, energy });
@@ -93,7 +101,7 @@ pub fn run(paper: &'static PaperScene, models: &[Model], quick: bool) -> Result<
         frame.is_active = is_active;
     }
     let step = app.world().resource::<MedialStep>();
-    Ok(SceneResult { scene: paper, bodies: step.input.bodies.len(), budget, pairs: pairs(step), frames })
+    Ok(SceneResult { scene: paper, bodies: step.input.bodies.len(), budget, pairs: pairs(step), frames, busiest })
 }
 
 fn flat_steps(flat: &mut Flat, step: &MedialStep) -> Result<[FlatStep; DETECTIONS.len()], String> {

@@ -55,6 +55,10 @@ const MOVIE_PATIENCE: u32 = 20;
 /// Runs the scene for `steps` steps and writes a movie that shows every third one.
 pub fn movie(show: Show, steps: u32, size: UVec2, file: &Path) -> Result<(), String> {
     let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+    if steps <= MOVIE_STEPS {
+        return Err(format!("a movie of {steps} steps has no picture; run more than {MOVIE_STEPS}"));
+    }
+    bevy_medial::whole_file::check(file).map_err(|error| failed(&error))?;
     let seconds = show.dt * MOVIE_STEPS as f32;
     let mut studio = studio(show, size);
     studio.app.insert_resource(Movie::new(size, seconds));

@@ -22,15 +22,17 @@ pub(super) fn tell_contacts(
     mut commands: Commands,
     step: Res<MedialStep>,
     existing: Query<()>,
-    (mut touching, mut number, mut counts): (Local<Touching>, Local<u64>, Local<[usize; 2]>),
+    (mut touching, mut number, mut known): (Local<Touching>, Local<u64>, Local<Vec<Entity>>),
     mut started: MessageWriter<MedialContactStarted>,
     mut ended: MessageWriter<MedialContactEnded>,
 ) {
     // If no body is active and none has come or gone, no touch has begun or ended.
-    let last_counts = std::mem::replace(&mut *counts, [step.input.bodies.len(), step.statics.bodies().len()]);
-    if last_counts == *counts && !step.input.bodies.iter().any(|body| body.active) {
+    let entities = || step.infos.iter().chain(&step.static_infos).map(|info| info.entity);
+    if entities().eq(known.iter().copied()) && !step.input.bodies.iter().any(|body| body.active) {
         return;
     }
+    known.clear();
+    known.extend(entities());
     *number += 1;
     let now = *number;
     for pair in &step.output.pairs {

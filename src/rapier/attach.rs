@@ -52,6 +52,13 @@ fn is_same_scale(scale: Vec3, wanted: Vec3) -> bool {
     }
 }
 
+/// Returns the scale of an entity in the world. An even number of mirrored axes is a rotation.
+fn scale_of(entity: Entity, transform: &Transform, is_child: bool, hierarchy: &TransformHelper) -> Vec3 {
+    let is_plain = !is_child && !(transform.scale.min_element() < 0.0);
+    let global = if is_plain { None } else { hierarchy.compute_global_transform(entity).ok() };
+    global.map_or(transform.scale, |global| global.scale())
+}
+
 /// Inserts a collider on every entity with a loaded [`MedialMesh`], and replaces it when shape, level of detail or scale change.
 pub(super) fn attach_shapes(
     mut commands: Commands,
@@ -65,14 +72,7 @@ pub(super) fn attach_shapes(
 ) {
     shared.retain(|_, primitives| primitives.strong_count() > 0);
     for (name, mesh, detail, transform, is_child, attached) in &meshes {
-        let scale = if is_child {
-            hierarchy.compute_global_transform(name.entity).map_or(transform.scale, |global| global.scale())
-        } else if transform.scale.min_element() < 0.0 {
-            // An even number of mirrored axes is a rotation.
-            GlobalTransform::from(*transform).scale()
-        } else {
-            transform.scale
-        };
+        let scale = scale_of(name.entity, transform, is_child, &hierarchy);
         // A scale that differs only by rounding does not change the level of detail either.
         let known = attached.filter(|attached| is_same_scale(attached.scale, scale));
         let scale = known.map_or(scale, |known| known.scale);

@@ -106,7 +106,10 @@ impl Gather<'_, '_, '_> {
         let step = &mut *self.step;
         let mut sleepers: Vec<Coarena<Pose3>> = step.worlds.iter().map(|_| Coarena::new()).collect();
         for (info, body) in std::iter::zip(&step.infos, &step.input.bodies).filter(|(info, _)| info.asleep) {
-            sleepers[body.world as usize].insert(info.collider.0, body.sweep.end);
+            // The user may have replaced the resource, and new ones have no worlds.
+            if let Some(sleepers) = sleepers.get_mut(body.world as usize) {
+                sleepers.insert(info.collider.0, body.sweep.end);
+            }
         }
         let worlds = std::mem::take(&mut step.worlds);
         step.input.prediction = 0.0;

@@ -21,7 +21,8 @@ use crate::{
 /// Returns the same transform with a scale that is positive, or negative along x only, as in Bevy's decomposition. `None` if it has such a scale already.
 fn straightened(transform: &Transform) -> Option<Transform> {
     let Transform { translation, rotation, scale } = *transform;
-    let is_mirrored = scale.x * scale.y * scale.z < 0.0;
+    // The product of the factors could underflow.
+    let is_mirrored = scale.signum().element_product() < 0.0;
     let signs = Vec3::new(if is_mirrored { -1.0 } else { 1.0 }, 1.0, 1.0);
     let turn = Mat3::from_diagonal(scale.signum() * signs);
     let is_turned = scale.is_finite() && scale.min_element() < 0.0 && turn != Mat3::IDENTITY;
@@ -95,21 +96,32 @@ pub(super) struct Corrected {
     parent: GlobalTransform,
 }
 
-/// Bodies that rapier writes.
-type Written = (With<RigidBody>, Without<RigidBodyDisabled>);
+/// Returns the global transform of an entity in the order of Bevy's propagation, so that it has the same bits. `None` if an ancestor has no transform.
+fn propagated(entity: Entity, parents: &Query<&ChildOf>, transforms: &Query<&Transform>) -> Option<GlobalTransform> {
+    let chain: Vec<Entity> = once(entity).chain(parents.iter_ancestors(entity)).collect();
+    let mut from_root = chain.into_iter().rev().map(|entity| transforms.get(entity).ok().copied());
+    let root = GlobalTransform::from(from_root.next()??);
+    from_root.try_fold(root, |above, transform| Some(above.mul_transform(transform?)))
+}
 
 /// Restores the transform that rapier has written, because rapier would take the correct one for a change by the user. After such a change the transform
 /// stays as it is.
 pub(super) fn restore(
     mut commands: Commands,
-    bodies: Query<(Entity, &Transform, &ChildOf, &Corrected, &RapierContextEntityLink), Written>,
+    bodies: Query<
+        (Entity, &Transform, &ChildOf, &Corrected, &RapierContextEntityLink),
+        (With<RigidBody>, Without<RigidBodyDisabled>),
+    >,
     configurations: Query<&RapierConfiguration>,
-    hierarchy: TransformHelper,
+    parents: Query<&ChildOf>,
+    transforms: Query<&Transform>,
 ) {
     for (body, transform, child_of, known, link) in &bodies {
         let is_active = configurations.get(link.0).is_ok_and(|configuration| configuration.physics_pipeline_active);
-        let parent = hierarchy.compute_global_transform(child_of.parent());
-        if is_active && *transform == known.shown && parent.is_ok_and(|parent| parent == known.parent) {
+        if is_active
+            && *transform == known.shown
+            && propagated(child_of.parent(), &parents, &transforms) == Some(known.parent)
+        {
             commands.entity(body).try_insert(known.written);
         }
     }
@@ -126,8 +138,9 @@ pub(super) fn correct(
             &RapierRigidBodyHandle,
             &RapierContextEntityLink,
             Option<&TransformInterpolation>,
+            Has<RigidBodyDisabled>,
         ),
-        Written,
+        With<RigidBody>,
     >,
     contexts: Query<(&RapierRigidBodySet, &RapierConfiguration, &SimulationToRenderTime)>,
     mode: Res<TimestepMode>,
@@ -135,13 +148,15 @@ pub(super) fn correct(
     meshes: Query<(), With<MedialMesh>>,
     children: Query<&Children>,
 ) {
-    for (body, transform, child_of, handle, link, interpolation) in &bodies {
+    for (body, transform, child_of, handle, link, interpolation, is_disabled) in &bodies {
         let parent = places.get(child_of.parent()).ok().filter(|parent| is_turned(parent));
         let (Some(parent), Ok((rapier, configuration, time))) = (parent, contexts.get(link.0)) else { continue };
-        let Some(rigid) = rapier.bodies.get(handle.0) else { continue };
-        if !configuration.physics_pipeline_active || !has_mesh(body, &meshes, &children) {
+        if is_disabled || !configuration.physics_pipeline_active {
+            // Rapier takes the correct transform for a change by the user, so there is nothing to restore.
+            commands.entity(body).try_remove::<Corrected>();
             continue;
         }
+        let Some(rigid) = rapier.bodies.get(handle.0).filter(|_| has_mesh(body, &meshes, &children)) else { continue };
         let between = match *mode {
             TimestepMode::Interpolated { dt, .. } => {
                 interpolation.and_then(|interpolation| interpolation.lerp_slerp((dt + time.diff) / dt))
@@ -160,7 +175,7 @@ fn is_turned(parent: &GlobalTransform) -> bool {
     diagonal.min_element() <= 0.0 || matrix != Mat3::from_diagonal(diagonal)
 }
 
-/// The local transform of a body with this pose below a parent with a uniform scale.
+/// The local transform of a body with this pose below a parent with a uniform scale. Below a sheared parent the rotation is approximate.
 fn below(parent: &GlobalTransform, pose: &Pose3, scale: Vec3) -> Transform {
     let inverse = parent.affine().inverse();
     let (inverse_scale, turn, _) = inverse.to_scale_rotation_translation();

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use bevy_medial::{
     geometry::{Aabb, Bvh, Pose3, Sphere, Sweep},
+    gpu,
     pipeline::{Side, Solid, Statics, StepInput},
     query::{Cuboid, MovingPair, TimeOfImpactStatus, alternating, separation, time_of_impact, times_of_impact},
 };
@@ -49,8 +50,24 @@ pub struct Flat {
     statics: Bvh,
 }
 
+/// The primitives of all sides of the remaining pairs.
+struct Placed {
+    bodies: Vec<Primitives>,
+    statics: Vec<Primitives>,
+}
+
 /// Primitives of a side, made when they are first needed.
 type Primitives = Option<Vec<Primitive>>;
+
+impl Placed {
+    fn of(&self, side: Side) -> &[Primitive] {
+        let known = match side {
+            Side::Body(i) => &self.bodies[i as usize],
+            Side::Static(i) => &self.statics[i as usize],
+        };
+        known.as_deref().unwrap_or_default()
+    }
+}
 
 impl Flat {
     /// Runs a step on one thread.
@@ -58,41 +75,15 @@ impl Flat {
     /// # Errors
     /// If there is a body that is neither medial nor a box.
     pub fn step(&mut self, input: &StepInput, statics: &Statics, detection: Detection) -> Result<FlatStep, String> {
-        if self.statics.leaves().count() != statics.bodies().len() {
-            self.statics = Bvh::new(&statics.bodies().iter().map(|body| body.obb().aabb()).collect::<Vec<_>>());
-        }
         let begin = Instant::now();
         let pairs = self.body_pairs(input, statics);
         let culling_ms = begin.elapsed().as_secs_f64() * 1e3;
 
         let begin = Instant::now();
+        let placed = self.place(&pairs, input, statics)?;
         let mut step = FlatStep { culling_ms, ..FlatStep::default() };
-        let mut bodies: Vec<Primitives> = vec![None; input.bodies.len()];
-        let mut fixed: Vec<Primitives> = vec![None; statics.bodies().len()];
-        // Coordinates are relative to the first body.
-        let origin = input.bodies.first().map_or(Vec3::ZERO, |body| body.sweep.start.translation);
         for sides in pairs {
-            for side in sides {
-                let (known, solid, sweep) = match side {
-                    Side::Body(i) => {
-                        let body = &input.bodies[i as usize];
-                        (&mut bodies[i as usize], &body.solid, body.sweep)
-                    }
-                    Side::Static(i) => {
-                        let body = &statics.bodies()[i as usize];
-                        let pose = if body.solid.medial().is_some() { body.pose } else { body.obb().pose };
-                        (&mut fixed[i as usize], &body.solid, Sweep::at_rest(pose))
-                    }
-                };
-                if known.is_none() {
-                    *known = Some(self.primitives(solid, &sweep, origin)?);
-                }
-            }
-            let of = |side| match side {
-                Side::Body(i) => bodies[i as usize].as_deref().unwrap_or_default(),
-                Side::Static(i) => fixed[i as usize].as_deref().unwrap_or_default(),
-            };
-            let [first, second] = sides.map(of);
+            let [first, second] = sides.map(|side| placed.of(side));
             step.primitive_pairs += first.len() * second.len();
             step.first_touches.push((sides, detection.first_touch(first, second)));
         }
@@ -100,8 +91,51 @@ impl Flat {
         Ok(step)
     }
 
+    /// The primitive pairs of a step, for a GPU.
+    ///
+    /// # Errors
+    /// If there is a body that is neither medial nor a box.
+    pub fn moving_pairs(&mut self, input: &StepInput, statics: &Statics) -> Result<Vec<gpu::MovingPair>, String> {
+        let pairs = self.body_pairs(input, statics);
+        let placed = self.place(&pairs, input, statics)?;
+        let mut moving = Vec::new();
+        for [first, second] in pairs.iter().map(|sides| sides.map(|side| placed.of(side))) {
+            for a in first {
+                moving.extend(second.iter().map(|b| for_primitives!(a, b, |a, b| gpu::MovingPair::new(a, b))));
+            }
+        }
+        Ok(moving)
+    }
+
+    /// Places the primitives of all sides of some pairs.
+    fn place(&mut self, pairs: &[[Side; 2]], input: &StepInput, statics: &Statics) -> Result<Placed, String> {
+        let mut placed = Placed { bodies: vec![None; input.bodies.len()], statics: vec![None; statics.bodies().len()] };
+        // Coordinates are relative to the first body.
+        let origin = input.bodies.first().map_or(Vec3::ZERO, |body| body.sweep.start.translation);
+        for &side in pairs.as_flattened() {
+            let (known, solid, sweep) = match side {
+                Side::Body(i) => {
+                    let body = &input.bodies[i as usize];
+                    (&mut placed.bodies[i as usize], &body.solid, body.sweep)
+                }
+                Side::Static(i) => {
+                    let body = &statics.bodies()[i as usize];
+                    let pose = if body.solid.medial().is_some() { body.pose } else { body.obb().pose };
+                    (&mut placed.statics[i as usize], &body.solid, Sweep::at_rest(pose))
+                }
+            };
+            if known.is_none() {
+                *known = Some(self.primitives(solid, &sweep, origin)?);
+            }
+        }
+        Ok(placed)
+    }
+
     /// The pairs whose swept bounding spheres overlap, or overlap the box of a static.
-    fn body_pairs(&self, input: &StepInput, statics: &Statics) -> Vec<[Side; 2]> {
+    fn body_pairs(&mut self, input: &StepInput, statics: &Statics) -> Vec<[Side; 2]> {
+        if self.statics.leaves().count() != statics.bodies().len() {
+            self.statics = Bvh::new(&statics.bodies().iter().map(|body| body.obb().aabb()).collect::<Vec<_>>());
+        }
         let cones: Vec<[Sphere; 2]> = input
             .bodies
             .iter()

@@ -77,6 +77,8 @@ pub struct Verdicts {
     pub undecided: usize,
     /// Wrong verdicts of `bevy_medial`.
     pub ours_wrong: usize,
+    /// Degenerate slabs that protrude from what `bevy_medial` makes of them.
+    pub ours_lossy: usize,
     /// Max protrusion of a degenerate slab from its result in `bevy_medial`.
     pub ours_max_loss: f64,
     /// Wrong verdicts of the two circles on slabs with a radius.
@@ -131,7 +133,7 @@ impl Verdicts {
             balls.iter().chain(&random_balls).map(|&ball| protrusion(ball, cones)).fold(0.0, f64::max)
         };
         let ours = loss(&cones(&parts));
-        self.ours_wrong += usize::from(ours > TOLERANCE);
+        self.ours_lossy += usize::from(ours > TOLERANCE);
         self.ours_max_loss = self.ours_max_loss.max(ours);
         if paper.len() < 3 {
             let loss = loss(&cones(&[paper]));

@@ -83,6 +83,12 @@ impl<'a> Outputs<'a> {
                 return Err(at(output, "it is the triangle mesh; name another file"));
             }
         }
+        if let (Some(finest), Some(levels)) = (outputs.finest, &outputs.levels)
+            && fs::canonicalize(finest)
+                .is_ok_and(|finest| fs::canonicalize(levels).is_ok_and(|levels| levels == finest))
+        {
+            return Err(at(levels, "it is the same file as the finest level; name another file"));
+        }
         Ok(outputs)
     }
 

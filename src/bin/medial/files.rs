@@ -70,10 +70,11 @@ pub fn check_output(output: &Path) -> Result<(), String> {
 pub fn write(files: &[(PathBuf, Vec<u8>)]) -> Result<(), String> {
     let staged =
         |(path, content): &(PathBuf, Vec<u8>)| Staged::new(path, content).map_err(|error| not_written(path, &error));
-    let staged: Vec<Staged> = files.iter().map(staged).collect::<Result<_, _>>()?;
-    let commit =
-        |((path, _), staged): (&(PathBuf, _), Staged)| staged.commit().map_err(|error| not_written(path, &error));
-    files.iter().zip(staged).try_for_each(commit)
+    let mut staged: Vec<(&PathBuf, Staged)> =
+        files.iter().map(|file| Ok((&file.0, staged(file)?))).collect::<Result<_, String>>()?;
+    // Devices and pipes come first, because a rename rarely fails.
+    staged.sort_by_key(|(_, staged)| staged.is_file());
+    staged.into_iter().try_for_each(|(path, staged)| staged.commit().map_err(|error| not_written(path, &error)))
 }
 
 /// The content of a `.ma` file.

@@ -54,7 +54,9 @@ fn elements(accessor: &Accessor, buffers: &[Vec<u8>]) -> Result<Vec<u8>, FormatE
         Some(view) => {
             packed(view, accessor.offset(), count, width, buffers).ok_or_else(outside)?.flatten().copied().collect()
         }
-        None if count > MAX_MESH_SIZE => return Err(MeshError::TooLarge { what: "vertices", count }.into()),
+        None if count > MAX_MESH_SIZE => {
+            return Err(MeshError::TooLarge { what: "elements of an accessor", count }.into());
+        }
         None => vec![0; count * width],
     };
     let Some(sparse) = accessor.sparse() else { return Ok(bytes) };

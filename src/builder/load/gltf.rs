@@ -65,8 +65,8 @@ pub(super) fn parse(bytes: &[u8], folder: &Path, warnings: &mut Vec<String>) -> 
         }
         open.extend(node.children().map(|child| (child, pose)));
     }
-    if let Some(first) = file.left_out.first() {
-        let problem = format!("{} primitives of lines or points, the first is {first}", file.left_out.len());
+    if let (count, Some(first)) = &file.left_out {
+        let problem = format!("{count} primitives of lines or points, the first is {first}");
         if file.triangles.is_empty() {
             let problem = format!("it has no triangles, only {problem}");
             return Err(FormatError::new("the glTF document", problem, "turn them into triangles"));
@@ -151,8 +151,8 @@ struct File {
     buffers: Vec<Vec<u8>>,
     positions: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
-    /// Places of primitives without a surface.
-    left_out: Vec<String>,
+    /// Number of primitives without a surface, and the place of the first.
+    left_out: (usize, Option<String>),
 }
 
 impl File {
@@ -161,7 +161,17 @@ impl File {
         for primitive in mesh.primitives() {
             let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
             if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
-                self.left_out.push(place);
+                let (count, first) = &mut self.left_out;
+                // Several nodes may use one mesh, so the size of the file does not bound the number.
+                *count += 1;
+                first.get_or_insert(place);
+                if *count > MAX_MESH_SIZE {
+                    return Err(FormatError::new(
+                        "the glTF document",
+                        "it has too many primitives of lines or points",
+                        "remove them",
+                    ));
+                }
                 continue;
             }
             let accessor = primitive.get(&Semantic::Positions);
