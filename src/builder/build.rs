@@ -106,7 +106,7 @@ pub enum BuildError {
     },
     /// The mass properties of the finest shape differ from those of the mesh.
     #[error(
-        "the {what} of the shape with {spheres} spheres is {percent:.0} % off, more than {MOST_OFF} %; allow more spheres, make thin parts thicker, or split the mesh"
+        "the {what} of the shape with {spheres} spheres is {percent:.1} % off, more than {MOST_OFF} %; allow more spheres, make thin parts thicker, or split the mesh"
     )]
     Mass {
         /// The property with the largest difference.
@@ -128,8 +128,8 @@ pub enum BuildError {
         /// The largest allowed error.
         limit: f32,
     },
-    /// The mass or the inertia of the solid is too small for an f32.
-    #[error("the mesh is {diagonal:e} m in size, and its mass is too small to compute with; scale it up")]
+    /// The mass or the inertia of the solid is too small or too large for an f32.
+    #[error("the mesh is {diagonal:e} m in size, and its mass is too small or too large to compute with; scale it")]
     TooSmall {
         /// Diagonal of the bounding box in metres.
         diagonal: f32,

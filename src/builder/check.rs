@@ -21,6 +21,9 @@ pub(super) fn check_solid(solid: &Solid) -> Result<(), BuildError> {
     }
 }
 
+/// Added to the moments of inertia, as a part of their sum: inertia is stored as f32, whose rounding would count for rods thinner than 1:1000.
+const ROUNDING: f64 = 16.0 * f32::EPSILON as f64;
+
 /// Volumes below this part of the cube of the diagonal are those of folded sheets, up to rounding.
 const LEAST_VOLUME: f64 = 1e-12;
 
@@ -47,11 +50,12 @@ fn differences(found: &MassProperties, right: &MassProperties) -> [(&'static str
     let shift = found.center_of_mass.as_dvec3().distance(right.center_of_mass.as_dvec3());
     let [found, right] = [found, right].map(|mass| mass.inertia.as_dmat3());
     let trace = |m: DMat3| m.x_axis.x + m.y_axis.y + m.z_axis.z;
+    let rounding = DVec3::splat(ROUNDING * trace(right));
     let gyration = (0.5 * trace(right) / right_volume).sqrt();
     [
         ("volume", 100.0 * (found_volume / right_volume - 1.0).abs()),
         ("centre of mass", 100.0 * shift / gyration),
-        ("inertia", 100.0 * largest_ratio(found - right, right)),
+        ("inertia", 100.0 * largest_ratio(found - right, right + DMat3::from_diagonal(rounding))),
     ]
 }
 

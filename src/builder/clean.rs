@@ -1,5 +1,7 @@
 //! Cleans a surface before a build: leaves out triangles and pieces that enclose no volume, and turns the others outward.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 
 use super::{
@@ -10,7 +12,7 @@ use super::{
 use crate::disjoint_sets::DisjointSets;
 
 /// Largest part of a piece's area in caps over its holes. The cap over a sheet has about its area, a half; other pieces have thickness.
-const MOST_CAPS: f64 = 0.48;
+const MOST_CAPS: f64 = 0.495;
 
 /// A cleaned surface: welded, with caps over its holes, without repeated triangles and sheets, outward.
 pub(super) struct Cleaned {
@@ -55,8 +57,10 @@ fn leave_out_doubles(triangles: &mut Vec<[u32; 3]>) {
     let mut ends: Vec<EdgeUse> = vec![];
     for uses in edges.chunk_by(|a, b| a.edge == b.edge) {
         match uses {
-            [a, b] if is_double(a) && is_double(b) => _ = patches.join(a.triangle, b.triangle),
-            _ if uses.len() > 2 && uses.len() % 2 == 1 => ends.extend(uses.iter().copied().filter(is_double)),
+            _ if uses.iter().all(is_double) => {
+                uses.windows(2).for_each(|pair| _ = patches.join(pair[0].triangle, pair[1].triangle));
+            }
+            _ if uses.len() % 2 == 1 => ends.extend(uses.iter().copied().filter(is_double)),
             _ => {}
         }
     }
@@ -94,19 +98,19 @@ fn turn_alike(mesh: &mut TriangleMesh) -> Vec<bool> {
     }
     let places = mesh.unit_places();
     let mut areas = vec![0.0; 2 * count];
-    let mut ways = vec![];
+    let mut sides = vec![];
     for (number, triangle) in (0..).zip(&mesh.triangles) {
         let [as_is, turned] = [2 * number, 2 * number + 1].map(|item| sets.find(item));
         areas[as_is as usize] += area(&triangle.map(|i| places[i as usize]));
-        ways.push([as_is, turned]);
+        sides.push([as_is, turned]);
     }
-    for (triangle, &[as_is, turned]) in mesh.triangles.iter_mut().zip(&ways) {
+    for (triangle, &[as_is, turned]) in mesh.triangles.iter_mut().zip(&sides) {
         // If the areas are equal, the orientation of the first triangle is chosen.
         if (areas[as_is as usize], turned) < (areas[turned as usize], as_is) {
             triangle.swap(1, 2);
         }
     }
-    ways.iter().map(|[as_is, turned]| as_is == turned).collect()
+    sides.iter().map(|[as_is, turned]| as_is == turned).collect()
 }
 
 /// Twice the area of a triangle.
@@ -131,7 +135,8 @@ fn leave_out_strips(mesh: &mut TriangleMesh, one_sided: &[bool]) -> usize {
         let [a, b] = rim[0].edge.map(|i| places[i as usize]);
         rims[piece_of[rim[0].triangle as usize] as usize] += a.distance(b);
     }
-    (0..count).for_each(|piece| is_strip[piece] &= rims[piece] * rims[piece] > areas[piece]);
+    // A disc has a ratio of 4 pi, and each opening of a solid has less. A strip has more.
+    (0..count).for_each(|piece| is_strip[piece] &= rims[piece] * rims[piece] > 4.0 * PI * areas[piece]);
     leave_out(mesh, &piece_of, &is_strip)
 }
 

@@ -29,8 +29,7 @@ const ERROR_LIMIT: f32 = 6.0;
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default, Clone, PartialEq)]
 pub struct FitOptions {
-    /// Largest number of spheres of the finest level. `None`: 60, or with `max_error` as many as it requires, up to 512. Without `max_error`, more are
-    /// used if mass properties or `error_limit` require them.
+    /// Largest number of spheres of the finest level. `None`: 60, or as many as `max_error`, the mass properties or `error_limit` require, up to 512.
     pub spheres: Option<usize>,
     /// Largest error of the finest level in either direction, in percent of the mesh's diagonal. The smallest number of spheres of 8, 16, 32, ... that
     /// reaches it is used; if none does, the number with the smallest error.
@@ -60,7 +59,7 @@ impl Default for FitOptions {
 }
 
 /// Builds medial meshes of a solid, with their two-sided errors relative to the surface that bounds it: the mesh
-/// [with its holes closed](TriangleMesh::with_holes_closed), without repeated triangles, sheets, and surfaces inside the solid.
+/// [with its holes closed](TriangleMesh::with_holes_closed), without repeated triangles, sheets, and surfaces that other pieces hide.
 ///
 /// Volume, centre of mass and inertia of the finest level are within 10 % of those of the solid. The centre of mass is relative to the radius of gyration.
 ///
@@ -138,7 +137,7 @@ fn best_trial(options: &FitOptions, trial: impl Fn(usize) -> Result<Trial, Build
             }
             // Each component needs a sphere, so the next number may be large enough.
             Err(BuildError::TooFewSpheres { .. }) if spheres < most => {}
-            Err(error) => return Err(error),
+            Err(error) => return best.filter(|_| error != BuildError::Cancelled).ok_or(error),
         }
         spheres = spheres.saturating_mul(2).min(most);
     }

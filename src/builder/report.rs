@@ -82,7 +82,7 @@ impl MeshReport {
                 _ => report.non_manifold_edges += 1,
             }
         }
-        if report.boundary_edges > 0 {
+        if report.boundary_edges + report.duplicate_faces > 0 {
             report.sheets = Cleaned::new(mesh).sheets;
         }
         report

@@ -65,7 +65,7 @@ impl Solid {
     pub fn new(source: &TriangleMesh) -> Result<Self, BuildError> {
         check(source)?;
         let mut mesh = Cleaned::new(source).mesh;
-        if mesh.triangles.is_empty() {
+        if mesh.triangles.is_empty() || mesh.diagonal() <= 0.0 {
             return Err(BuildError::NoVolume);
         }
         let (min, max) = (mesh.aabb().min.as_dvec3(), mesh.aabb().max.as_dvec3());

@@ -85,15 +85,23 @@ impl Samples {
                 parts.push(part);
             }
         }
+        let all = Self { points: Points::new(positions), normals, weights, parts, area, spacing: share.sqrt() };
+        all.shown(solid)
+    }
+
+    /// The samples that no other part of the solid hides. Their weights sum to 1.
+    fn shown(self, solid: &Solid) -> Self {
+        let positions = &self.points.positions;
         let shown = parallel::map(positions.len(), 64, |i| !solid.is_hidden(positions[i]));
-        let shown = |i: &usize| shown[*i];
-        let [positions, normals] =
-            [positions, normals].map(|list: Vec<DVec3>| (0..list.len()).filter(shown).map(|i| list[i]).collect());
-        let mut weights: Vec<f64> = (0..weights.len()).filter(shown).map(|i| weights[i]).collect();
-        let parts = (0..parts.len()).filter(shown).map(|i| parts[i]).collect();
-        let total: f64 = weights.iter().sum();
-        weights.iter_mut().for_each(|w| *w /= total);
-        Self { points: Points::new(positions), normals, weights, parts, area, spacing: share.sqrt() }
+        let shown = || (0..shown.len()).filter(|&i| shown[i]);
+        let total: f64 = shown().map(|i| self.weights[i]).sum();
+        Self {
+            points: Points::new(shown().map(|i| positions[i]).collect()),
+            normals: shown().map(|i| self.normals[i]).collect(),
+            weights: shown().map(|i| self.weights[i] / total).collect(),
+            parts: shown().map(|i| self.parts[i]).collect(),
+            ..self
+        }
     }
 
     pub fn turned_outward(mut self, solid: &Solid) -> Self {
@@ -135,6 +143,9 @@ const OVERLAP: f64 = 0.01;
 /// Smallest protrusion that is distinguished from rounding, as a part of the radius.
 const UNSEEN: f64 = 1e-5;
 
+/// Factor on the radius of a ball that has passed a thin wall.
+const CLOSER: f64 = 0.1;
+
 /// Cosine of the smallest angle between a ball's two contacts, as seen from its centre. Balls with smaller angles result from facets and noise.
 const LEAST_SEPARATION: f64 = 0.75;
 
@@ -150,7 +161,7 @@ pub(super) fn medial_ball(solid: &Solid, part: u32, point: DVec3, normal: DVec3)
                 break;
             }
             // The opposite wall is too near to be seen from afar.
-            radius *= 0.1;
+            radius *= CLOSER;
             continue;
         };
         let chord = point - nearest;

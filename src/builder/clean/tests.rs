@@ -106,3 +106,38 @@ fn a_flat_solid_without_its_underside_is_no_sheet() {
     mesh.triangles.remove(0);
     assert_eq!(cleaned(&mesh, volume), (4, 0));
 }
+
+/// Unit cubes, each with all of its faces, in a random order.
+fn voxels(side: usize) -> TriangleMesh {
+    let mut triangles = vec![];
+    let mut positions = vec![];
+    for number in 0..side.pow(3) {
+        let cell = [number % side, number / side % side, number / side / side].map(|i| i as f32);
+        let first = positions.len() as u32;
+        positions.extend(
+            (0..8u32).map(|i| Vec3::from(cell) + Vec3::from_array([0, 1, 2].map(|axis| (i >> axis & 1) as f32))),
+        );
+        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        triangles.extend(faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).map(|t| t.map(|i| first + i)));
+    }
+    let mut random = crate::random::Random(1);
+    (1..triangles.len()).rev().for_each(|i| triangles.swap(i, random.below(i + 1)));
+    TriangleMesh::new(positions, triangles).unwrap()
+}
+
+#[test]
+fn inner_walls_between_voxels_are_left_out() {
+    for side in [2usize, 3, 5] {
+        let shell = 12 * side.pow(2);
+        assert_eq!(cleaned(&voxels(side), side.pow(3) as f64), (shell, 0));
+    }
+}
+
+/// A triangle without area remained alone, and a build panicked.
+#[test]
+fn a_sheet_with_a_triangle_of_one_point_is_refused() {
+    let mut sheet = TriangleMesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![[0, 1, 2]]).unwrap();
+    add(&mut sheet, &[Vec3::ONE; 3], &[[0, 1, 2]]);
+    let solid = crate::builder::solid::Solid::new(&sheet);
+    assert_eq!(solid.err(), Some(crate::builder::BuildError::NoVolume));
+}

@@ -159,7 +159,7 @@ fn sparse_accessors_replace_elements() {
     }
     let parts = [bytes_of(&dense), indices([0, 2], 1), values];
     let promised = error(MeshFormat::Gltf, &document(&sparse("", 4_000_000_000, 5121), &parts));
-    assert!(promised.contains("the mesh has 4000000000 vertices, more than 16777216"), "{promised}");
+    assert!(promised.contains("the mesh has 4000000000 elements of an accessor, more than 16777216"), "{promised}");
 }
 
 #[test]
