@@ -29,7 +29,7 @@ pub struct Device {
 const PART: usize = 1 << 17;
 
 impl Device {
-    /// The default adapter. `None` if there is none or if it lacks a feature.
+    /// The default adapter. `None` without an adapter, or if it lacks a feature.
     pub fn request() -> Option<Self> {
         let gpu = GpuDevice::request().ok()?;
         Some(Self { name: gpu.name().into(), impacts: GpuImpacts::new(&gpu).ok()? })

@@ -77,7 +77,7 @@ pub struct Verdicts {
     pub undecided: usize,
     /// Wrong verdicts of `bevy_medial`.
     pub ours_wrong: usize,
-    /// Degenerate slabs that protrude from what `bevy_medial` makes of them.
+    /// Degenerate slabs that protrude from their result in `bevy_medial`.
     pub ours_lossy: usize,
     /// Max protrusion of a degenerate slab from its result in `bevy_medial`.
     pub ours_max_loss: f64,
