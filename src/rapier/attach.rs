@@ -54,9 +54,9 @@ fn is_same_scale(scale: Vec3, wanted: Vec3) -> bool {
 
 /// Returns the scale of an entity in the world. An even number of mirrored axes is a rotation.
 fn scale_of(entity: Entity, transform: &Transform, is_child: bool, hierarchy: &TransformHelper) -> Vec3 {
-    let is_plain = !is_child && !(transform.scale.min_element() < 0.0);
-    let global = if is_plain { None } else { hierarchy.compute_global_transform(entity).ok() };
-    global.map_or(transform.scale, |global| global.scale())
+    let may_differ = is_child || transform.scale.min_element() < 0.0;
+    let global = may_differ.then(|| hierarchy.compute_global_transform(entity).ok());
+    global.flatten().map_or(transform.scale, |global| global.scale())
 }
 
 /// Inserts a collider on every entity with a loaded [`MedialMesh`], and replaces it when shape, level of detail or scale change.

@@ -198,15 +198,14 @@ impl Gather<'_, '_, '_> {
         let Some(solid) = solid(collider.shared_shape()) else { return };
         let World { index, context, running, dt, ref joint_islands, sleepers } = *world;
         let (end, sensor) = (collider_pose(collider, Some(body)), collider.is_sensor());
-        let start = self.rapier.snapshot.starts.get(&context.entity).and_then(|starts| starts.get(handle.0));
-        let start = start.filter(|_| running).copied().unwrap_or(Start::at_rest(end));
+        let starts = self.rapier.snapshot.starts.get(&context.entity).filter(|_| running);
+        let start = starts.and_then(|starts| starts.get(handle.0)).copied().unwrap_or(Start::at_rest(end));
         let simulated = running && body.is_enabled();
         let active = simulated && (!body.is_sleeping() || sleepers.and_then(|known| known.get(handle.0)) != Some(&end));
         if simulated && !active {
             gathered.resting.push((self.step.input.bodies.len(), sensor || !body.is_dynamic()));
         }
-        // Sleeping bodies count too: a fast kinematic body would pass through them before rapier finds a contact. A link of a multibody cannot be moved by
-        // itself.
+        // A fast kinematic body would pass through sleeping bodies before rapier finds a contact. A link of a multibody cannot be moved by itself.
         let stops = simulated && body.is_dynamic() && !is_link(context, parent);
         let (sweep, held) = self.sweep(world, (parent, body), [start.pose, end], stops, active);
         if sweep.end != end {
