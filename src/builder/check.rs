@@ -10,7 +10,7 @@ pub(super) const MOST_OFF: f64 = 10.0;
 
 /// Checks that a solid has a mass that the numbers of a shape can hold.
 pub(super) fn check_solid(solid: &Solid) -> Result<(), BuildError> {
-    let Solid { mass, diagonal, .. } = solid;
+    let Solid { mass: Some(mass), diagonal, .. } = solid else { return Ok(()) };
     let least = [0, 1, 2].map(|i| mass.inertia.col(i)[i]).into_iter().fold(mass.volume, f32::min);
     if f64::from(mass.volume) <= LEAST_VOLUME * diagonal.powi(3) && *diagonal > f64::from(f32::MIN_POSITIVE).cbrt() {
         Err(BuildError::NoVolume)
@@ -27,12 +27,13 @@ const ROUNDING: f64 = 16.0 * f32::EPSILON as f64;
 /// Volumes below this part of the cube of the diagonal are those of folded sheets, up to rounding.
 const LEAST_VOLUME: f64 = 1e-12;
 
-/// Checks mass properties and error of a shape. `limit` is the largest error in percent of the diagonal.
+/// Checks mass properties and error of a shape. `limit` is the largest error in percent of the diagonal. The mass of an open surface is not known.
 pub(super) fn check(solid: &Solid, level: &Level, limit: f32) -> Result<(), BuildError> {
     let spheres = level.axis.spheres().len();
     // The absolute value of NaN, from a shape without mass, is the largest of all.
-    let off = differences(level.axis.mass(), &solid.mass).map(|(what, off)| (what, off.abs()));
-    let (what, worst) = off.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
+    let off = solid.mass.iter().flat_map(|mass| differences(level.axis.mass(), mass));
+    let off = off.map(|(what, off)| (what, off.abs()));
+    let (what, worst) = off.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
     let error = level.error.max();
     if worst > MOST_OFF || worst.is_nan() {
         Err(BuildError::Mass { what, spheres, percent: worst as f32 })

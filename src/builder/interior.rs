@@ -16,9 +16,13 @@ const CROSSINGS: f64 = 300_000.0;
 /// Largest number of rows of lines through triangles, in total. It limits the time for many needles.
 const ROWS: f64 = 4_000_000.0;
 
+/// Largest part of the lines that may have no end. Beyond it, an opening of the surface is large, and its interior is not known.
+const OPEN: f64 = 0.05;
+
 /// The interior of a surface.
 pub(super) struct Interior {
-    pub mass: MassProperties,
+    /// `None` if the surface has a large opening.
+    pub mass: Option<MassProperties>,
     /// Body of each piece. Pieces that overlap or touch along a line are one body. A cavity belongs to the body around it.
     pub bodies: Vec<u32>,
     pub body_count: usize,
@@ -58,10 +62,13 @@ impl Interior {
         });
         let mut sets = DisjointSets::new(piece_count);
         let mut buried = vec![None; piece_count];
-        let mut chords = vec![];
+        let (mut chords, mut lines, mut endless) = (vec![], 0, 0);
         for on_line in crossings.chunk_by(|a, b| a.line == b.line) {
             // A line through a gap of the surface has no end.
-            if on_line.iter().map(|crossing| crossing.step).sum::<i32>() == 0 {
+            lines += 1;
+            if on_line.iter().map(|crossing| crossing.step).sum::<i32>() != 0 {
+                endless += 1;
+            } else {
                 walk(on_line, &mut sets, &mut buried, &mut chords);
             }
         }
@@ -76,7 +83,8 @@ impl Interior {
             *number
         });
         Self {
-            mass: MassProperties::of_chords(&chords, spacing, middle),
+            mass: (f64::from(endless) <= OPEN * f64::from(lines))
+                .then(|| MassProperties::of_chords(&chords, spacing, middle)),
             bodies: bodies.collect(),
             body_count: body_count as usize,
             buried: buried.into_iter().map(|buried| buried == Some(true)).collect(),

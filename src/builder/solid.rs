@@ -32,8 +32,8 @@ pub(super) struct Solid {
     /// Middle of the bounding box and length of its diagonal, in the units of the mesh.
     pub origin: DVec3,
     pub diagonal: f64,
-    /// Mass properties in the units of the mesh.
-    pub mass: MassProperties,
+    /// Mass properties in the units of the mesh. `None` if the surface has a large opening.
+    pub mass: Option<MassProperties>,
 }
 
 /// The tree of the triangles, except those with almost no height relative to their longest side.

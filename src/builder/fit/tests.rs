@@ -153,7 +153,7 @@ fn examine(case: &Case, options: &FitOptions) -> bool {
     let start = std::time::Instant::now();
     let found = fit(&case.mesh, options, &|_| ControlFlow::Continue(()));
     let seconds = start.elapsed().as_secs_f32();
-    let right = Solid::new(&case.mesh).unwrap().mass;
+    let right = Solid::new(&case.mesh).unwrap().mass.unwrap();
     let own = f64::from(right.volume) / case.volume;
     assert!((own - 1.0).abs() < 0.01, "{}: the volume of the mesh is {own} times the right one", case.name);
     match found {
