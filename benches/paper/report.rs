@@ -4,7 +4,6 @@ use std::{error::Error, fmt::Write, fs, path::Path};
 
 use bevy_medial_compare::{
     charts::{Curve, over_frames},
-    culling::Figures,
     tables::{csv, write},
 };
 use serde::Serialize;
@@ -13,7 +12,7 @@ use crate::{
     Findings,
     page::page,
     scenes::{CULLS, SceneResult},
-    times::{METHODS, Over, time},
+    times::{Cost, METHODS, Over, cost, time},
 };
 
 /// A paragraph for the terminal.
@@ -54,24 +53,13 @@ struct FrameRow {
 fn frame_rows(result: &SceneResult) -> impl Iterator<Item = FrameRow> {
     result.frames.iter().enumerate().flat_map(move |(number, frame)| {
         (0..METHODS.len()).filter_map(move |method| {
-            let (body_pairs, primitive_pairs) = match method {
-                0 => left(&frame.cullings[0][0]),
-                _ if method <= CULLS.len() => left(&frame.cullings[method - 1][1]),
-                _ => {
-                    let step = &frame.flat.as_ref()?[method - 1 - CULLS.len()];
-                    (step.first_touches.len() as f64, step.primitive_pairs as f64)
-                }
-            };
+            let Cost { ms, body_pairs, primitive_pairs } = cost(frame, method)?;
             let (scene, name) = (result.scene.name, METHODS[method]);
             // A tenth of a microsecond.
-            let (ms, active) = ((time(frame, method)? * 1e4).round() / 1e4, frame.is_active);
+            let (ms, active) = ((ms * 1e4).round() / 1e4, frame.is_active);
             Some(FrameRow { scene, frame: number, method: name, ms, body_pairs, primitive_pairs, active })
         })
     })
-}
-
-fn left(figures: &Figures) -> (f64, f64) {
-    (figures.body_pairs, figures.candidates)
 }
 
 /// Writes the page and its files to a folder.

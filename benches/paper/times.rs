@@ -1,5 +1,7 @@
 //! Times of the methods over the frames of a scene, and faults of the published time of impact.
 
+use bevy_medial_compare::culling::Figures;
+
 use crate::scenes::{CULLS, Frame, SceneResult};
 
 /// Names of the methods, in the order of their numbers.
@@ -15,16 +17,38 @@ pub const METHODS: [&str; 9] = [
     "flat, in lanes",
 ];
 
-/// The time of a method in a frame, in milliseconds. `None` if it did not run.
-pub fn time(frame: &Frame, method: usize) -> Option<f64> {
+/// Cost of a method in a frame.
+pub struct Cost {
+    pub ms: f64,
+    /// Pairs that its culling leaves.
+    pub body_pairs: f64,
+    pub primitive_pairs: f64,
+}
+
+/// The cost of a method in a frame. `None` if it did not run.
+pub fn cost(frame: &Frame, method: usize) -> Option<Cost> {
+    let of = |figures: &Figures| Cost {
+        ms: figures.total_ms(),
+        body_pairs: figures.body_pairs,
+        primitive_pairs: figures.candidates,
+    };
     match method {
-        0 => Some(frame.cullings[0][0].total_ms()),
-        _ if method <= CULLS.len() => Some(frame.cullings[method - 1][1].total_ms()),
+        0 => Some(of(&frame.cullings[0][0])),
+        _ if method <= CULLS.len() => Some(of(&frame.cullings[method - 1][1])),
         _ => {
             let step = &frame.flat.as_ref()?[method - 1 - CULLS.len()];
-            Some(step.culling_ms + step.detection_ms)
+            Some(Cost {
+                ms: step.culling_ms + step.detection_ms,
+                body_pairs: step.first_touches.len() as f64,
+                primitive_pairs: step.primitive_pairs as f64,
+            })
         }
     }
+}
+
+/// The time of a method in a frame, in milliseconds. `None` if it did not run.
+pub fn time(frame: &Frame, method: usize) -> Option<f64> {
+    cost(frame, method).map(|cost| cost.ms)
 }
 
 /// The frames of a mean.

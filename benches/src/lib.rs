@@ -10,6 +10,7 @@
 //! | [`culling`], [`baselines`] | culling by trees of bounding volumes, compared with the hybrid culling |
 //! | [`stability`] | situations in which collision methods fail |
 //! | [`pairs`] | moving primitives, and files of moving pairs |
+//! | [`convex`] | minimisation by plain search |
 //! | [`paper`] | the rules and the method of the paper |
 //! | [`renderer`] | an app with a renderer and without a window |
 //! | [`tables`], [`charts`], [`outcome`] | CSV, machine, date; curves over frames; exit codes |
@@ -20,6 +21,7 @@ pub mod activity;
 pub mod baselines;
 pub mod body;
 pub mod charts;
+pub mod convex;
 pub mod culling;
 pub mod demo;
 pub mod engines;

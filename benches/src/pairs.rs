@@ -36,23 +36,22 @@ pub struct Pair {
     pub second: Second,
 }
 
-/// Calls a generic function with the moving spheres of two primitives.
+/// Calls a generic function with the content of two primitives of a type with the variants `Sphere`, `Cone` and `Slab`.
 #[macro_export]
 macro_rules! for_primitives {
-    ($first:expr, $second:expr, |$a:ident, $b:ident| $body:expr) => {{
-        use $crate::pairs::Primitive::{Cone, Slab, Sphere};
+    ($kinds:ident: $first:expr, $second:expr, |$a:ident, $b:ident| $body:expr) => {
         match ($first, $second) {
-            (Sphere($a), Sphere($b)) => $body,
-            (Sphere($a), Cone($b)) => $body,
-            (Sphere($a), Slab($b)) => $body,
-            (Cone($a), Sphere($b)) => $body,
-            (Cone($a), Cone($b)) => $body,
-            (Cone($a), Slab($b)) => $body,
-            (Slab($a), Sphere($b)) => $body,
-            (Slab($a), Cone($b)) => $body,
-            (Slab($a), Slab($b)) => $body,
+            ($kinds::Sphere($a), $kinds::Sphere($b)) => $body,
+            ($kinds::Sphere($a), $kinds::Cone($b)) => $body,
+            ($kinds::Sphere($a), $kinds::Slab($b)) => $body,
+            ($kinds::Cone($a), $kinds::Sphere($b)) => $body,
+            ($kinds::Cone($a), $kinds::Cone($b)) => $body,
+            ($kinds::Cone($a), $kinds::Slab($b)) => $body,
+            ($kinds::Slab($a), $kinds::Sphere($b)) => $body,
+            ($kinds::Slab($a), $kinds::Cone($b)) => $body,
+            ($kinds::Slab($a), $kinds::Slab($b)) => $body,
         }
-    }};
+    };
 }
 
 impl Primitive {

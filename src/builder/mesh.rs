@@ -266,6 +266,19 @@ pub(super) mod tests {
         TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap()
     }
 
+    /// Adds a box of 12 outward triangles.
+    pub fn add_box(mesh: &mut TriangleMesh, min: DVec3, size: DVec3) {
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend((0..8u32).map(|corner| {
+            let unit = DVec3::new((corner & 1).into(), (corner >> 1 & 1).into(), (corner >> 2).into());
+            (min + unit * size).as_vec3()
+        }));
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        for [a, b, c, d] in quads.map(|q: [u32; 4]| q.map(|i| first + i)) {
+            mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+
     /// A unit tetrahedron with outward triangles.
     pub fn tetrahedron() -> TriangleMesh {
         let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];

@@ -9,7 +9,7 @@ use bevy_medial::{
 use glam::Vec3;
 
 use super::tree::{Motion, Volume, spheres};
-use crate::paper::conic::min_of_convex;
+use crate::{convex::min_of_convex, for_primitives};
 
 /// A primitive in the middle of the step, and how far it moves from there in each direction.
 #[derive(Clone, Copy)]
@@ -69,7 +69,8 @@ impl Volume for MovingPrimitive {
         let [first, second] =
             [self, other].map(|side| map(&side.middle, |sphere| Sphere::new(sphere.center - origin, sphere.radius)));
         let path = (self.half_motion - other.half_motion).length() + self.deviation + other.deviation;
-        distance(&first, &second) <= margin + path
+        let found = for_primitives!(Hull: &first, &second, |a, b| separation(a, b, 0));
+        found.distance <= margin + path
     }
 
     fn meets_whenever(&self, other: &Self, margin: f32) -> bool {
@@ -95,22 +96,6 @@ fn map(hull: &Hull, mut change: impl FnMut(Sphere) -> Sphere) -> Hull {
         Hull::Cone(spheres) => Hull::Cone(spheres.map(&mut change)),
         Hull::Slab(spheres) => Hull::Slab(spheres.map(&mut change)),
     }
-}
-
-fn distance(first: &Hull, second: &Hull) -> f32 {
-    use Hull::{Cone, Slab, Sphere};
-    let found = match (first, second) {
-        (Sphere(a), Sphere(b)) => separation(a, b, 0),
-        (Sphere(a), Cone(b)) => separation(a, b, 0),
-        (Sphere(a), Slab(b)) => separation(a, b, 0),
-        (Cone(a), Sphere(b)) => separation(a, b, 0),
-        (Cone(a), Cone(b)) => separation(a, b, 0),
-        (Cone(a), Slab(b)) => separation(a, b, 0),
-        (Slab(a), Sphere(b)) => separation(a, b, 0),
-        (Slab(a), Cone(b)) => separation(a, b, 0),
-        (Slab(a), Slab(b)) => separation(a, b, 0),
-    };
-    found.distance
 }
 
 /// A small cone around spheres. Its axis joins two spheres that are far apart. The ends move inwards in steps, radii grow until all spheres are inside,

@@ -47,7 +47,7 @@ fn bound<const N: usize>(moving: &Moving<N>) -> Sphere {
 
 /// The time of impact of two primitives, if they hit each other.
 fn first_touch(first: &Primitive, second: &Primitive) -> Option<f32> {
-    let found = for_primitives!(first, second, |a, b| alternating(a, b));
+    let found = for_primitives!(Primitive: first, second, |a, b| alternating(a, b));
     (found.status == TimeOfImpactStatus::Hit).then_some(found.fraction)
 }
 

@@ -6,8 +6,10 @@
 use bevy_medial::{
     geometry::{Aabb, Sphere, Sweep},
     pipeline::{Body, Statics, StepInput},
-    query::{Cuboid, separation},
+    query::separation,
 };
+
+use super::distance_to_box;
 
 /// The cones that the bounding sphere of a body sweeps.
 fn chain(body: &Body, links: usize) -> Vec<[Sphere; 2]> {
@@ -36,11 +38,7 @@ pub fn pairs(input: &StepInput, statics: &Statics, links: usize) -> usize {
         }
         for target in statics.bodies() {
             let obb = target.obb();
-            let meets = |cone: &[Sphere; 2]| {
-                let local =
-                    cone.map(|sphere| Sphere::new(obb.pose.inverse_transform_point(sphere.center), sphere.radius));
-                separation(&local, &Cuboid { half: obb.half_extents }, 0).distance <= input.prediction
-            };
+            let meets = |cone: &[Sphere; 2]| distance_to_box(cone, &obb) <= input.prediction;
             count += usize::from(reach.overlaps(&obb.aabb()) && chain.iter().any(meets));
         }
     }

@@ -9,6 +9,8 @@ use bevy_medial::{
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
+use crate::convex::min_of_convex;
+
 /// `g(t) = t . A t + b . t + c`: the squared distance of a point of the box and a centre on the cone, minus the squared radius (equation 5).
 #[derive(Clone, Copy, Debug)]
 pub struct Conic {
@@ -138,16 +140,6 @@ impl Conic {
         }
         true
     }
-}
-
-/// The min of a convex function on `[0, 1]`.
-pub fn min_of_convex(f: impl Fn(f64) -> f64) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..60 {
-        let third = (high - low) / 3.0;
-        if f(low + third) < f(high - third) { high -= third } else { low += third }
-    }
-    f((low + high) * 0.5)
 }
 
 /// Signed distance of a cone and a box: the min of equation 3, by plain minimisation. Where the axis of the cone meets the box, it is less negative

@@ -10,10 +10,11 @@ use bevy_medial::{
     geometry::{Aabb, Bvh, Pose3, Sphere, Sweep},
     gpu,
     pipeline::{Side, Solid, Statics, StepInput},
-    query::{Cuboid, MovingPair, TimeOfImpactStatus, alternating, separation, time_of_impact, times_of_impact},
+    query::{MovingPair, TimeOfImpactStatus, alternating, separation, time_of_impact, times_of_impact},
 };
 use glam::Vec3;
 
+use super::distance_to_box;
 use crate::{
     for_primitives,
     pairs::{Boxes, Primitive, moving_primitives},
@@ -101,7 +102,8 @@ impl Flat {
         let mut moving = Vec::new();
         for [first, second] in pairs.iter().map(|sides| sides.map(|side| placed.of(side))) {
             for a in first {
-                moving.extend(second.iter().map(|b| for_primitives!(a, b, |a, b| gpu::MovingPair::new(a, b))));
+                moving
+                    .extend(second.iter().map(|b| for_primitives!(Primitive: a, b, |a, b| gpu::MovingPair::new(a, b))));
             }
         }
         Ok(moving)
@@ -156,9 +158,7 @@ impl Flat {
             if body.active {
                 self.statics.overlapping(&Aabb::from_spheres(*cone), |item| {
                     let obb = statics.bodies()[item as usize].obb();
-                    let local =
-                        cone.map(|sphere| Sphere::new(obb.pose.inverse_transform_point(sphere.center), sphere.radius));
-                    if separation(&local, &Cuboid { half: obb.half_extents }, 0).distance <= 0.0 {
+                    if distance_to_box(cone, &obb) <= 0.0 {
                         pairs.push([Side::Body(i as u32), Side::Static(item)]);
                     }
                 });
@@ -188,7 +188,7 @@ impl Detection {
         let mut earliest = 1.0f32;
         for a in first {
             for b in second {
-                let found = for_primitives!(a, b, |a, b| match self {
+                let found = for_primitives!(Primitive: a, b, |a, b| match self {
                     Detection::Alternating => alternating(a, b),
                     _ => time_of_impact(a, b, 1.0),
                 });

@@ -11,3 +11,14 @@ pub mod chains;
 pub mod conic;
 pub mod flat;
 pub mod slabs;
+
+use bevy_medial::{
+    geometry::{Obb, Sphere},
+    query::{Cuboid, separation},
+};
+
+/// Distance of a swept sphere and a box, in metres; negative for an overlap.
+fn distance_to_box(cone: &[Sphere; 2], obb: &Obb) -> f32 {
+    let local = cone.map(|sphere| Sphere::new(obb.pose.inverse_transform_point(sphere.center), sphere.radius));
+    separation(&local, &Cuboid { half: obb.half_extents }, 0).distance
+}

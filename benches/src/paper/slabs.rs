@@ -7,6 +7,8 @@ use bevy_medial::{
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
+use crate::convex::min_of_convex;
+
 /// A sphere in f64: its centre and radius.
 type Ball = (DVec3, f64);
 
@@ -62,7 +64,7 @@ fn gradient(spheres: &[Sphere; 3]) -> f64 {
 fn protrusion(ball: Ball, cones: &[Vec<Ball>]) -> f64 {
     let from_cone = |cone: &Vec<Ball>| {
         let [(a, ra), (b, rb)] = [cone[0], cone[cone.len() - 1]];
-        super::conic::min_of_convex(|t| ball.0.distance(a.lerp(b, t)) + ball.1 - (ra + (rb - ra) * t))
+        min_of_convex(|t| ball.0.distance(a.lerp(b, t)) + ball.1 - (ra + (rb - ra) * t))
     };
     cones.iter().map(from_cone).fold(f64::INFINITY, f64::min)
 }

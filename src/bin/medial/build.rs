@@ -77,15 +77,12 @@ impl<'a> Outputs<'a> {
         };
         for output in outputs.finest.into_iter().chain(outputs.levels.as_deref()) {
             check_output(output)?;
-            if fs::canonicalize(output)
-                .is_ok_and(|output| fs::canonicalize(&args.mesh).is_ok_and(|mesh| mesh == output))
-            {
+            if is_same(output, &args.mesh) {
                 return Err(at(output, "it is the triangle mesh; name another file"));
             }
         }
         if let (Some(finest), Some(levels)) = (outputs.finest, &outputs.levels)
-            && fs::canonicalize(finest)
-                .is_ok_and(|finest| fs::canonicalize(levels).is_ok_and(|levels| levels == finest))
+            && is_same(finest, levels)
         {
             return Err(at(levels, "it is the same file as the finest level; name another file"));
         }
@@ -99,6 +96,11 @@ impl<'a> Outputs<'a> {
         let levels = self.levels.map(|path| (path, chain.to_bytes()));
         files::write(&finest.into_iter().chain(levels).collect::<Vec<_>>())
     }
+}
+
+/// Returns true if both paths lead to one existing file.
+fn is_same(a: &Path, b: &Path) -> bool {
+    fs::canonicalize(a).is_ok_and(|a| fs::canonicalize(b).is_ok_and(|b| a == b))
 }
 
 /// Returns the path of the file with all levels.

@@ -1,7 +1,10 @@
 use glam::Vec3;
 
 use super::*;
-use crate::builder::{MeshReport, mesh::tests::tetrahedron};
+use crate::builder::{
+    MeshReport,
+    mesh::tests::{add_box, tetrahedron},
+};
 
 /// Adds triangles with their own vertices.
 fn add(mesh: &mut TriangleMesh, positions: &[Vec3], triangles: &[[u32; 3]]) {
@@ -109,20 +112,14 @@ fn a_flat_solid_without_its_underside_is_no_sheet() {
 
 /// Unit cubes, each with all of its faces, in a random order.
 fn voxels(side: usize) -> TriangleMesh {
-    let mut triangles = vec![];
-    let mut positions = vec![];
+    let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
     for number in 0..side.pow(3) {
-        let cell = [number % side, number / side % side, number / side / side].map(|i| i as f32);
-        let first = positions.len() as u32;
-        positions.extend(
-            (0..8u32).map(|i| Vec3::from(cell) + Vec3::from_array([0, 1, 2].map(|axis| (i >> axis & 1) as f32))),
-        );
-        let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        triangles.extend(faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).map(|t| t.map(|i| first + i)));
+        let cell = [number % side, number / side % side, number / side / side].map(|i| i as f64);
+        add_box(&mut mesh, DVec3::from_array(cell), DVec3::ONE);
     }
     let mut random = crate::random::Random(1);
-    (1..triangles.len()).rev().for_each(|i| triangles.swap(i, random.below(i + 1)));
-    TriangleMesh::new(positions, triangles).unwrap()
+    (1..mesh.triangles.len()).rev().for_each(|i| mesh.triangles.swap(i, random.below(i + 1)));
+    mesh
 }
 
 #[test]

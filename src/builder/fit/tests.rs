@@ -2,7 +2,7 @@ use glam::{DQuat, DVec3, Vec3};
 
 use super::*;
 use crate::{
-    builder::{Deviation, TwoSidedError},
+    builder::{Deviation, TwoSidedError, mesh::tests::add_box},
     medial_axis::MedialAxis,
     random::Random,
 };
@@ -41,17 +41,7 @@ struct Case {
 /// Boxes by their lower corners and sizes, each of 12 triangles.
 fn boxes(each: &[[[f64; 3]; 2]]) -> TriangleMesh {
     let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
-    for [min, size] in each.iter().map(|b| b.map(DVec3::from_array)) {
-        let first = mesh.positions.len() as u32;
-        mesh.positions.extend((0..8u32).map(|corner| {
-            let unit = DVec3::new((corner & 1).into(), (corner >> 1 & 1).into(), (corner >> 2).into());
-            (min + unit * size).as_vec3()
-        }));
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        for [a, b, c, d] in quads.map(|q: [u32; 4]| q.map(|i| first + i)) {
-            mesh.triangles.extend([[a, b, c], [a, c, d]]);
-        }
-    }
+    each.iter().map(|b| b.map(DVec3::from_array)).for_each(|[min, size]| add_box(&mut mesh, min, size));
     mesh
 }
 

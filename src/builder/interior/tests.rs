@@ -1,24 +1,22 @@
 use glam::{DMat3, Vec3};
 
 use super::*;
-use crate::{builder::TriangleMesh, builder::mesh::pieces, random::Random};
+use crate::{
+    builder::{
+        TriangleMesh,
+        mesh::{pieces, tests::add_box},
+    },
+    random::Random,
+};
 
-/// Adds a box, inside out if `cavity`.
-fn add_box(mesh: &mut TriangleMesh, min: Vec3, size: Vec3, cavity: bool) {
-    let first = mesh.positions.len() as u32;
-    for corner in 0..8u32 {
-        let unit = Vec3::new((corner & 1) as f32, (corner >> 1 & 1) as f32, (corner >> 2) as f32);
-        mesh.positions.push(min + unit * size);
-    }
-    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-    for [a, b, c, d] in quads.map(|q: [u32; 4]| q.map(|i| first + i)) {
-        mesh.triangles.extend(if cavity { [[a, c, b], [a, d, c]] } else { [[a, b, c], [a, c, d]] });
-    }
-}
-
+/// Boxes by their lower corners and sizes, inside out if the flag of a cavity is set.
 fn boxes(each: &[(Vec3, Vec3, bool)]) -> TriangleMesh {
     let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
-    each.iter().for_each(|&(min, size, cavity)| add_box(&mut mesh, min, size, cavity));
+    for &(min, size, cavity) in each {
+        let first = mesh.triangles.len();
+        add_box(&mut mesh, min.as_dvec3(), size.as_dvec3());
+        mesh.triangles[first..].iter_mut().filter(|_| cavity).for_each(|triangle| triangle.swap(1, 2));
+    }
     mesh
 }
 

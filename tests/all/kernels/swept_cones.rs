@@ -6,7 +6,7 @@ use bevy_medial::{
     geometry::Sphere,
     query::{Cuboid, Separation, separation},
 };
-use bevy_medial_compare::paper::conic::{distance, min_of_convex};
+use bevy_medial_compare::{convex::min_of_convex, paper::conic::distance};
 use glam::{DVec3, Vec3};
 use proptest::{
     prelude::*,
