@@ -6,7 +6,7 @@
 //!
 //! - scenes: medians over the active steps of a run, whose inputs are culled again on the GPU and on all threads of the CPU;
 //! - heaps: the round trip of a call for two bodies, heaps of 10 to 10,000 tori of 180 primitives, and the size from which the GPU is faster;
-//! - brute force: times of impact of 2.1 million primitive pairs, as in the paper.
+//! - brute force: bounds of all 2.1 million primitive pairs of two bodies, as in the paper.
 //!
 //! A warm-up of one second precedes each measurement, because an idle device is slower. The built program needs only a graphics driver. A software
 //! driver is enough.
@@ -24,7 +24,7 @@ use bevy::{
 use bevy_medial::{
     builder::MedialLevels,
     geometry::{Obb, Pose3, Sphere, Sweep},
-    gpu::{GpuCapacity, GpuCulling, GpuDevice, GpuError, GpuImpacts, MovingPair},
+    gpu::{GpuCapacity, GpuCulling, GpuDevice, GpuError},
     pipeline::{Body, Shape, StaticBody, Statics, StepInput, step},
     plugin::MedialStep,
     prelude::MedialAxis,
@@ -125,7 +125,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         Some(pairs) => println!("the GPU is faster in heaps from {pairs} primitive pairs on"),
         None => println!("the CPU is faster in the largest heap"),
     }
-    rows.push(brute_force(&gpu, if args.quick { 20_000 } else { 2_100_000 })?.told(&gpu, "brute force"));
+    rows.push(brute_force(&gpu, if args.quick { 141 } else { 1_449 })?.told(&gpu, "brute force"));
     if let Some(folder) = &args.out {
         std::fs::create_dir_all(folder)?;
         tables::write(&folder.join("gpu.csv"), &tables::csv(&rows))?;
@@ -254,32 +254,32 @@ fn heap(bodies: usize) -> Given {
     (input, Statics::new(vec![StaticBody::solid_box(ground)]))
 }
 
-/// Times of impact of moving cones, in calls of at most 2^17 pairs.
-fn brute_force(gpu: &GpuDevice, count: usize) -> Result<Row, GpuError> {
-    let mut impacts = GpuImpacts::new(gpu)?;
-    let cone = |i: usize, x: f32| {
-        let angle = i as f32;
-        let axis = Vec3::new(angle.cos(), angle.sin(), (0.7 * angle).sin());
-        let center = Vec3::X * x;
-        Moving {
-            start: [Sphere::new(center - axis, 0.1), Sphere::new(center + axis, 0.2)],
-            motion: [Vec3::X * -x * (0.5 + (0.3 * angle).sin().abs()); 2],
-        }
+/// Two tori of cones that fly through each other. All primitive pairs are tested, without hierarchies, as in the paper.
+fn brute_force(gpu: &GpuDevice, primitives: u32) -> Result<Row, GpuError> {
+    let axis = MedialAxis::torus(0.2, 0.05, primitives).expect("the radii are valid");
+    let body = |x: f32| {
+        let sweep = Sweep::at_rates(Pose3::from_translation(Vec3::X * x), Vec3::ZERO, Vec3::X * -2.0 * x, Vec3::ZERO);
+        Body::new(Shape::new(axis.clone()), sweep)
     };
-    const PART: usize = 1 << 17;
-    let pairs: Vec<_> = (0..count).map(|i| (cone(i, -3.0), cone(i + 7, 0.0))).collect();
-    let packed: Vec<MovingPair> = pairs.iter().map(|(first, second)| MovingPair::new(first, second)).collect();
+    let given = (StepInput { bodies: vec![body(0.6), body(-0.6)], prediction: 0.01, ..default() }, Statics::default());
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default())?;
+    culling.set_flat(true);
     let clock = Instant::now();
-    for part in packed.chunks(PART).cycle().take_while(|_| clock.elapsed() < WARM_UP) {
-        impacts.run(part)?;
+    while clock.elapsed() < WARM_UP {
+        culling.cull(&given.0, &given.1)?;
     }
-    let mut row = Row { primitive_pairs: count, tested: count, ..default() };
-    for part in packed.chunks(PART) {
-        let clock = Instant::now();
-        impacts.run(part)?;
-        row.call_ms += milliseconds(clock.elapsed());
-        row.narrow_ms += milliseconds(impacts.time().unwrap_or_default());
-    }
+    let mut row = Row::measure(&mut culling, &given)?;
+    row.primitive_pairs = row.tested;
+    let approaching = |i: u32| axis.spheres()[i as usize % axis.spheres().len()];
+    let moving = |i: u32, x: f32| Moving {
+        start: [approaching(i), approaching(i + 1)]
+            .map(|sphere| Sphere::new(sphere.center + Vec3::X * x, sphere.radius)),
+        motion: [Vec3::X * -2.0 * x; 2],
+    };
+    let pairs: Vec<_> = (0..primitives)
+        .flat_map(|i| (0..primitives).map(move |j| (i, j)))
+        .map(|(i, j)| (moving(i, 0.6), moving(j, -0.6)))
+        .collect();
     let clock = Instant::now();
     std::hint::black_box(times_of_impact(&pairs, 1.0));
     row.cpu_ms = milliseconds(clock.elapsed());

@@ -6,12 +6,13 @@
 //!
 //! A line of the file is `category kindA kindB | A | B | ...`. Text after the third `|` is ignored, and `#` starts a comment.
 //! Kinds are `sphere`, `cone`, `slab` and, for B, `box`. A and B give `x y z r vx vy vz` per sphere (position and displacement
-//! over the step), a box `cx cy cz qx qy qz qw hx hy hz`. Answers: a fraction of the step, `none`, or `overlap`.
+//! over the step), a box `cx cy cz qx qy qz qw hx hy hz`. Answers: a fraction of the step, `none`, or `overlap`. The GPU answers
+//! with lower bounds of the fraction, so the answer of an overlap is 0.
 
 use std::{collections::BTreeMap, hint::black_box, io::Write, path::PathBuf, process::ExitCode, time::Instant};
 
 use bevy_medial::{
-    gpu::{GpuDevice, GpuError, GpuImpacts, MovingPair},
+    gpu::{GpuBounds, GpuDevice, GpuError, MovingPair},
     query::{Cuboid, Moving, TimeOfImpact, TimeOfImpactStatus, Touch, alternating, time_of_impact, times_of_impact},
 };
 use bevy_medial_compare::{
@@ -31,7 +32,7 @@ struct Args {
     /// The kernel.
     #[arg(long, value_enum, default_value_t = Method::Advancement)]
     method: Method,
-    /// Processor of the kernel. The GPU supports advancement only, and its times include upload, kernel and readback.
+    /// Processor of the kernel. The GPU computes lower bounds by advancement, and its times include upload, kernel and readback.
     #[arg(long, value_enum, default_value_t = Backend::Cpu)]
     backend: Backend,
 }
@@ -70,7 +71,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
 
     let mut gpu = match (args.backend, args.method) {
         (Backend::Cpu, _) => None,
-        (Backend::Gpu, Method::Advancement) => Some(GpuImpacts::new(&GpuDevice::request()?)?),
+        (Backend::Gpu, Method::Advancement) => Some(GpuBounds::new(&GpuDevice::request()?)?),
         (Backend::Gpu, _) => return Err("the GPU supports no method except advancement".into()),
     };
     let mut answers = vec![String::new(); count];
@@ -79,7 +80,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         let pairs_of_kind: Vec<&Pair> = pairs.iter().map(|(_, pair)| pair).collect();
         let (touches, seconds) = match &mut gpu {
             None => solve(&pairs_of_kind, args),
-            Some(impacts) => solve_on_gpu(&pairs_of_kind, args, impacts)?,
+            Some(bounds) => solve_on_gpu(&pairs_of_kind, args, bounds)?,
         };
         timings.push((kind, seconds * 1e9 / pairs.len() as f64));
         for ((line, _), touch) in pairs.iter().zip(touches) {
@@ -134,10 +135,18 @@ fn solve_hulls<const N: usize, const M: usize>(pairs: &[&Pair], args: &Args) -> 
     }
 }
 
-fn solve_on_gpu(pairs: &[&Pair], args: &Args, impacts: &mut GpuImpacts) -> Result<(Vec<Touch>, f64), GpuError> {
+/// Lower bounds of the answers.
+fn solve_on_gpu(pairs: &[&Pair], args: &Args, bounds: &mut GpuBounds) -> Result<(Vec<Touch>, f64), GpuError> {
     let pairs: Vec<MovingPair> = pairs.iter().map(|pair| for_gpu(pair)).collect();
     let mut failure = None;
-    let found = fastest(args, || match impacts.run(&pairs) {
+    let touch = |bound: &f32| {
+        let is_apart = *bound > 1.0;
+        Touch {
+            status: if is_apart { TimeOfImpactStatus::Separated } else { TimeOfImpactStatus::Hit },
+            fraction: *bound,
+        }
+    };
+    let found = fastest(args, || match bounds.run(&pairs) {
         Ok(found) => found.iter().map(touch).collect(),
         Err(error) => {
             failure = Some(error);

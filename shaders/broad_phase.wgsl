@@ -27,10 +27,15 @@ fn are_strangers(rigid_body1: vec2u, rigid_body2: vec2u) -> bool {
 }
 
 // Returns the cone that a body's sphere sweeps, relative to `origin`, a point near it.
-fn cone(index: u32, origin: vec3f) -> Hull {
+fn cone(index: u32, origin: vec3f) -> Edge {
     let sphere = swept[index].sphere;
-    let start = sphere.xyz - origin;
-    return Hull(array(vec4f(start, sphere.w), vec4f(start + swept[index].motion, sphere.w), vec4f(0.0)), 2u);
+    let start = vec4f(sphere.xyz - origin, sphere.w);
+    return edge(start, start + vec4f(swept[index].motion, 0.0));
+}
+
+// Maximum of `n . x` over a cone.
+fn high(cone: Edge, n: vec3f) -> f32 {
+    return dot(cone.start.xyz, n) + cone.start.w + max(dot(cone.axis.xyz, n) + cone.axis.w, 0.0);
 }
 
 fn add(first: u32, second: u32, chords: u32) {
@@ -41,7 +46,7 @@ fn add(first: u32, second: u32, chords: u32) {
         }
         return;
     }
-    pairs[pair] = Pair(first, second);
+    pairs[pair] = Pair(first, second, chords);
     let start = atomicAdd(&counters.chords, chords);
     if start >= MANY {
         atomicStore(&counters.chords, MANY);
@@ -56,7 +61,7 @@ fn between(a: u32, b: u32) {
     let greater = max(a, b);
     let body1 = bodies[lesser];
     let body2 = bodies[greater];
-    let one_medial = body1.shape != OTHER_SHAPE || body2.shape != OTHER_SHAPE;
+    let one_medial = body1.shape < BOX_SHAPE || body2.shape < BOX_SHAPE;
     let one_active = body1.is_active != 0u || body2.is_active != 0u;
     let strangers = are_strangers(body1.rigid_body, body2.rigid_body);
     if !(one_medial && one_active && strangers && body1.world == body2.world) {
@@ -66,25 +71,37 @@ fn between(a: u32, b: u32) {
         return;
     }
     let origin = swept[lesser].sphere.xyz;
-    var cone1 = cone(lesser, origin);
-    var cone2 = cone(greater, origin);
-    if separation(&cone1, &cone2, 0u).distance > 0.0 {
+    let cone1 = cone(lesser, origin);
+    let cone2 = cone(greater, origin);
+    let n = unit(between_edges(FAR, cone1, cone2).apart);
+    if -high(cone2, -n) - high(cone1, n) > 0.0 {
         return;
     }
-    if body1.shape == OTHER_SHAPE {
-        add(greater, lesser | UNKNOWN, 0u);
-    } else if body2.shape == OTHER_SHAPE {
-        add(lesser, greater | UNKNOWN, 0u);
+    // The first side is medial.
+    if body1.shape < BOX_SHAPE {
+        add_bodies(lesser, greater, body1, body2);
     } else {
-        let tolerance = CHORD_TOLERANCE * min(body1.bound.w, body2.bound.w);
-        add(lesser, greater, max(chords(body1, tolerance), chords(body2, tolerance)));
+        add_bodies(greater, lesser, body2, body1);
     }
+}
+
+fn add_bodies(first: u32, second: u32, body1: Body, body2: Body) {
+    if body2.shape == OTHER_SHAPE {
+        add(first, second | UNKNOWN, 0u);
+        return;
+    }
+    let tolerance = CHORD_TOLERANCE * min(body1.bound.w, body2.bound.w);
+    var count = 1u;
+    while count < MAX_CHORDS && deviation(body1, body2, count) > tolerance {
+        count *= 2u;
+    }
+    add(first, second, count);
 }
 
 fn with_static(index: u32, item: u32) {
     let body = bodies[index];
     let wall = statics[item];
-    let one_medial = body.shape != OTHER_SHAPE || wall.shape < BOX_SHAPE;
+    let one_medial = body.shape < BOX_SHAPE || wall.shape < BOX_SHAPE;
     let strangers = are_strangers(body.rigid_body, wall.rigid_body);
     if !(one_medial && body.is_active != 0u && strangers && body.world == wall.world) {
         return;
@@ -92,17 +109,17 @@ fn with_static(index: u32, item: u32) {
     if !groups_meet(body.memberships, body.collides_with, wall.memberships, wall.collides_with) {
         return;
     }
-    var swept_cone = cone(index, wall.center);
-    for (var i = 0u; i < 2u; i++) {
-        let sphere = swept_cone.spheres[i];
-        swept_cone.spheres[i] = vec4f(rotate(reversed(wall.rotation), sphere.xyz), sphere.w);
-    }
-    var obb = Hull(array(vec4f(wall.half, 0.0), vec4f(0.0), vec4f(0.0)), BOX);
-    let rounding = wall.rounding + CONTACT_ROUNDING * (length(wall.half) + length(swept_cone.spheres[0].xyz));
-    if separation(&swept_cone, &obb, 0u).distance > 0.5 * params.prediction + rounding {
+    let start = swept[index].sphere;
+    let turn = reversed(wall.rotation);
+    let sphere = vec4f(rotate(turn, start.xyz - wall.center), start.w);
+    let swept_cone = edge(sphere, sphere + vec4f(rotate(turn, swept[index].motion), 0.0));
+    let n = unit(edge_to_box(FAR, swept_cone, wall.half).apart);
+    let gap = -dot(wall.half, abs(n)) - high(swept_cone, n);
+    let rounding = wall.rounding + CONTACT_ROUNDING * (length(wall.half) + length(sphere.xyz));
+    if gap > 0.5 * params.prediction + rounding {
         return;
     }
-    if body.shape == OTHER_SHAPE || wall.shape == OTHER_SHAPE {
+    if body.shape >= BOX_SHAPE || wall.shape == OTHER_SHAPE {
         add(index, item | STATIC | UNKNOWN, 0u);
     } else {
         add(index, item | STATIC, chords(body, CHORD_TOLERANCE * min(body.bound.w, wall.radius)));

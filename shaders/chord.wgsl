@@ -9,7 +9,7 @@ struct Chord {
     end2: Pose,
     // Half extents of the static's box.
     half: vec3f,
-    // Primitives that come within this distance of each other may meet.
+    // Primitives that come within this distance of each other may have contacts.
     reach: f32,
     // Index of the pair.
     pair: u32,
@@ -19,6 +19,11 @@ struct Chord {
     // Factors on the lengths of the shapes.
     scale1: f32,
     scale2: f32,
+    // Primitives that come within this distance of each other may touch.
+    touch: f32,
+    // Start and length of the chord, as fractions of the step.
+    begin: f32,
+    length: f32,
 }
 
 // Place of a shape in the buffers of all shapes.
@@ -49,19 +54,16 @@ struct Primitive {
     c: i32,
 }
 
-fn sphere_count(primitive: Primitive) -> u32 {
-    return select(select(3u, 2u, primitive.a == CONE), 1u, primitive.a == SPHERE);
+// Returns the indices of the spheres of a primitive. A sphere has three equal indices, and the last two of a cone are equal.
+fn sphere_indices(primitive: Primitive) -> vec3u {
+    if primitive.a == SPHERE {
+        return vec3u(u32(primitive.b));
+    }
+    return vec3u(u32(select(primitive.a, primitive.b, primitive.a == CONE)), u32(select(primitive.b, primitive.c, primitive.a == CONE)), u32(primitive.c));
 }
 
-// Returns the index of the `i`-th sphere of a primitive.
-fn sphere_index(primitive: Primitive, i: u32) -> u32 {
-    if i == 0u {
-        return u32(select(primitive.a, primitive.b, primitive.a < 0));
-    }
-    if i == 1u {
-        return u32(select(primitive.b, primitive.c, primitive.a < 0));
-    }
-    return u32(primitive.c);
+fn is_slab(primitive: Primitive) -> bool {
+    return primitive.a >= 0;
 }
 
 // Two primitives of a chord's pair that may meet.

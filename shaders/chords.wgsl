@@ -8,10 +8,10 @@
 @group(0) @binding(5) var<storage, read> pair_chords: array<vec3u>;
 @group(0) @binding(6) var<storage, read_write> chords_out: array<Chord>;
 
-// Returns a pose in the frame of a static. The pose is relative to the origin of that frame.
-fn seen_from(wall: Static, pose: Pose) -> Pose {
-    let turn = reversed(wall.rotation);
-    return Pose(times(turn, pose.rotation), rotate(turn, pose.translation));
+// Returns a pose as seen from a frame.
+fn seen_from(frame: Pose, pose: Pose) -> Pose {
+    let turn = reversed(frame.rotation);
+    return Pose(times(turn, pose.rotation), rotate(turn, pose.translation - frame.translation));
 }
 
 @compute @workgroup_size(64)
@@ -31,41 +31,58 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     chord.shape1 = body1.shape;
     chord.scale1 = body1.scale;
     chord.scale2 = 1.0;
-    var strays = body1.slack + sagitta(body1, body1.arm, count);
+    chord.start2 = Pose(vec4f(0.0, 0.0, 0.0, 1.0), vec3f(0.0));
+    chord.end2 = chord.start2;
+    // Deviations of points from the chord, and from the shortest chord of the CPU.
+    var strays = body1.slack;
+    var fine_strays = 0.0;
     var size = body1.bound.w;
     var smaller = size;
     var path_lengths = path_length(body1);
     if (pair.second & STATIC) != 0u {
         let wall = statics[pair.second & ~STATIC];
-        let is_box = wall.shape == BOX_SHAPE;
-        let origin = select(wall.position, wall.center, is_box);
-        chord.start1 = seen_from(wall, pose_at(body1, start, origin));
-        chord.end1 = seen_from(wall, pose_at(body1, end, origin));
-        chord.start2 = Pose(vec4f(0.0, 0.0, 0.0, 1.0), vec3f(0.0));
-        chord.end2 = chord.start2;
+        let origin = select(wall.position, wall.center, wall.shape == BOX_SHAPE);
+        let frame = Pose(wall.rotation, vec3f(0.0));
+        chord.start1 = seen_from(frame, pose_at(body1, start, origin));
+        chord.end1 = seen_from(frame, pose_at(body1, end, origin));
         chord.half = wall.half;
         chord.shape2 = wall.shape;
         chord.scale2 = wall.scale;
-        strays += wall.rounding;
+        strays += sagitta(body1, body1.arm, count) + wall.rounding;
+        fine_strays = sagitta(body1, body1.arm, MOST_INTERVALS);
         size += wall.radius;
         smaller = min(smaller, wall.radius);
     } else {
         let body2 = bodies[pair.second];
         chord.start1 = pose_at(body1, start, body1.position);
         chord.end1 = pose_at(body1, end, body1.position);
-        chord.start2 = pose_at(body2, start, body1.position);
-        chord.end2 = pose_at(body2, end, body1.position);
+        let start2 = pose_at(body2, start, body1.position);
+        let end2 = pose_at(body2, end, body1.position);
+        if body2.shape == BOX_SHAPE {
+            chord.start1 = seen_from(start2, chord.start1);
+            chord.end1 = seen_from(end2, chord.end1);
+            chord.start1.translation -= body2.bound.xyz;
+            chord.end1.translation -= body2.bound.xyz;
+            chord.half = body2.half;
+        } else {
+            chord.start2 = start2;
+            chord.end2 = end2;
+        }
         chord.shape2 = body2.shape;
         chord.scale2 = body2.scale;
-        strays += body2.slack + sagitta(body2, body2.arm, count);
+        strays += body2.slack + deviation(body1, body2, count) + body2.rounding;
+        fine_strays = deviation(body1, body2, MOST_INTERVALS);
         size += body2.bound.w;
         smaller = min(smaller, body2.bound.w);
         path_lengths += path_length(body2);
     }
     // Allowance for rounding: a few times the rounding error of coordinates as large as these.
     let rounding = CONTACT_ROUNDING * (4.0 * size + path_lengths + length(chord.start1.translation) + length(chord.start2.translation));
-    // Deviation of both sides from the CPU's own chords, along which it searches.
-    let stray = 2.0 * FINE_CHORD_TOLERANCE * smaller;
-    chord.reach = max(params.prediction, max(params.touch, stray) + stray) + strays + rounding;
+    // The CPU searches along chords of its own. Their impacts are early by at most twice their deviation.
+    let stray = 2.0 * max(FINE_CHORD_TOLERANCE * smaller, fine_strays);
+    chord.touch = max(params.touch, stray) + stray + strays + rounding;
+    chord.reach = max(params.prediction + strays + rounding, chord.touch);
+    chord.begin = start;
+    chord.length = 1.0 / f32(count);
     chords_out[index] = chord;
 }

@@ -1,5 +1,5 @@
-// Pass 6, mid phase: finds the primitives of a pair whose moving boxes meet along a chord. Each chord has a workgroup. Each invocation takes
-// primitives of the first side and traverses the hierarchy of the second side. Counterpart: src/pipeline/sweep/mid_phase.rs.
+// Pass 6, mid phase: finds the primitives of a pair whose moving boxes meet along a chord. Each chord has workgroups for the primitives of its first
+// side. Each invocation traverses the hierarchy of the second side for one of them. Counterpart: src/pipeline/sweep/mid_phase.rs.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> shapes: array<Shape>;
@@ -48,8 +48,9 @@ fn primitive_box(chord: u32, shape: Shape, index: u32) -> MovingBox {
     let end = chords_in[chord].end1;
     let scale = chords_in[chord].scale1;
     var found = MovingBox(vec3f(MAX), vec3f(-MAX), vec3f(MAX), vec3f(-MAX));
-    for (var i = 0u; i < sphere_count(primitive); i++) {
-        let sphere = spheres[shape.spheres + sphere_index(primitive, i)] * scale;
+    let indices = shape.spheres + sphere_indices(primitive);
+    for (var i = 0u; i < 3u; i++) {
+        let sphere = spheres[indices[i]] * scale;
         let first = point_at(start, sphere.xyz);
         let last = point_at(end, sphere.xyz);
         found.start_low = min(found.start_low, first - sphere.w);
@@ -69,12 +70,16 @@ fn matrix(q: vec4f) -> mat3x3f {
     );
 }
 
-fn add(chord: u32, first: u32, second: u32) {
-    let candidate = atomicAdd(&counters.candidates, 1u);
-    if candidate < params.max_candidates {
-        candidates[candidate] = Candidate(chord, first, second);
+fn slabs(shape: Shape, index: u32) -> u32 {
+    return select(0u, 1u, is_slab(primitives[shape.primitives + index]));
+}
+
+fn add(kind: u32, chord: u32, first: u32, second: u32) {
+    let candidate = atomicAdd(&counters.candidates[kind], 1u);
+    if candidate < max_candidates(kind) {
+        candidates[first_candidate(kind) + candidate] = Candidate(chord, first, second);
     } else if candidate >= MANY {
-        atomicStore(&counters.candidates, MANY);
+        atomicStore(&counters.candidates[kind], MANY);
     }
 }
 
@@ -90,14 +95,18 @@ fn mid_phase(
     }
     let reach = chords_in[chord].reach;
     let shape1 = shapes[chords_in[chord].shape1];
+    let i = group.z * 64u + thread;
+    if i >= shape1.primitive_count {
+        return;
+    }
+    let is_flat = params.is_flat != 0u;
+    let own = primitive_box(chord, shape1, i);
+    let own_slabs = slabs(shape1, i);
     let second = chords_in[chord].shape2;
     if second == BOX_SHAPE {
         let half = chords_in[chord].half;
-        let target_box = MovingBox(-half, half, -half, half);
-        for (var i = thread; i < shape1.primitive_count; i += 64u) {
-            if meets(primitive_box(chord, shape1, i), target_box, reach) {
-                add(chord, i, 0u);
-            }
+        if is_flat || meets(own, MovingBox(-half, half, -half, half), reach) {
+            add(kind_of(own_slabs, true), chord, i, 0u);
         }
         return;
     }
@@ -109,23 +118,21 @@ fn mid_phase(
     let end_turn = matrix(end.rotation);
     let start_size = mat3x3f(abs(start_turn[0]), abs(start_turn[1]), abs(start_turn[2]));
     let end_size = mat3x3f(abs(end_turn[0]), abs(end_turn[1]), abs(end_turn[2]));
-    for (var i = thread; i < shape1.primitive_count; i += 64u) {
-        let own = primitive_box(chord, shape1, i);
-        for (var n = 0u; n < shape2.node_count;) {
-            let node = nodes[shape2.nodes + n];
-            let center = (node.low + node.high) * (0.5 * scale);
-            let half = (node.high - node.low) * (0.5 * scale);
-            let first = start_turn * center + start.translation;
-            let first_half = start_size * half;
-            let last = end_turn * center + end.translation;
-            let last_half = end_size * half;
-            let other = MovingBox(first - first_half, first + first_half, last - last_half, last + last_half);
-            let is_leaf = (node.link & LEAF) != 0u;
-            let is_near = meets(own, other, reach);
-            if is_near && is_leaf {
-                add(chord, i, node.link & ~LEAF);
-            }
-            n = select(node.link, n + 1u, is_near || is_leaf);
+    for (var n = 0u; n < shape2.node_count;) {
+        let node = nodes[shape2.nodes + n];
+        let center = (node.low + node.high) * (0.5 * scale);
+        let half = (node.high - node.low) * (0.5 * scale);
+        let first = start_turn * center + start.translation;
+        let first_half = start_size * half;
+        let last = end_turn * center + end.translation;
+        let last_half = end_size * half;
+        let other = MovingBox(first - first_half, first + first_half, last - last_half, last + last_half);
+        let is_leaf = (node.link & LEAF) != 0u;
+        let is_near = is_flat || meets(own, other, reach);
+        if is_near && is_leaf {
+            let item = node.link & ~LEAF;
+            add(kind_of(own_slabs + slabs(shape2, item), false), chord, i, item);
         }
+        n = select(node.link, n + 1u, is_near || is_leaf);
     }
 }

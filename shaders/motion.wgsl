@@ -42,7 +42,7 @@ fn rotation_by(vector: vec3f) -> vec4f {
 
 // Shape of a collider that the GPU cannot represent: the CPU finds its primitives.
 const OTHER_SHAPE: u32 = 0xffffffffu;
-// Shape of a plain box.
+// Shape of a box with its middle at the centre of the bounding sphere.
 const BOX_SHAPE: u32 = 0xfffffffeu;
 // Value of `rigid_body` for a body with a single shape.
 const NO_RIGID_BODY: vec2u = vec2u(0xffffffffu);
@@ -81,6 +81,10 @@ struct Body {
     is_active: u32,
     // Largest deviation from its path.
     slack: f32,
+    // Radius of the rounded edges of a box.
+    rounding: f32,
+    // Half extents of a box, without rounding.
+    half: vec3f,
 }
 
 // A static body. Vectors are in the world.
@@ -132,6 +136,23 @@ fn chords(body: Body, tolerance: f32) -> u32 {
         count *= 2u;
     }
     return count;
+}
+
+// Returns the largest deviation of a point of the first body from its chord, relative to the second, if the step is split into `chords` equal parts.
+//
+// The kernels need boxes at rest, so the first body is seen from the frame of a box. Under the acceleration `a` in that frame, a point deviates from
+// the chord of a time `t` by at most `a t^2 / 8`. Counterpart: `Chord::in_frame_of_second` in src/query/rigid.rs.
+fn deviation(first: Body, second: Body, chords: u32) -> f32 {
+    if second.shape != BOX_SHAPE {
+        return sagitta(first, first.arm, chords) + sagitta(second, second.arm, chords);
+    }
+    let turn1 = length(first.turn);
+    let turn2 = length(second.turn);
+    let speed = distance(first.translation, second.translation);
+    let center1 = (first.position - second.position) + rotate(first.rotation, first.local_center);
+    let apart = distance(center1, rotate(second.rotation, second.local_center)) + speed + first.arm;
+    let acceleration = turn1 * turn1 * first.arm + 2.0 * turn2 * (speed + turn1 * first.arm) + turn2 * turn2 * apart;
+    return acceleration / (8.0 * f32(chords) * f32(chords));
 }
 
 // Returns the longest path of any point of the body over the step, or more.

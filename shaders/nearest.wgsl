@@ -1,194 +1,136 @@
-// Closed forms for the sphere of a primitive that is nearest to a point, or to a sphere of another primitive. Counterpart: src/query/nearest.rs.
+// Nearest spheres of medial cones and boxes, for directions along which they are apart. Counterpart: src/query/nearest.rs. Lengths are in metres.
 
-// Distance of a point to a sphere's surface, in metres.
-fn gap(point: vec3f, sphere: vec4f) -> f32 {
-    return distance(sphere.xyz, point) - sphere.w;
+// A medial cone, with numbers for its nearest sphere to a point.
+struct Edge {
+    // First sphere `x y z radius`.
+    start: vec4f,
+    // Difference of the second sphere and the first.
+    axis: vec4f,
+    // Reciprocal of the squared length of the axis; 0 if one sphere contains the other.
+    inverse: f32,
+    // Shift of the nearest sphere along the axis, per metre of the point's distance from the axis. It is positive if the radius grows.
+    slope: f32,
+    // Index of the larger sphere if one contains the other, otherwise 0.
+    larger: f32,
 }
 
-// The interpolated sphere between `a` (`t = 0`) and `b` (`t = 1`).
-fn between_spheres(a: vec4f, b: vec4f, t: f32) -> vec4f {
-    return a * (1.0 - t) + b * t;
-}
-
-// The sphere of the medial cone `a`-`b` that is nearest to a point: the foot of the perpendicular on the axis, shifted towards the
-// larger end by the slope of the mantle.
-fn on_cone(point: vec3f, a: vec4f, b: vec4f) -> vec4f {
-    let axis = b.xyz - a.xyz;
-    let growth = b.w - a.w;
-    let length_squared = dot(axis, axis);
-    let mantle_squared = length_squared - growth * growth;
-    if mantle_squared <= 0.0 {
-        if growth > 0.0 {
-            return b;
-        }
-        return a;
+fn edge(a: vec4f, b: vec4f) -> Edge {
+    let axis = b - a;
+    let length_squared = dot(axis.xyz, axis.xyz);
+    let mantle_squared = length_squared - axis.w * axis.w;
+    if !(mantle_squared > 0.0) {
+        return Edge(a, axis, 0.0, 0.0, select(0.0, 1.0, axis.w > 0.0));
     }
-    let to_point = point - a.xyz;
-    let foot = dot(to_point, axis) / length_squared;
-    let height = length(to_point - axis * foot);
-    let t = foot + height * growth / (sqrt(length_squared) * sqrt(mantle_squared));
-    return between_spheres(a, b, clamp(t, 0.0, 1.0));
+    let slope = axis.w * inverseSqrt(length_squared) * inverseSqrt(mantle_squared);
+    return Edge(a, axis, 1.0 / length_squared, slope, 0.0);
 }
 
-// The sphere of the medial slab that is nearest to a point.
-fn on_slab(point: vec3f, hull: ptr<function, Hull>) -> vec4f {
-    let a = (*hull).spheres[0];
-    let e2 = (*hull).spheres[1] - a;
-    let e3 = (*hull).spheres[2] - a;
-    let normal = cross(e2.xyz, e3.xyz);
-    let d22 = dot(e2.xyz, e2.xyz);
-    let d23 = dot(e2.xyz, e3.xyz);
-    let d33 = dot(e3.xyz, e3.xyz);
-    let det = dot(normal, normal);
-    var facing = vec3<bool>(true);
-    var is_inside = false;
-    var inside = a;
-    if det > 0.0 {
-        // The in-plane gradient of the radius is g2 e2 + g3 e3.
-        let g2 = (e2.w * d33 - e3.w * d23) / det;
-        let g3 = (e3.w * d22 - e2.w * d23) / det;
-        let slope_squared = e2.w * g2 + e3.w * g3;
-        if slope_squared < 1.0 {
-            let to_point = point - a.xyz;
-            let p2 = dot(to_point, e2.xyz);
-            let p3 = dot(to_point, e3.xyz);
-            let shift = abs(dot(to_point, normal)) / sqrt(det * (1.0 - slope_squared));
-            let w2 = (p2 * d33 - p3 * d23) / det + shift * g2;
-            let w3 = (p3 * d22 - p2 * d23) / det + shift * g3;
-            let outside = vec3f(1.0 - w2 - w3, w2, w3) < vec3f(0.0);
-            is_inside = !any(outside);
-            inside = a + e2 * w2 + e3 * w3;
-            if det >= ILL_CONDITIONED * d22 * d33 {
-                if is_inside {
-                    return inside;
-                }
-                facing = outside;
-            }
-        }
-    }
-    // The nearest sphere on edges opposite to vertices with a negative weight, or on all edges if the face is degenerate or ill-conditioned.
-    var best = inside;
-    var least = select(MAX, gap(point, inside), is_inside);
-    for (var vertex = 0u; vertex < 3u; vertex++) {
-        if facing[vertex] {
-            let sphere = on_cone(point, (*hull).spheres[(vertex + 1u) % 3u], (*hull).spheres[(vertex + 2u) % 3u]);
-            let distance = gap(point, sphere);
-            if distance < least {
-                least = distance;
-                best = sphere;
-            }
-        }
+// Returns the sphere of a cone at a fraction of its axis, or at the end if the fraction is outside of 0 to 1.
+fn sphere_at(cone: Edge, fraction: f32) -> vec4f {
+    return cone.start + cone.axis * clamp(fraction, 0.0, 1.0);
+}
+
+// Returns the sphere of a cone that is nearest to a point: the foot of the perpendicular on the axis, shifted by the slope.
+fn on_edge(point: vec3f, cone: Edge) -> vec4f {
+    let to_point = point - cone.start.xyz;
+    let foot = dot(to_point, cone.axis.xyz) * cone.inverse;
+    let height = length(to_point - cone.axis.xyz * foot);
+    return sphere_at(cone, foot + height * cone.slope + cone.larger);
+}
+
+// Returns the unit vector along a vector, or any for a vector of length 0.
+fn unit(v: vec3f) -> vec3f {
+    let length = length(v);
+    return select(vec3f(0.0, 1.0, 0.0), v / length, length > 0.0);
+}
+
+// The nearest spheres so far.
+struct Nearest {
+    // Difference of their centres, from the first side to the second.
+    apart: vec3f,
+    // Distance of their surfaces.
+    distance: f32,
+}
+
+const FAR: Nearest = Nearest(vec3f(0.0, 1.0, 0.0), MAX);
+
+fn nearer(best: Nearest, first: vec4f, second: vec4f) -> Nearest {
+    let apart = second.xyz - first.xyz;
+    let distance = length(apart) - first.w - second.w;
+    if distance < best.distance {
+        return Nearest(apart, distance);
     }
     return best;
 }
 
-// The spheres of two medial cones, one of each, that are nearest to each other.
-fn between_cones(cone1: SpherePair, cone2: SpherePair) -> SpherePair {
-    let u = cone1.second - cone1.first;
-    let v = cone2.second - cone2.first;
-    let alpha = u.w;
-    let beta = v.w;
-    let offset = cone1.first.xyz - cone2.first.xyz;
+// Tests the spheres of two cones where they cross, and the ends of each cone against the other one.
+fn between_edges(given: Nearest, cone1: Edge, cone2: Edge) -> Nearest {
+    var best = given;
+    let u = cone1.axis;
+    let v = cone2.axis;
+    let offset = cone1.start.xyz - cone2.start.xyz;
     let normal = cross(u.xyz, v.xyz);
     let uu = dot(u.xyz, u.xyz);
     let uv = dot(u.xyz, v.xyz);
     let vv = dot(v.xyz, v.xyz);
     let det = dot(normal, normal);
-    var facing = vec4<bool>(true);
-    var best = SpherePair(cone1.first, cone2.first);
-    var least = MAX;
+    // Parallel axes do not cross.
     if det > 1.0e-12 * uu * vv {
-        let x = (alpha * vv + beta * uv) / det;
-        let y = -(beta * uu + alpha * uv) / det;
-        let slope_squared = x * alpha - y * beta;
+        let x = (u.w * vv + v.w * uv) / det;
+        let y = -(v.w * uu + u.w * uv) / det;
+        let slope_squared = x * u.w - y * v.w;
         if slope_squared < 1.0 {
             let distance = abs(dot(offset, normal)) / sqrt(det * (1.0 - slope_squared));
-            let p = distance * alpha - dot(offset, u.xyz);
-            let q = -distance * beta - dot(offset, v.xyz);
-            let s = (p * vv - q * uv) / det;
-            let t = (p * uv - q * uu) / det;
-            let outside = vec4f(s, 1.0 - s, t, 1.0 - t) < vec4f(0.0);
-            if !any(outside) {
-                best.first = between_spheres(cone1.first, cone1.second, s);
-                best.second = between_spheres(cone2.first, cone2.second, t);
-                least = gap(best.first.xyz, best.second) - best.first.w;
-            }
-            if det > ILL_CONDITIONED * uu * vv {
-                if !any(outside) {
-                    return best;
-                }
-                facing = outside;
-            }
+            let p = distance * u.w - dot(offset, u.xyz);
+            let q = -distance * v.w - dot(offset, v.xyz);
+            best = nearer(best, sphere_at(cone1, (p * vv - q * uv) / det), sphere_at(cone2, (p * uv - q * uu) / det));
         }
     }
-    // Each end of the first axis against the second cone, then each end of the second axis against the first cone.
-    for (var side = 0u; side < 4u; side++) {
-        if facing[side] {
-            var end = cone1;
-            var cone = cone2;
-            if side >= 2u {
-                end = cone2;
-                cone = cone1;
-            }
-            let sphere = select(end.first, end.second, (side & 1u) == 1u);
-            let other = on_cone(sphere.xyz, cone.first, cone.second);
-            let distance = gap(sphere.xyz, other) - sphere.w;
-            if distance < least {
-                least = distance;
-                best.first = select(sphere, other, side >= 2u);
-                best.second = select(other, sphere, side >= 2u);
-            }
-        }
-    }
-    return best;
+    let end1 = cone1.start + u;
+    let end2 = cone2.start + v;
+    best = nearer(best, cone1.start, on_edge(cone1.start.xyz, cone2));
+    best = nearer(best, end1, on_edge(end1.xyz, cone2));
+    best = nearer(best, on_edge(cone2.start.xyz, cone1), cone2.start);
+    return nearer(best, on_edge(end2.xyz, cone1), end2);
 }
 
-// Derivative of the distance between a cone's sphere and the box along the axis.
-fn cone_to_cuboid_slope(point: vec3f, axis: vec3f, growth: f32, half: vec3f) -> f32 {
+// Keeps the part of a range of fractions that contains the sphere nearest to the box around the origin. The fraction divides the range.
+fn halved(range: vec2f, fraction: f32, cone: Edge, half: vec3f) -> vec2f {
+    if !(fraction > range.x && fraction < range.y) {
+        return range;
+    }
+    let point = cone.start.xyz + cone.axis.xyz * fraction;
     let outside = point - clamp(point, -half, half);
-    let length = length(outside);
-    if length > 0.0 {
-        return dot(outside, axis) / length - growth;
+    // Derivative of the distance between the sphere and the box along the axis, times the distance of its centre.
+    let rise = dot(outside, cone.axis.xyz) - cone.axis.w * length(outside);
+    if rise < 0.0 || (all(outside == vec3f(0.0)) && cone.axis.w > 0.0) {
+        return vec2f(fraction, range.y);
     }
-    return -growth;
+    return vec2f(range.x, fraction);
 }
 
-// The sphere of a medial cone that is nearest to the box, and the box's point nearest to its centre.
-fn cone_to_cuboid(cone: SpherePair, half: vec3f) -> SpherePair {
-    let a = cone.first;
-    let axis = cone.second.xyz - a.xyz;
-    let growth = cone.second.w - a.w;
-    var low = 0.0;
-    var high = 1.0;
-    for (var k = 0u; k < 3u; k++) {
-        if axis[k] == 0.0 {
-            continue;
-        }
-        for (var side = -1.0; side < 2.0; side += 2.0) {
-            let t = (side * half[k] - a[k]) / axis[k];
-            if t > low && t < high {
-                if cone_to_cuboid_slope(a.xyz + axis * t, axis, growth, half) < 0.0 {
-                    low = t;
-                } else {
-                    high = t;
-                }
-            }
-        }
-    }
-    // Between `low` and `high` the same coordinates are outside of the box. Their part of the distance is that to a point in a subspace.
-    let middle = a.xyz + axis * ((low + high) * 0.5);
+// Tests the sphere of a cone that is nearest to the box `[-half, half]`.
+fn edge_to_box(best: Nearest, cone: Edge, half: vec3f) -> Nearest {
+    let a = cone.start.xyz;
+    let axis = cone.axis.xyz;
+    // Fractions at which the axis crosses the planes of the faces. A coordinate that does not change crosses none.
+    let inverse = select(1.0 / axis, vec3f(0.0), axis == vec3f(0.0));
+    let t1 = (-half - a) * inverse;
+    let t2 = (half - a) * inverse;
+    var range = vec2f(0.0, 1.0);
+    range = halved(range, t1.x, cone, half);
+    range = halved(range, t2.x, cone, half);
+    range = halved(range, t1.y, cone, half);
+    range = halved(range, t2.y, cone, half);
+    range = halved(range, t1.z, cone, half);
+    range = halved(range, t2.z, cone, half);
+    // In this range the same coordinates are outside of the box. Their part of the distance is that to a point in a subspace.
+    let middle = a + axis * ((range.x + range.y) * 0.5);
     let clamped = clamp(middle, -half, half);
     let outside = select(vec3f(0.0), vec3f(1.0), middle != clamped);
-    let direction = axis * outside;
-    let start = (a.xyz - clamped) * outside;
-    let length_squared = dot(direction, direction);
-    let mantle_squared = length_squared - growth * growth;
-    var t = select(low, high, growth > 0.0);
-    if mantle_squared > 0.0 {
-        let foot = -dot(start, direction) / length_squared;
-        let height = length(start + direction * foot);
-        t = clamp(foot + height * growth / (sqrt(length_squared) * sqrt(mantle_squared)), low, high);
-    }
-    let sphere = between_spheres(a, cone.second, t);
-    return SpherePair(sphere, vec4f(clamp(sphere.xyz, -half, half), 0.0));
+    let part = edge(vec4f((a - clamped) * outside, 0.0), vec4f((a + axis - clamped) * outside, cone.axis.w));
+    let foot = -dot(part.start.xyz, part.axis.xyz) * part.inverse;
+    let height = length(part.start.xyz + part.axis.xyz * foot);
+    let sphere = sphere_at(cone, clamp(foot + height * part.slope + part.larger, range.x, range.y));
+    return nearer(best, sphere, vec4f(clamp(sphere.xyz, -half, half), 0.0));
 }

@@ -20,13 +20,21 @@ struct Params {
     max_pairs: u32,
     // Cells of that grid per metre, along each axis.
     cells: vec3f,
-    // Capacities of the buffers of chords, candidates and survivors, in elements.
+    // Capacities of the buffers of chords and survivors, in elements.
     max_chords: u32,
-    max_candidates: u32,
     max_survivors: u32,
     // Distance at which bodies are in touch.
     touch: f32,
+    // 1 if all primitives of a pair are candidates, otherwise 0.
+    is_flat: u32,
+    // Largest number of workgroups for the primitives of a shape.
+    tiles: u32,
+    // Index of the first candidate of each kind of primitive pairs, and the capacity of their buffer, in elements.
+    candidates: array<vec4u, 2>,
 }
+
+// Number of kinds of primitive pairs.
+const KINDS: u32 = 5u;
 
 // Value at which counters stop. It exceeds every capacity, and is far enough from the largest value for all increments in the meantime.
 const MANY: u32 = 0x80000000u;
@@ -37,8 +45,8 @@ struct Counters {
     pairs: atomic<u32>,
     // Chords of their motions.
     chords: atomic<u32>,
-    // Primitive pairs that the mid phase leaves.
-    candidates: atomic<u32>,
+    // Primitive pairs that the mid phase leaves, by kind.
+    candidates: array<atomic<u32>, KINDS>,
     // Primitive pairs that the narrow phase leaves.
     survivors: atomic<u32>,
 }
@@ -49,6 +57,8 @@ struct Pair {
     first: u32,
     // Index of a body, or of a static with `STATIC`, and perhaps `UNKNOWN`.
     second: u32,
+    // Number of chords of its motion.
+    chords: u32,
 }
 
 // The medial cone that the bounding sphere of a body sweeps.

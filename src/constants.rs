@@ -47,6 +47,13 @@ pub const LEAST_SQUARE: f32 = 1.0e-30;
 /// Iterations after which the search stops and reports the iteration limit.
 pub const MAX_ROUNDS: u32 = 1024;
 
+/// Smallest advance of a bound of the time of impact, as a fraction of a chord. A shorter one ends the search. With a smaller value, bounds are closer to
+/// the time of impact; with a larger one, the GPU needs fewer iterations.
+pub const SHORTEST_ADVANCE: f32 = 1.0 / 256.0;
+
+/// Iterations of a search for bounds on the GPU. Most pairs need three; pairs that graze stop early with an earlier bound.
+pub const MAX_BOUND_ROUNDS: u32 = 12;
+
 /// Smallest number of primitive pairs in a step for which a GPU is tried. The CPU culls smaller steps in less than a millisecond, which is little
 /// more than the overhead of a GPU call. For larger steps both are timed. With a smaller value, trials slow down steps of small scenes; with a larger
 /// one, steps stay on the CPU although a GPU is faster.

@@ -1,10 +1,10 @@
-//! Times of impact of many primitive pairs at once: on the CPU, and by a call of the GPU.
+//! Many primitive pairs at once: times of impact on the CPU, and their lower bounds by a call of the GPU.
 
 use std::{hint::black_box, time::Instant};
 
 use bevy_medial::{
     geometry::Sphere,
-    gpu::{GpuDevice, GpuError, GpuImpacts, MovingPair},
+    gpu::{GpuBounds, GpuDevice, GpuError, MovingPair},
     query::{Moving, times_of_impact},
     random::Random,
 };
@@ -31,7 +31,7 @@ const RUNS: usize = 5;
 /// If a call of the GPU fails.
 pub fn rows(sizes: u32) -> Result<Vec<BatchRow>, GpuError> {
     let Ok(gpu) = GpuDevice::request() else { return Ok(Vec::new()) };
-    let mut impacts = GpuImpacts::new(&gpu)?;
+    let mut bounds = GpuBounds::new(&gpu)?;
     let mut random = Random(1);
     let mut row = |pairs: usize| {
         let pairs: Vec<_> = (0..pairs).map(|_| (slab(&mut random, -Vec3::X), slab(&mut random, Vec3::X))).collect();
@@ -42,7 +42,7 @@ pub fn rows(sizes: u32) -> Result<Vec<BatchRow>, GpuError> {
             black_box(times_of_impact(&pairs, 1.0));
             cpu_ms = cpu_ms.min(clock.elapsed().as_secs_f64() * 1e3);
             let clock = Instant::now();
-            black_box(impacts.run(&packed)?);
+            black_box(bounds.run(&packed)?);
             gpu_ms = gpu_ms.min(clock.elapsed().as_secs_f64() * 1e3);
         }
         Ok(BatchRow { gpu: gpu.name().into(), pairs: pairs.len(), cpu_ms, gpu_ms })

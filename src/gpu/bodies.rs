@@ -36,11 +36,17 @@ fn is_finite_solid(solid: &Solid) -> bool {
 /// path, in metres.
 pub(super) fn body(body: &Body, is_awake: bool, [margin, slack]: [f32; 2], shapes: &mut Shapes) -> layout::Body {
     let sweep = &body.sweep;
+    let bound = body.solid.bounding_sphere();
     let (shape, scale, arm) = match &body.solid {
         Solid::Medial(shape) => (shapes.index_of(&shape.axis), shape.scale, shape.arm(sweep.local_center)),
-        Solid::Parts(parts) => (OTHER_SHAPE, 1.0, parts.bounding_sphere().farthest(sweep.local_center)),
+        Solid::Parts(_) => (OTHER_SHAPE, 1.0, bound.farthest(sweep.local_center)),
     };
-    let bound = body.solid.bounding_sphere();
+    let single_box = match &body.solid {
+        Solid::Parts(parts) => single_box(&**parts).filter(|_| parts.aabb().center() == bound.center),
+        Solid::Medial(_) => None,
+    };
+    let (half, rounding) = single_box.unwrap_or_default();
+    let shape = if single_box.is_some() { BOX_SHAPE } else { shape };
     layout::Body {
         position: sweep.start.translation,
         shape,
@@ -58,6 +64,8 @@ pub(super) fn body(body: &Body, is_awake: bool, [margin, slack]: [f32; 2], shape
         world: body.world,
         is_active: is_awake.into(),
         slack,
+        rounding,
+        half,
         unused: 0,
     }
 }

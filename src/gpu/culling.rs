@@ -27,6 +27,7 @@ use glam::Vec3;
 use super::{
     GpuCapacity, GpuDevice, GpuError, bodies,
     buffers::{Buffers, Slot},
+    kinds::KINDS,
     layout::{CANDIDATE, CHORD, Counters, NODE, PAIR_CHORD, Pair, Params, SWEPT, Survivor},
     pass::Pass,
     passes::{Bound, KEY, Passes, SORT_BLOCK, TREE_BLOCK, UNIFORM, WORKGROUP, exchanges},
@@ -67,6 +68,7 @@ pub struct GpuCulling {
     timer: Timer,
     times: Vec<(&'static str, Duration)>,
     counts: Counters,
+    is_flat: bool,
 }
 
 /// Number of workgroups of a pass.
@@ -100,8 +102,14 @@ impl GpuCulling {
             timer: Timer::new(gpu, PASSES)?,
             times: Vec::new(),
             counts: Counters::default(),
+            is_flat: false,
             gpu: gpu.clone(),
         })
+    }
+
+    /// Sets whether all primitives of a pair of bodies are tested against each other, without hierarchies, as in the paper. Default: false.
+    pub fn set_flat(&mut self, is_flat: bool) {
+        self.is_flat = is_flat;
     }
 
     /// The device.
@@ -117,7 +125,7 @@ impl GpuCulling {
     /// Numbers of body pairs, chords, candidates and surviving primitive pairs in the last step.
     pub fn counts(&self) -> [u32; 4] {
         let Counters { pairs, chords, candidates, survivors } = self.counts;
-        [pairs, chords, candidates, survivors]
+        [pairs, chords, candidates.iter().sum(), survivors]
     }
 
     /// Current capacity of the buffers.
@@ -130,7 +138,7 @@ impl GpuCulling {
         self.buffers.written
     }
 
-    /// Returns the pairs that may meet within the step, with their primitives, all in ascending order. It waits for the GPU. If a buffer is too
+    /// Returns the pairs that may meet within the step, with their primitives and bounds, in any order. It waits for the GPU. If a buffer is too
     /// small, it grows and the step is culled again.
     ///
     /// # Errors
@@ -217,7 +225,9 @@ impl GpuCulling {
         let space = most_of(bodies.len(), |index| bodies[index].position);
         // If all bodies are at one place, the cells are as small as possible with a finite number per metre.
         let size = (space.max - space.min).max(Vec3::splat(1e-30));
-        let GpuCapacity { pairs, chords, candidates, survivors } = self.capacity;
+        let GpuCapacity { pairs, chords, survivors, .. } = self.capacity;
+        let begins = self.capacity.candidate_begins();
+        gpu.require("candidates", u32::MAX.into(), begins[KINDS])?;
         let params = Params {
             bodies: bodies.len() as u32,
             leaves,
@@ -227,10 +237,11 @@ impl GpuCulling {
             max_pairs: pairs,
             cells: Vec3::splat(1023.0) / size,
             max_chords: chords,
-            max_candidates: candidates,
             max_survivors: survivors,
             touch: LINEAR_SLOP * input.length_unit,
-            unused: 0,
+            is_flat: self.is_flat.into(),
+            tiles: self.shapes.most_primitives.div_ceil(WORKGROUP).max(1),
+            candidates: std::array::from_fn(|index| begins.get(index).copied().unwrap_or_default() as u32),
         };
         buffers.write(gpu, Slot::Params, bytes_of(&params))?;
         self.reserve(leaves)?;
@@ -241,6 +252,7 @@ impl GpuCulling {
     /// Reserves the buffers that the passes write.
     fn reserve(&mut self, leaves: u32) -> Result<(), GpuError> {
         let GpuCapacity { pairs, chords, candidates, survivors } = self.capacity;
+        let candidates = candidates.iter().fold(0, |sum: u32, count| sum.saturating_add(*count));
         for (slot, count, size) in [
             (Slot::Swept, leaves, SWEPT),
             (Slot::Keys, leaves, KEY),
@@ -252,7 +264,7 @@ impl GpuCulling {
             (Slot::Chords, chords, CHORD),
             (Slot::Candidates, candidates, CANDIDATE),
             (Slot::Survivors, survivors, size_of::<Survivor>() as u64),
-            (Slot::Groups, 9, 4),
+            (Slot::Groups, 3 * (2 + KINDS as u32), 4),
             // These may be empty so far, but the passes bind them.
             (Slot::Shapes, 0, 0),
             (Slot::Spheres, 0, 0),
@@ -315,7 +327,10 @@ impl GpuCulling {
         run(encoder, "broad", &[(&passes.broad_phase, &bound.broad_phase, Work::Direct(wide)), dispatch()]);
         run(encoder, "chords", &[(&passes.place_chords, &bound.place_chords, Work::Indirect(0))]);
         run(encoder, "mid", &[(&passes.mid_phase, &bound.mid_phase, Work::Indirect(1)), dispatch()]);
-        run(encoder, "narrow", &[(&passes.narrow_phase, &bound.narrow_phase, Work::Indirect(2))]);
+        let narrow = passes.narrow_phase.iter().zip(&bound.narrow_phase);
+        let narrow: Vec<_> =
+            narrow.zip(2..).map(|((pass, group), index)| (pass, group, Work::Indirect(index))).collect();
+        run(encoder, "narrow", &narrow);
 
         let mut copy = |slot, at, size| {
             if size > 0 {
@@ -411,7 +426,7 @@ mod tests {
         let shape = Shape { axis: MedialAxis::torus(0.5, 0.1, 24).unwrap(), scale: 1.0 };
         let body = |x: f32| Body::new(shape.clone(), Sweep::at_rest(Pose3::from_translation(Vec3::X * x)));
         let input = StepInput { bodies: vec![body(0.0), body(0.1)], prediction: 0.01, ..Default::default() };
-        let capacity = GpuCapacity { candidates: 1, ..GpuCapacity::default() };
+        let capacity = GpuCapacity { candidates: [1; KINDS], ..GpuCapacity::default() };
         let mut culling = GpuCulling::new(&gpu, capacity).unwrap();
         culling.upload(&input, &Statics::default(), &KinematicReach::new(&input), |_| 0.0).unwrap();
         let taken = [(); 2].map(|()| {
@@ -420,7 +435,7 @@ mod tests {
             let data = gpu.read(&batch.staging, batch.bytes, gpu.queue.submit([encoder.finish()])).unwrap();
             (batch, data)
         });
-        assert!(Room::counts(&taken[0].1).candidates > 1);
+        assert!(Room::counts(&taken[0].1).candidates[0] > 1);
         for (batch, data) in taken {
             assert!(culling.take(batch, &data).is_none(), "a batch without all candidates was taken");
         }

@@ -115,6 +115,7 @@ impl GpuDevice {
         Ok(gpu)
     }
 
+    /// Returns an error if a limit is less than wanted.
     pub(super) fn require(&self, limit: &'static str, found: u64, wanted: u64) -> Result<(), GpuError> {
         if found >= wanted {
             return Ok(());

@@ -3,6 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{Quat, Vec3, Vec4};
 
+use super::kinds::KINDS;
+
 /// Shape of a collider that the GPU cannot represent.
 pub(super) const OTHER_SHAPE: u32 = u32::MAX;
 /// Shape of a plain box.
@@ -13,6 +15,9 @@ pub(super) const NO_RIGID_BODY: u64 = u64::MAX;
 pub(super) const STATIC: u32 = 1 << 31;
 /// Flag of the second side of pairs whose primitives the CPU finds.
 pub(super) const UNKNOWN: u32 = 1 << 30;
+
+/// Flag of the second primitive of survivors that may be near at the end of the step.
+pub(super) const NEAR_AT_END: u32 = 1 << 31;
 
 /// Sizes in bytes of types that only the shaders write: `Swept`, `TreeNode`, an item of `pair_chords`, `Chord`, `Candidate`.
 pub(super) const SWEPT: u64 = 32;
@@ -33,10 +38,11 @@ pub(super) struct Params {
     pub max_pairs: u32,
     pub cells: Vec3,
     pub max_chords: u32,
-    pub max_candidates: u32,
     pub max_survivors: u32,
     pub touch: f32,
-    pub unused: u32,
+    pub is_flat: u32,
+    pub tiles: u32,
+    pub candidates: [u32; 8],
 }
 
 /// `Body` in `motion.wgsl`, which describes the fields.
@@ -59,6 +65,8 @@ pub(super) struct Body {
     pub world: u32,
     pub is_active: u32,
     pub slack: f32,
+    pub rounding: f32,
+    pub half: Vec3,
     pub unused: u32,
 }
 
@@ -98,7 +106,7 @@ pub(super) struct Shape {
 pub(super) struct Counters {
     pub pairs: u32,
     pub chords: u32,
-    pub candidates: u32,
+    pub candidates: [u32; KINDS],
     pub survivors: u32,
 }
 
@@ -108,6 +116,7 @@ pub(super) struct Counters {
 pub(super) struct Pair {
     pub first: u32,
     pub second: u32,
+    pub chords: u32,
 }
 
 /// `Survivor` in `narrow_phase.wgsl`, which describes the fields.
@@ -117,6 +126,7 @@ pub(super) struct Survivor {
     pub pair: u32,
     pub first: u32,
     pub second: u32,
+    pub touch: f32,
 }
 
 /// `Exchange` in `sort.wgsl`, which describes the fields.
@@ -137,22 +147,21 @@ mod tests {
     use crate::{
         geometry::{Aabb, Bvh, Sphere},
         gpu::{
-            impacts::{self, Answer, MovingPair, Side},
-            pass::{KERNELS, shader},
+            kinds::Kind,
+            pair_bounds::{self, Side},
+            pass::{entry_point, shader},
             passes::{SORT_BLOCK, TREE_BLOCK, WORKGROUP, shaders},
         },
         medial_axis::{MedialAxis, packed::PackedMedialMesh},
-        query::{Cuboid, Moving, TimeOfImpactStatus},
     };
 
     const STEP: &[&str] = &[include_str!("../../shaders/motion.wgsl"), include_str!("../../shaders/step.wgsl")];
     const CHORDS: &[&str] = &[include_str!("../../shaders/chord.wgsl")];
     const SORT: &[&str] = &[include_str!("../../shaders/sort.wgsl")];
     const TREE: &[&str] = &[include_str!("../../shaders/tree.wgsl")];
-    const DISPATCH: &[&str] = &[include_str!("../../shaders/dispatch.wgsl")];
 
     fn module(files: &[&[&str]]) -> Module {
-        parse_str(&shader(&files.concat())).unwrap()
+        parse_str(&shader(files.concat())).unwrap()
     }
 
     /// Returns the size of a struct in the shaders, and names and offsets of its members.
@@ -196,21 +205,23 @@ mod tests {
     #[test]
     fn structs_are_those_of_the_shaders() {
         let step = &module(&[STEP, TREE]);
-        let narrow = &module(&[KERNELS, STEP, CHORDS, &[include_str!("../../shaders/narrow_phase.wgsl")]]);
+        let (_, narrow) = shaders().last().unwrap();
+        let narrow = &parse_str(&narrow).unwrap();
         assert_layout!(step, Params {
-            bodies leaves static_nodes prediction low max_pairs cells max_chords max_candidates max_survivors touch
+            bodies leaves static_nodes prediction low max_pairs cells max_chords max_survivors touch is_flat tiles
+            candidates
         });
         assert_layout!(step, Body {
             position shape rotation translation scale turn arm local_center margin bound memberships collides_with
-            rigid_body world is_active slack
+            rigid_body world is_active slack rounding half
         });
         assert_layout!(step, Static {
             center shape rotation half rounding position scale radius memberships collides_with world rigid_body
         });
         assert_layout!(step, Counters { pairs chords candidates survivors });
-        assert_layout!(step, Pair { first second });
+        assert_layout!(step, Pair { first second chords });
         assert_layout!(narrow, Shape { spheres primitives primitive_count nodes node_count });
-        assert_layout!(narrow, Survivor { pair first second });
+        assert_layout!(narrow, Survivor { pair first second touch });
         assert_layout!(&module(&[SORT]), Exchange { size distance });
         for (module, size, name) in [
             (step, SWEPT, "Swept"),
@@ -225,30 +236,25 @@ mod tests {
     }
 
     #[test]
-    fn pairs_and_their_times_of_impact_are_those_of_the_shader() {
-        let module = &parse_str(&impacts::text()).unwrap();
-        assert_layout!(module, MovingPair as Pair { first second });
-        assert_layout!(module, Answer as Result { normal distance point1 fraction status rounds feature });
+    fn moving_pairs_are_those_of_the_shader() {
+        let module = &parse_str(&pair_bounds::text(Kind::ConeCone)).unwrap();
         let (size, members) = in_shader(module, "Moving");
         assert_eq!(size as usize, size_of::<Side>());
-        assert_eq!(members, [("hull".to_owned(), 0), ("motion".to_owned(), offset_of!(Side, motion) as u32)]);
-        let (_, members) = in_shader(module, "Hull");
-        let own = [("spheres", offset_of!(Side, spheres)), ("count", offset_of!(Side, count))];
-        assert_eq!(members, own.map(|(name, offset)| (name.to_owned(), offset as u32)));
+        let offsets: Vec<u32> = members.iter().map(|(_, offset)| *offset).collect();
+        assert_eq!(offsets, [offset_of!(Side, start), 48, 64, 80].map(|offset| offset as u32));
+        assert_eq!(offset_of!(Side, motion), 48);
+    }
 
-        let ball = Moving { start: [Sphere::new(Vec3::ZERO, 1.0)], motion: [Vec3::ZERO] };
-        let pair = MovingPair::with_cuboid(&ball, &Cuboid { half: Vec3::ONE });
-        assert_eq!([pair.first.count, pair.second.count], [1, number(module, "BOX")]);
-        for (name, status) in [
-            ("SEPARATED", TimeOfImpactStatus::Separated),
-            ("HIT", TimeOfImpactStatus::Hit),
-            ("OVERLAPPING", TimeOfImpactStatus::Overlapping),
-            ("ITERATION_LIMIT", TimeOfImpactStatus::IterationLimit),
-        ] {
-            let mut answer = Answer::zeroed();
-            answer.status = number(module, name);
-            assert_eq!(answer.decoded().status, status, "{name}");
+    #[test]
+    fn kinds_are_those_of_the_shaders() {
+        let (_, narrow) = shaders().last().unwrap();
+        let module = &parse_str(&narrow).unwrap();
+        let names = ["CONE_CONE", "CONE_SLAB", "SLAB_SLAB", "CONE_BOX", "SLAB_BOX"];
+        for ((kind, name), index) in Kind::ALL.into_iter().zip(names).zip(0..) {
+            assert_eq!((number(module, name), kind as u32), (index, index), "{name}");
+            assert!(kind.constants().starts_with(&format!("const KIND: u32 = {index}u;")), "{name}");
         }
+        assert_eq!(number(module, "KINDS"), KINDS as u32);
     }
 
     /// Layouts that other files write for the GPU.
@@ -281,9 +287,9 @@ mod tests {
 
     #[test]
     fn workgroups_are_those_of_the_shaders() {
-        for (label, text) in shaders().chain([("impacts", impacts::text())]) {
+        for (label, text) in shaders().chain([("pair_bounds", pair_bounds::text(Kind::SlabSlab))]) {
             let module = parse_str(&text).unwrap();
-            let entry = module.entry_points.iter().find(|entry| entry.name == label).unwrap();
+            let entry = module.entry_points.iter().find(|entry| entry.name == entry_point(label)).unwrap();
             let size = match label {
                 "dispatch" => 1,
                 "sort_blocks" | "sort_far" | "sort_near" => SORT_BLOCK / 2,
@@ -292,7 +298,8 @@ mod tests {
             };
             assert_eq!(entry.workgroup_size, [size, 1, 1], "{label}");
         }
-        assert_eq!(number(&module(&[STEP, DISPATCH]), "WORKGROUP"), WORKGROUP);
+        let (_, dispatch) = shaders().find(|(label, _)| *label == "dispatch").unwrap();
+        assert_eq!(number(&parse_str(&dispatch).unwrap(), "WORKGROUP"), WORKGROUP);
     }
 
     #[test]
@@ -307,6 +314,8 @@ mod tests {
         ] {
             assert_eq!(number(&step, name), value, "{name}");
         }
+        let (_, narrow) = shaders().last().unwrap();
+        assert_eq!(number(&parse_str(&narrow).unwrap(), "NEAR_AT_END"), NEAR_AT_END);
         assert_eq!(number(&module(&[SORT]), "BLOCK"), SORT_BLOCK);
         assert_eq!(number(&module(&[STEP, TREE]), "BLOCK"), TREE_BLOCK);
     }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`GpuCulling`] | finds the pairs of a step, and waits for the result |
 //! | [`Prediction`] | predicts several steps, so that no step waits for the GPU |
-//! | [`GpuImpacts`] | times of impact of a list of pairs, for tests and benchmarks |
+//! | [`GpuBounds`] | bounds of the times of impact of a list of pairs, for tests and benchmarks |
 //! | [`GpuDevice`] | the device that runs all of these |
 //! | [`GpuCapacity`] | initial capacity of the buffers |
 //!
@@ -15,8 +15,9 @@ mod buffers;
 mod capacity;
 mod culling;
 mod device;
-mod impacts;
+mod kinds;
 mod layout;
+mod pair_bounds;
 mod pass;
 mod passes;
 mod prediction;
@@ -28,8 +29,8 @@ pub use capacity::GpuCapacity;
 pub use culling::GpuCulling;
 pub(crate) use device::copy_when_mapped;
 pub use device::{GpuDevice, GpuError};
-pub use impacts::{GpuImpacts, MovingPair};
-pub(crate) use pass::Pass;
+pub use pair_bounds::{GpuBounds, MovingPair};
+pub(crate) use pass::{Pass, entry_point};
 pub(crate) use passes::{Passes, shaders};
 pub use prediction::Prediction;
 pub(crate) use readback::Batch;

@@ -3,40 +3,28 @@
 use super::{GpuDevice, GpuError};
 use crate::constants;
 
-/// Source of the kernels on pairs of primitives, in order.
-pub(super) const KERNELS: &[&str] = &[
-    include_str!("../../shaders/primitive.wgsl"),
-    include_str!("../../shaders/nearest.wgsl"),
-    include_str!("../../shaders/separation.wgsl"),
-    include_str!("../../shaders/time_of_impact.wgsl"),
-];
+/// Source of the kernel that finds nearest spheres.
+pub(super) const NEAREST: &str = include_str!("../../shaders/nearest.wgsl");
+/// Source of the kernel that finds bounds. It needs [`NEAREST`] and the constants of a [`Kind`](super::kinds::Kind).
+pub(super) const BOUNDS: &str = include_str!("../../shaders/bounds.wgsl");
 
 /// Joins constants and files into one shader, because WGSL has no modules.
-pub(super) fn shader(files: &[&str]) -> String {
+pub(super) fn shader<'a>(files: impl IntoIterator<Item = &'a str>) -> String {
     let mut text = String::new();
-    let numbers = [
+    for (name, value) in [
         ("CONTACT_ROUNDING", constants::CONTACT_ROUNDING),
-        ("TOUCH_ROUNDING", constants::TOUCH_ROUNDING),
-        ("DISTANCE_ROUNDING", constants::DISTANCE_ROUNDING),
-        ("NEAR_TOUCH", constants::NEAR_TOUCH),
-        ("TILT_ROUNDING", constants::TILT_ROUNDING),
-        ("TIME_TOLERANCE", constants::TIME_TOLERANCE),
-        ("FIRST_TRIAL", constants::FIRST_TRIAL),
-        ("SHORTEST_TRIAL", constants::SHORTEST_TRIAL),
         ("CHORD_TOLERANCE", constants::CULLING_CHORD_TOLERANCE),
         ("FINE_CHORD_TOLERANCE", constants::CHORD_TOLERANCE),
-        ("ILL_CONDITIONED", constants::ILL_CONDITIONED),
-        ("EPSILON", f32::EPSILON),
+        ("SHORTEST_ADVANCE", constants::SHORTEST_ADVANCE),
         ("MAX", f32::MAX),
-    ];
-    for (name, value) in numbers {
+    ] {
         // This format prints the shortest digits that give the same bits.
         text += &format!("const {name}: f32 = {value:e}f;\n");
     }
     for (name, value) in [
-        ("MAX_ADVANCES", constants::MAX_ADVANCES),
-        ("MAX_ROUNDS", constants::MAX_ROUNDS),
+        ("MAX_ROUNDS", constants::MAX_BOUND_ROUNDS),
         ("MAX_CHORDS", constants::MAX_CULLING_CHORDS),
+        ("MOST_INTERVALS", (1.0 / constants::SHORTEST_INTERVAL) as u32),
     ] {
         text += &format!("const {name}: u32 = {value}u;\n");
     }
@@ -44,6 +32,11 @@ pub(super) fn shader(files: &[&str]) -> String {
         text.push_str(file);
     }
     text
+}
+
+/// Returns the entry point of a pass from its label, which may also name a kind of primitive pairs, after a colon.
+pub(crate) fn entry_point(label: &str) -> &str {
+    label.split_once(':').map_or(label, |(entry_point, _)| entry_point)
 }
 
 /// A pipeline and the layout of its bindings.
@@ -54,7 +47,7 @@ pub(crate) struct Pass {
 }
 
 impl Pass {
-    /// Creates a pass from the text of its shader. The label is the name of the entry point.
+    /// Creates a pass from the text of its shader.
     pub(super) fn new(gpu: &GpuDevice, label: &'static str, text: String) -> Result<Self, GpuError> {
         gpu.checked(format_args!("the pass `{label}`"), |device| {
             let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -65,7 +58,7 @@ impl Pass {
                 label: Some(label),
                 layout: None,
                 module: &module,
-                entry_point: Some(label),
+                entry_point: Some(entry_point(label)),
                 compilation_options: Default::default(),
                 cache: None,
             });

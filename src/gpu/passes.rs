@@ -5,8 +5,9 @@ use std::collections::HashMap;
 use super::{
     GpuDevice, GpuError,
     buffers::{Buffers, Slot},
+    kinds::{KINDS, Kind},
     layout::Exchange,
-    pass::{KERNELS, Pass, shader},
+    pass::{BOUNDS, NEAREST, Pass, shader},
 };
 
 /// Invocations in a workgroup, except in the passes that sort, build the tree or dispatch.
@@ -23,26 +24,40 @@ pub(super) const UNIFORM: u64 = 256;
 const STEP: &[&str] = &[include_str!("../../shaders/motion.wgsl"), include_str!("../../shaders/step.wgsl")];
 const SORT: &[&str] = &[include_str!("../../shaders/sort.wgsl")];
 const TREE: &[&str] = &[include_str!("../../shaders/tree.wgsl")];
+const KINDS_FILE: &[&str] = &[include_str!("../../shaders/kinds.wgsl")];
 const CHORD: &[&str] = &[include_str!("../../shaders/chord.wgsl")];
 
-/// The entry points, and the source of their shaders.
-const ENTRIES: [(&str, &[&[&str]]); 11] = [
+/// The labels of the passes, and the source of their shaders. Labels of the narrow phase are listed in [`NARROW`].
+const ENTRIES: [(&str, &[&[&str]]); 10] = [
     ("place", &[STEP, &[include_str!("../../shaders/place.wgsl")]]),
     ("sort_blocks", &[SORT]),
     ("sort_far", &[SORT]),
     ("sort_near", &[SORT]),
     ("tree_bottom", &[STEP, TREE]),
     ("tree_top", &[STEP, TREE]),
-    ("broad_phase", &[KERNELS, STEP, &[include_str!("../../shaders/broad_phase.wgsl")]]),
-    ("dispatch", &[STEP, &[include_str!("../../shaders/dispatch.wgsl")]]),
+    ("broad_phase", &[&[NEAREST], STEP, &[include_str!("../../shaders/broad_phase.wgsl")]]),
+    ("dispatch", &[STEP, KINDS_FILE, &[include_str!("../../shaders/dispatch.wgsl")]]),
     ("place_chords", &[STEP, CHORD, &[include_str!("../../shaders/chords.wgsl")]]),
-    ("mid_phase", &[STEP, CHORD, &[include_str!("../../shaders/mid_phase.wgsl")]]),
-    ("narrow_phase", &[KERNELS, STEP, CHORD, &[include_str!("../../shaders/narrow_phase.wgsl")]]),
+    ("mid_phase", &[STEP, KINDS_FILE, CHORD, &[include_str!("../../shaders/mid_phase.wgsl")]]),
 ];
 
-/// Returns the entry points, and the texts of their shaders.
+/// Labels of the narrow phase for each kind of primitive pairs.
+const NARROW: [&str; KINDS] = [
+    "narrow_phase:cone_cone",
+    "narrow_phase:cone_slab",
+    "narrow_phase:slab_slab",
+    "narrow_phase:cone_box",
+    "narrow_phase:slab_box",
+];
+
+/// Returns the labels of the passes, and the texts of their shaders.
 pub(crate) fn shaders() -> impl Iterator<Item = (&'static str, String)> {
-    ENTRIES.iter().map(|(label, files)| (*label, shader(&files.concat())))
+    let entries = ENTRIES.iter().map(|(label, files)| (*label, shader(files.concat())));
+    let narrow = NARROW.into_iter().zip(Kind::ALL).map(|(label, kind)| {
+        let own = &[NEAREST, BOUNDS, include_str!("../../shaders/narrow_phase.wgsl")];
+        (label, shader([&[kind.constants()], STEP, KINDS_FILE, CHORD, own].concat()))
+    });
+    entries.chain(narrow)
 }
 
 /// All passes.
@@ -57,7 +72,7 @@ pub(crate) struct Passes {
     pub(super) dispatch: Pass,
     pub(super) place_chords: Pass,
     pub(super) mid_phase: Pass,
-    pub(super) narrow_phase: Pass,
+    pub(super) narrow_phase: [Pass; KINDS],
 }
 
 impl Passes {
@@ -67,7 +82,7 @@ impl Passes {
         Self::each(|label| Pass::new(gpu, label, texts.remove(label).unwrap_or_default()))
     }
 
-    /// Creates each pass from its entry point.
+    /// Creates each pass from its label.
     pub fn each<E>(mut pass: impl FnMut(&'static str) -> Result<Pass, E>) -> Result<Self, E> {
         Ok(Self {
             place: pass("place")?,
@@ -80,7 +95,10 @@ impl Passes {
             dispatch: pass("dispatch")?,
             place_chords: pass("place_chords")?,
             mid_phase: pass("mid_phase")?,
-            narrow_phase: pass("narrow_phase")?,
+            narrow_phase: {
+                let [a, b, c, d, e] = NARROW.map(&mut pass);
+                [a?, b?, c?, d?, e?]
+            },
         })
     }
 }
@@ -97,7 +115,7 @@ pub(super) struct Bound {
     pub dispatch: wgpu::BindGroup,
     pub place_chords: wgpu::BindGroup,
     pub mid_phase: wgpu::BindGroup,
-    pub narrow_phase: wgpu::BindGroup,
+    pub narrow_phase: [wgpu::BindGroup; KINDS],
 }
 
 impl Bound {
@@ -136,10 +154,9 @@ impl Bound {
                 &passes.mid_phase,
                 &[Params, Shapes, Spheres, Primitives, ShapeNodes, Chords, Counters, Candidates],
             ),
-            narrow_phase: bind(
-                &passes.narrow_phase,
-                &[Params, Shapes, Spheres, Primitives, Chords, Candidates, Counters, Survivors],
-            ),
+            narrow_phase: passes.narrow_phase.each_ref().map(|pass| {
+                bind(pass, &[Params, Shapes, Spheres, Primitives, Chords, Candidates, Counters, Survivors])
+            }),
         }
     }
 }

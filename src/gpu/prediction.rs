@@ -11,7 +11,7 @@ use bevy::tasks::TaskPool;
 use crate::{
     constants::{LOOK_AHEAD_SLACK, LOOK_AHEAD_STEPS},
     geometry::{Pose3, Sweep},
-    pipeline::{self, Body, Candidates, KinematicReach, Side, Solid, Statics, StepInput},
+    pipeline::{self, Body, BoundedPair, Candidates, KinematicReach, Primitives, Side, Solid, Statics, StepInput},
 };
 
 /// Prediction of the next [`LOOK_AHEAD_STEPS`] steps.
@@ -93,7 +93,7 @@ impl Prediction {
             .iter()
             .filter_map(|Candidates { sides: [first, second], primitives }| {
                 let sides = [side_now(*first)?, side_now(*second)?];
-                Some(Candidates { sides, primitives: primitives.clone() })
+                Some(Candidates { sides, primitives: in_step(primitives, step) })
             })
             .collect();
         // A body that is pushed leaves its path.
@@ -107,7 +107,7 @@ impl Prediction {
                 near.retain(|sides| sides.iter().any(is_departed));
             }
             if !widening.widen(input, kept.iter().map(|pair| pair.sides).chain(near.iter().copied())) {
-                kept.extend(near.into_iter().map(|sides| Candidates { sides, primitives: None }));
+                kept.extend(near.into_iter().map(|sides| Candidates { sides, primitives: Primitives::Unknown }));
                 return Some((kept, departed.iter().filter(|departed| **departed).count()));
             }
             for (body, departed) in departed.iter_mut().enumerate() {
@@ -134,6 +134,18 @@ impl Prediction {
         let rates = (body.sweep.rotation - expected.rotation / steps).length() * arm;
         at(&body.sweep.start, step - 1).max(at(&body.sweep.end, step)) + rates + shift
     }
+}
+
+/// Returns the primitive pairs of one of the predicted steps.
+fn in_step(primitives: &Primitives, step: u32) -> Primitives {
+    let Primitives::Bounded(bounded) = primitives else { return Primitives::Unknown };
+    let earlier = (step - 1) as f32;
+    let in_step = |pair: &BoundedPair| BoundedPair {
+        touch_bound: (pair.touch_bound * LOOK_AHEAD_STEPS as f32 - earlier).max(0.0),
+        is_near_at_end: true,
+        ..*pair
+    };
+    Primitives::Bounded(bounded.iter().map(in_step).collect())
 }
 
 /// Returns a motion that continues from `start` over the predicted steps.

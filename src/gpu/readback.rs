@@ -4,9 +4,9 @@ use bytemuck::{Pod, pod_collect_to_vec};
 
 use super::{
     GpuCapacity,
-    layout::{Counters, Pair, STATIC, Survivor, UNKNOWN},
+    layout::{Counters, NEAR_AT_END, Pair, STATIC, Survivor, UNKNOWN},
 };
-use crate::pipeline::{Candidates, Side};
+use crate::pipeline::{BoundedPair, Candidates, Primitives, Side};
 
 /// Results that the GPU is computing.
 pub(crate) struct Batch {
@@ -59,28 +59,41 @@ impl Room {
         list(data, 0, 1)[0]
     }
 
-    /// Returns the pairs with their primitives, all in ascending order, because the invocations of the GPU finish in any order. None if there was not
-    /// enough room.
+    /// Returns the pairs with their primitives, in any order, because the invocations of the GPU finish in any order. `None` if there was not enough room.
     pub fn candidates(self, data: &[u8]) -> Option<Vec<Candidates>> {
         let counts = Self::counts(data);
         if counts.pairs > self.pairs || counts.survivors > self.survivors {
             return None;
         }
-        let mut found: Vec<Candidates> =
-            list(data, Self::PAIRS_AT, counts.pairs).iter().map(Pair::candidates).collect();
+        let pairs: Vec<Pair> = list(data, Self::PAIRS_AT, counts.pairs);
+        let mut found: Vec<Candidates> = pairs.iter().map(Pair::candidates).collect();
         for survivor in list::<Survivor>(data, self.survivors_at(), counts.survivors) {
-            if let Some(primitives) = &mut found[survivor.pair as usize].primitives {
-                primitives.push([survivor.first, survivor.second]);
+            if let Primitives::Bounded(bounded) = &mut found[survivor.pair as usize].primitives {
+                bounded.push(survivor.bounded());
             }
         }
-        for primitives in found.iter_mut().filter_map(|pair| pair.primitives.as_mut()) {
-            primitives.sort_unstable();
-            // Primitives that meet along several chords occur several times.
-            primitives.dedup();
+        for (pair, found) in pairs.iter().zip(&mut found) {
+            if let Primitives::Bounded(bounded) = &mut found.primitives
+                && pair.chords > 1
+            {
+                join_chords(bounded);
+            }
         }
-        found.sort_unstable_by_key(|pair| pair.sides);
         Some(found)
     }
+}
+
+/// Joins the bounds of primitives that are near along several chords.
+fn join_chords(bounded: &mut Vec<BoundedPair>) {
+    bounded.sort_unstable_by_key(|pair| pair.primitives);
+    bounded.dedup_by(|next, pair| {
+        let is_same = next.primitives == pair.primitives;
+        if is_same {
+            pair.touch_bound = pair.touch_bound.min(next.touch_bound);
+            pair.is_near_at_end |= next.is_near_at_end;
+        }
+        is_same
+    });
 }
 
 impl Pair {
@@ -88,8 +101,19 @@ impl Pair {
     fn candidates(&self) -> Candidates {
         let index = self.second & !(STATIC | UNKNOWN);
         let second = if self.second & STATIC == 0 { Side::Body(index) } else { Side::Static(index) };
-        let primitives = if self.second & UNKNOWN == 0 { Some(Vec::new()) } else { None };
+        let is_known = self.second & UNKNOWN == 0;
+        let primitives = if is_known { Primitives::Bounded(Vec::new()) } else { Primitives::Unknown };
         Candidates { sides: [Side::Body(self.first), second], primitives }
+    }
+}
+
+impl Survivor {
+    fn bounded(&self) -> BoundedPair {
+        BoundedPair {
+            primitives: [self.first, self.second & !NEAR_AT_END],
+            touch_bound: self.touch,
+            is_near_at_end: self.second & NEAR_AT_END != 0,
+        }
     }
 }
 

@@ -43,7 +43,7 @@ use workspace::Scratch;
 
 pub use contacts::{CachedPair, Contact, ContactCache, ContactMargin, Displacement, Manifold, OtherShape};
 pub use input::{Body, Culling, Groups, PairFilter, Side, StaticBody, Statics, StepInput, relative_pose};
-pub use output::{Candidates, Counts, Impact, Pair, StepOutput, Stop, Times};
+pub use output::{BoundedPair, Candidates, Counts, Impact, Pair, Primitives, StepOutput, Stop, Times};
 pub use parts::{ConvexParts, Core, Part, Parts};
 pub(crate) use shape::with_spheres;
 pub use shape::{Hull, Shape};

@@ -4,10 +4,14 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    CachedPair, ContactCache, ContactMargin, Manifold, Pair, Scratch, Side, Statics, StepInput, StepOutput,
-    contacts::{find, gap, reduce},
+    BoundedPair, CachedPair, ContactCache, ContactMargin, Culling, Manifold, Pair, Primitives, Scratch, Side, Statics,
+    StepInput, StepOutput,
+    contacts::{
+        find::{self, Listed},
+        gap, reduce,
+    },
     laps,
-    pairs::{BodyPair, PrimitivePair},
+    pairs::BodyPair,
     parallel::{self, Scratches},
     relative_pose,
     respond::Trajectories,
@@ -18,20 +22,20 @@ use super::{
 };
 use crate::geometry::Pose3;
 
-/// Finds the first impact of each pair on the assumption that no body leaves its path. `known`: the candidate primitive pairs of each pair, where they are
-/// known. `cache`: the contacts of the last step.
+/// Finds the first impact of each pair on the assumption that no body leaves its path. `known`: the primitive pairs of each pair; empty if no pair has any.
+/// `cache`: the contacts of the last step.
 pub(super) fn impacts(
     input: &StepInput,
     statics: &Statics,
     pairs: &[BodyPair],
-    known: &[Option<Vec<PrimitivePair>>],
+    known: &[Primitives],
     cache: &ContactCache,
     tasks: &Scratches<Scratch>,
     impacts: &mut Vec<ImpactResult>,
     pool: &TaskPool,
 ) {
     parallel::map(pool, tasks, pairs, 4, impacts, |scratch, i, pair| {
-        let known = known.get(i).and_then(Option::as_deref);
+        let known = known.get(i).unwrap_or(&Primitives::Unknown);
         let gap = gap_at_start(input, statics, pair, cache);
         let mut motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
         motions.retain(|motion| motion.path() + motion.reach() >= gap);
@@ -79,6 +83,8 @@ pub(super) struct Found {
 pub(super) struct Ends<'a> {
     pub input: &'a StepInput,
     pub statics: &'a Statics,
+    /// The primitive pairs of each pair; empty if no pair has any.
+    pub known: &'a [Primitives],
     /// Where bodies end the step.
     pub trajectories: &'a Trajectories,
     /// Contacts of the last step.
@@ -105,7 +111,7 @@ impl Ends<'_> {
 
     fn manifolds_of(&self, index: usize, pair: &BodyPair, scratch: &mut Scratch, manifolds: &mut Vec<Manifold>) {
         let Self { input, statics, trajectories, .. } = *self;
-        let Scratch { contact: buffers, contacts, reduce, found, laps: [finding, reducing], .. } = scratch;
+        let Scratch { contact: buffers, contacts, listed, reduce, found, laps: [finding, reducing], .. } = scratch;
         let mut lap = laps();
         let sides = [pair.first, pair.second];
         let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
@@ -121,7 +127,8 @@ impl Ends<'_> {
             *finding += lap();
         } else {
             contacts.clear();
-            find::find_with(shape1, second.second(), &pose12, reach, input.culling, contacts, buffers);
+            let listed = self.listed(index, pair, listed);
+            find::find_with(shape1, second.second(), &pose12, reach, listed, contacts, buffers);
             // A fast pair would use up its gap in a few steps.
             let is_slow = reach.in_touch < input.prediction;
             if contacts.is_empty() && is_slow && input.recycle_contacts {
@@ -132,6 +139,27 @@ impl Ends<'_> {
             *reducing += lap();
         }
         found.push(Found { pair: index, count: manifolds.len() - before, reach, gap, pose12, recycled });
+    }
+
+    /// Returns the primitive pairs that may have contacts, if they are known. `listed`: a buffer for them.
+    fn listed<'l>(&self, index: usize, pair: &BodyPair, listed: &'l mut Vec<[u32; 2]>) -> Listed<'l> {
+        let Self { input, known, trajectories, .. } = *self;
+        if input.culling == Culling::None {
+            return Listed::All;
+        }
+        // The bounds hold while both bodies are on their own paths at the same time.
+        let mut ends = pair.bodies().map(|body| trajectories.path_end(body));
+        let (Some(Primitives::Bounded(known)), Some(Some(end))) = (known.get(index), ends.next()) else {
+            return Listed::Unknown;
+        };
+        if ends.any(|other| other != Some(end)) {
+            return Listed::Unknown;
+        }
+        listed.clear();
+        let is_near = |bounded: &&BoundedPair| end < 1.0 || bounded.is_near_at_end;
+        listed.extend(known.iter().filter(is_near).map(|bounded| bounded.primitives));
+        listed.sort_unstable();
+        Listed::Pairs(listed)
     }
 
     /// Returns the index of a pair in the cache, if its contacts are still valid.

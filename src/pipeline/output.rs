@@ -50,15 +50,55 @@ pub struct Stop {
 }
 
 /// A candidate pair: two bodies that may come within the prediction distance of each other in the step, wherever each of them stops.
-///
-/// The primitive pairs are those that may touch if no body stops.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Candidates {
     /// The bodies, in any order. At least one of them is medial.
     pub sides: [Side; 2],
-    /// Pairs of a primitive of the first side and one of the second, in any order. A side that is not medial has parts instead of primitives. `None` if
-    /// the pairs are not known; then the mid phase finds them.
-    pub primitives: Option<Vec<[u32; 2]>>,
+    /// Their primitives. A side that is not medial has parts instead of primitives.
+    pub primitives: Primitives,
+}
+
+/// The primitive pairs of a candidate pair, in any order: a primitive of the first side and one of the second.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Primitives {
+    /// The mid phase finds the pairs.
+    #[default]
+    Unknown,
+    /// The pairs that may touch if no body stops. Searches of halved steps and of contacts cull on their own.
+    MayTouch(Vec<[u32; 2]>),
+    /// The pairs that may come within the prediction distance if no body stops. They replace the searches of the CPU.
+    Bounded(Vec<BoundedPair>),
+}
+
+impl Primitives {
+    /// Returns the primitive pairs; none if they are not known.
+    pub fn indices(&self) -> Box<dyn Iterator<Item = [u32; 2]> + '_> {
+        match self {
+            Primitives::Unknown => Box::new(std::iter::empty()),
+            Primitives::MayTouch(pairs) => Box::new(pairs.iter().copied()),
+            Primitives::Bounded(pairs) => Box::new(pairs.iter().map(|pair| pair.primitives)),
+        }
+    }
+
+    /// Exchanges the sides.
+    pub(super) fn reverse(&mut self) {
+        match self {
+            Primitives::Unknown => {}
+            Primitives::MayTouch(pairs) => pairs.iter_mut().for_each(|pair| pair.reverse()),
+            Primitives::Bounded(pairs) => pairs.iter_mut().for_each(|pair| pair.primitives.reverse()),
+        }
+    }
+}
+
+/// A primitive pair with bounds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoundedPair {
+    /// Primitive of the first side, and primitive or part of the second.
+    pub primitives: [u32; 2],
+    /// Lower bound of the time of the first touch, as a fraction of the step. It exceeds 1 if they do not touch within the step.
+    pub touch_bound: f32,
+    /// True if they may be within the prediction distance at the end of the step.
+    pub is_near_at_end: bool,
 }
 
 /// Output of a step. All lists are sorted by body indices.
@@ -107,7 +147,7 @@ pub struct Counts {
     pub body_pairs: usize,
     /// Primitive pairs that the mid phase leaves.
     pub candidates: usize,
-    /// Time-of-impact queries.
+    /// Primitive pairs whose distance and time of impact were computed.
     pub toi_tests: usize,
     /// Contact points after reduction.
     pub contacts: usize,

@@ -5,7 +5,8 @@ use std::time::Duration;
 use bevy::tasks::TaskPool;
 
 use super::{
-    Candidates, Contact, ContactCache, Counts, PairFilter, Side, Statics, StepInput, StepOutput, Stop, broad,
+    Candidates, Contact, ContactCache, Counts, PairFilter, Primitives, Side, Statics, StepInput, StepOutput, Stop,
+    broad,
     contacts::{find, reduce},
     laps,
     narrow_phase::{self, Ends, Found},
@@ -39,6 +40,8 @@ pub(super) struct Scratch {
     pub first_impact: first_impact::Buffers,
     pub contact: find::Buffers,
     pub contacts: Vec<Contact>,
+    /// Primitive pairs of a pair that may have contacts.
+    pub listed: Vec<[u32; 2]>,
     pub reduce: reduce::Room,
     /// Candidates of each pair after culling, if they are part of the output.
     pub reported: Vec<(usize, Vec<PrimitivePair>)>,
@@ -90,8 +93,7 @@ impl Workspace {
 
     /// Runs the stages after culling, with candidates from an external search. Calls the filter once for each pair that may collide, in order.
     ///
-    /// Skips candidate pairs that may not collide. Searches of a halved step, and searches after an impact, cull on their own: they do not use the
-    /// candidates' primitive pairs.
+    /// Skips candidate pairs that may not collide. Searches after an impact cull on their own: they do not use the candidates' primitive pairs.
     ///
     /// # Panics
     /// If an index is out of range.
@@ -113,12 +115,12 @@ impl Workspace {
         self.finish(input, statics, &known, output, pool);
     }
 
-    /// Runs the stages after the broad phase. `known`: the candidate primitive pairs of each body pair, where they are known.
+    /// Runs the stages after the broad phase. `known`: the primitive pairs of each body pair; empty if no pair has any.
     fn finish(
         &mut self,
         input: &StepInput,
         statics: &Statics,
-        known: &[Option<Vec<PrimitivePair>>],
+        known: &[Primitives],
         output: &mut StepOutput,
         pool: &TaskPool,
     ) {
@@ -133,7 +135,7 @@ impl Workspace {
         output.times.stop = lap();
         let again = tally(tasks);
 
-        let ends = Ends { input, statics, trajectories, cache };
+        let ends = Ends { input, statics, known, trajectories, cache };
         ends.manifolds(pairs, tasks, &mut output.manifolds, pool);
         let [contacts, reduction] = split(lap(), tasks);
         output.times.narrow += contacts;
@@ -152,7 +154,7 @@ impl Workspace {
             reported.sort_unstable_by_key(|(pair, _)| *pair);
             output.candidates.extend(pairs.iter().zip(reported).map(|(pair, (_, primitives))| Candidates {
                 sides: [pair.first, pair.second],
-                primitives: Some(primitives),
+                primitives: Primitives::MayTouch(primitives),
             }));
         }
         output.stops.extend(trajectories.bodies().map(|body| Stop {

@@ -34,7 +34,7 @@ use bevy::{
 
 use super::{MedialStep, gpu::of_renderer};
 use crate::{
-    gpu::{Batch, GpuCapacity, GpuCulling, GpuError, Pass, Passes, Prediction, copy_when_mapped, shaders},
+    gpu::{Batch, GpuCapacity, GpuCulling, GpuError, Pass, Passes, Prediction, copy_when_mapped, entry_point, shaders},
     pipeline::{Candidates, KinematicReach},
 };
 
@@ -202,7 +202,7 @@ fn prepare(
         let descriptor = ComputePipelineDescriptor {
             label: Some((*label).into()),
             shader: shader.clone(),
-            entry_point: Some((*label).into()),
+            entry_point: Some(entry_point(label).into()),
             ..default()
         };
         (*label, cache.queue_compute_pipeline(descriptor))

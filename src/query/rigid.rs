@@ -6,7 +6,10 @@ use super::{
     separation::{Cuboid, Separation},
     time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, start, time_of_depth},
 };
-use crate::geometry::{Placement, Sphere, Sweep};
+use crate::{
+    constants::CONTACT_ROUNDING,
+    geometry::{Placement, Sphere, Sweep},
+};
 
 /// The motion of a pair of bodies in an interval. Every point moves on the chord of its path, up to a known deviation.
 #[derive(Clone, Copy, Debug)]
@@ -136,25 +139,27 @@ pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, ch
     RigidStart { separation, stay_apart }
 }
 
-/// First fraction of the interval, up to `max_fraction`, at which two primitives of rigid bodies overlap by `depth` metres. `depth` must exceed their
-/// overlap at the start.
+/// First fraction of the interval at which two primitives of rigid bodies overlap by `depth` metres. `depth` must exceed their overlap at the start.
 ///
 /// Both are in the frames of their bodies; the contact is in the frame of the chord. The first side is enlarged by the chord's deviation, so an
 /// impact is early by at most twice the deviation, and never late.
+///
+/// The search ends without a result as soon as the fraction provably exceeds `limit`. A fraction up to the limit does not depend on it.
 pub fn rigid_impact<const N: usize, B: Rigid>(
     first: &[Sphere; N],
     second: &B,
     chord: &Chord,
     start: &RigidStart,
-    max_fraction: f32,
+    limit: f32,
     depth: f32,
 ) -> TimeOfImpact {
-    if start.distance() + depth > chord.path * max_fraction {
+    // The path may be rounded down.
+    if start.distance() + depth > chord.path * limit * (1.0 + CONTACT_ROUNDING) {
         let status = TimeOfImpactStatus::Separated;
-        return TimeOfImpact { status, fraction: max_fraction, contact: start.separation, rounds: 0 };
+        return TimeOfImpact { status, fraction: limit, contact: start.separation, rounds: 0 };
     }
     let (moving1, moving2) = chord.along(first, second);
-    time_of_depth(&moving1, &moving2, max_fraction, depth, Some(start.separation))
+    time_of_depth(&moving1, &moving2, limit, depth, start.separation)
 }
 
 /// Distance of two primitives of rigid bodies at the end of their chord, in metres; negative for an overlap.

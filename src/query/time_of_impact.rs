@@ -276,7 +276,9 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
     }
 
     /// The search of [`time_of_impact`], from an instant without an earlier touch, after `rounds` iterations.
-    fn advance(&self, start: Instant<N, B::Shape>, mut rounds: u32, max_fraction: f32) -> TimeOfImpact {
+    ///
+    /// The search ends as soon as the fraction provably exceeds `limit`. A fraction up to the limit does not depend on it.
+    fn advance(&self, start: Instant<N, B::Shape>, mut rounds: u32, max_fraction: f32, limit: f32) -> TimeOfImpact {
         let extent = self.first.extent_at_start().max(self.second.extent_at_start());
         let result = |status, fraction, now: &Instant<N, B::Shape>, rounds| {
             let mut contact = now.separation;
@@ -295,7 +297,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         let mut here = start;
         let mut cleared = self.cleared_until(&here);
         while rounds < MAX_ADVANCES {
-            if cleared > max_fraction {
+            if cleared > max_fraction.min(limit) {
                 return result(TimeOfImpactStatus::Separated, cleared, &here, rounds);
             }
             let next = self.look(cleared, here.separation.feature, extent);
@@ -312,7 +314,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         let aim = 0.5 * (self.target + touching);
         let mut step = FIRST_TRIAL * shortest.max(cleared - here.fraction);
         let mut halve = false;
-        while cleared <= max_fraction {
+        while cleared <= max_fraction && here.fraction <= limit {
             if rounds >= MAX_ROUNDS {
                 return result(TimeOfImpactStatus::IterationLimit, here.fraction, &here, rounds);
             }
@@ -373,7 +375,7 @@ pub(super) fn time_of_impact_from<const N: usize, B: MovingConvex>(
     max_fraction: f32,
 ) -> TimeOfImpact {
     let pair = Pair { first, second, target: 0.0 };
-    pair.advance(pair.at(cleared, 0), rounds + 1, max_fraction)
+    pair.advance(pair.at(cleared, 0), rounds + 1, max_fraction, max_fraction)
 }
 
 /// The separation at the start, relative to the origin there, and whether the pair provably does not touch until `max_fraction`.
@@ -387,24 +389,17 @@ pub(super) fn start<const N: usize, B: MovingConvex>(
     (start.separation, start.separation.distance > 0.0 && pair.cleared_until(&start) > max_fraction)
 }
 
-/// First fraction at which two primitives overlap by `depth` metres. `depth` must exceed their overlap at the start. `known`: the separation found by
-/// [`start`].
+/// First fraction of the step at which two primitives overlap by `depth` metres. `depth` must exceed their overlap at the start. `separation`: that of the
+/// start, as found by [`start`]. The search ends as soon as the fraction provably exceeds `limit`.
 pub(super) fn time_of_depth<const N: usize, B: MovingConvex>(
     first: &Moving<N>,
     second: &B,
-    max_fraction: f32,
+    limit: f32,
     depth: f32,
-    known: Option<Separation>,
+    separation: Separation,
 ) -> TimeOfImpact {
-    let mut pair = Pair { first, second, target: 0.0 };
-    let start = match known {
-        Some(separation) => {
-            let (first, second) = pair.shapes(0.0);
-            Instant { fraction: 0.0, first, second, separation }
-        }
-        None => pair.at(0.0, 0),
-    };
     let rounding = 2.0 * TOUCH_ROUNDING * first.extent_at_start().max(second.extent_at_start());
-    pair.target = -depth.max(rounding - start.separation.distance);
-    pair.advance(start, 1, max_fraction)
+    let pair = Pair { first, second, target: -depth.max(rounding - separation.distance) };
+    let (first, second) = pair.shapes(0.0);
+    pair.advance(Instant { fraction: 0.0, first, second, separation }, 1, 1.0, limit)
 }

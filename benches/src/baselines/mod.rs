@@ -36,7 +36,8 @@ use bevy_medial::{
     constants::{CHORD_TOLERANCE, CONTACT_ROUNDING, LINEAR_SLOP},
     geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
     pipeline::{
-        Body, Candidates, PairFilter, Shape, Side, Solid, StaticBody, Statics, StepInput, StepOutput, Workspace,
+        Body, Candidates, PairFilter, Primitives, Shape, Side, Solid, StaticBody, Statics, StepInput, StepOutput,
+        Workspace,
     },
 };
 
@@ -128,8 +129,10 @@ impl<V: Volume> Baseline for Trees<V> {
         let broad = begin.elapsed();
 
         let begin = Instant::now();
-        let of_pair =
-            |sides: &[Side; 2]| Candidates { sides: *sides, primitives: Some(self.primitives(sides, input, statics)) };
+        let of_pair = |sides: &[Side; 2]| Candidates {
+            sides: *sides,
+            primitives: Primitives::MayTouch(self.primitives(sides, input, statics)),
+        };
         let candidates = if pairs.len() <= LEAST_PER_TASK {
             pairs.iter().map(of_pair).collect()
         } else {

@@ -11,8 +11,8 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Body, Candidates, Culling, PairFilter, Scratch, Shape, Side, Solid, Statics, StepInput,
-    pairs::{BodyPair, PrimitivePair},
+    Body, Candidates, Culling, PairFilter, Primitives, Scratch, Shape, Side, Solid, Statics, StepInput,
+    pairs::BodyPair,
     parallel::{self, Scratches},
 };
 use crate::{
@@ -72,16 +72,16 @@ pub(super) fn run(
     pairs.retain_mut(|pair| consents(input, statics, pair, filter(pair.first, pair.second)));
 }
 
-/// Returns the given candidates that may collide as sorted body pairs, each with its sorted primitive pairs.
+/// Returns the given candidates that may collide as sorted body pairs, each with its primitive pairs.
 pub(super) fn from_candidates(
     input: &StepInput,
     statics: &Statics,
     candidates: Vec<Candidates>,
     filter: impl Fn(Side, Side) -> PairFilter,
-) -> Vec<(BodyPair, Option<Vec<PrimitivePair>>)> {
+) -> Vec<(BodyPair, Primitives)> {
     let mut kinematic_reach = KinematicReach::new(input);
     kinematic_reach.widen(input, candidates.iter().map(|pair| pair.sides));
-    let mut pairs: Vec<(BodyPair, Option<Vec<PrimitivePair>>)> = candidates
+    let mut pairs: Vec<(BodyPair, Primitives)> = candidates
         .into_iter()
         .filter_map(|Candidates { sides, mut primitives }| {
             let pair = match sides {
@@ -91,12 +91,8 @@ pub(super) fn from_candidates(
                 }
                 [Side::Static(_), Side::Static(_)] => None,
             }?;
-            if let Some(primitives) = &mut primitives {
-                if pair.first != sides[0] {
-                    primitives.iter_mut().for_each(|pair| pair.reverse());
-                }
-                primitives.sort_unstable();
-                primitives.dedup();
+            if pair.first != sides[0] {
+                primitives.reverse();
             }
             Some((pair, primitives))
         })
@@ -276,7 +272,7 @@ mod tests {
             input.apart.extend(is_apart.then_some([1, 2]));
             let sides =
                 [[Side::Body(0), Side::Body(1)], [Side::Body(0), Side::Static(0)], [Side::Body(1), Side::Static(0)]];
-            let candidates = sides.map(|sides| Candidates { sides, primitives: None }).to_vec();
+            let candidates = sides.map(|sides| Candidates { sides, primitives: Primitives::Unknown }).to_vec();
             let found = step(&input, &statics, &TaskPool::new());
             let known =
                 step_from_candidates(&input, &statics, candidates, |_, _| PairFilter::Stopping, &TaskPool::new());

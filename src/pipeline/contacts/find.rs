@@ -9,7 +9,7 @@ use glam::{Vec3, Vec4};
 use crate::{
     geometry::{Aabb, Placement, Pose3, Sphere},
     pipeline::{
-        ContactMargin, ConvexParts, Core, Culling, Hull, Part, Parts, Shape,
+        ContactMargin, ConvexParts, Core, Hull, Part, Parts, Shape,
         contacts::{
             cluster::{self, cluster},
             features::{NONE_SHARED, SharedSpheres, crossings, face, on_face, one_sided, two_sided},
@@ -32,6 +32,17 @@ pub enum OtherShape<'a> {
     Shape(&'a Shape),
     /// Any other collider.
     Parts(&'a dyn ConvexParts),
+}
+
+/// The primitive pairs of a pair of bodies that may have contacts.
+#[derive(Clone, Copy)]
+pub(in crate::pipeline) enum Listed<'a> {
+    /// The search finds them.
+    Unknown,
+    /// All pairs.
+    All,
+    /// These pairs, in ascending order.
+    Pairs(&'a [[u32; 2]]),
 }
 
 /// Buffers that are kept from pair to pair to avoid allocations.
@@ -61,7 +72,7 @@ pub fn find(
     contacts: &mut Vec<Contact>,
 ) {
     contacts.clear();
-    find_with(shape1, second, pose12, reach.into(), Culling::Hybrid, contacts, &mut Buffers::default());
+    find_with(shape1, second, pose12, reach.into(), Listed::Unknown, contacts, &mut Buffers::default());
 }
 
 /// [`find`] with buffers. `contacts` has to be empty.
@@ -70,16 +81,13 @@ pub(in crate::pipeline) fn find_with(
     second: OtherShape,
     pose12: &Pose3,
     reach: ContactMargin,
-    culling: Culling,
+    listed: Listed,
     contacts: &mut Vec<Contact>,
     buffers: &mut Buffers,
 ) {
     let mut find = |reach: ContactMargin, contacts: &mut Vec<Contact>| match second {
-        OtherShape::Shape(shape2) => {
-            let all = (culling == Culling::None).then(|| mid_phase::all(shape1.len(), shape2.len()));
-            of_shapes(shape1, shape2, pose12, reach, all, contacts, buffers);
-        }
-        OtherShape::Parts(parts) => of_parts(shape1, parts, pose12, reach, contacts, buffers),
+        OtherShape::Shape(shape2) => of_shapes(shape1, shape2, pose12, reach, listed, contacts, buffers),
+        OtherShape::Parts(parts) => of_parts(shape1, parts, pose12, reach, listed, contacts, buffers),
     };
     find(reach, contacts);
     let touch = reach.touch();
@@ -95,12 +103,13 @@ fn of_parts(
     parts: &dyn ConvexParts,
     pose12: &Pose3,
     ContactMargin { prediction, length_unit, .. }: ContactMargin,
+    listed: Listed,
     contacts: &mut Vec<Contact>,
     buffers: &mut Buffers,
 ) {
     let parts = parts.within(&surroundings(shape1, pose12, prediction));
     for part in &parts {
-        collect_part(shape1, part, pose12, prediction, contacts, &mut buffers.near);
+        collect_part(shape1, part, pose12, prediction, listed, contacts, &mut buffers.near);
     }
     contacts.sort_unstable_by(Contact::order);
     let sides: [&dyn internal_edges::Side; 2] = [shape1, &parts];
@@ -112,13 +121,13 @@ fn surroundings(shape1: &Shape, pose12: &Pose3, distance: f32) -> Aabb {
     shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(distance)
 }
 
-/// Finds the contacts of two medial shapes. `candidates`: the primitive pairs that may have contacts, if they are known.
+/// Finds the contacts of two medial shapes.
 fn of_shapes(
     shape1: &Shape,
     shape2: &Shape,
     pose12: &Pose3,
     ContactMargin { prediction, length_unit, .. }: ContactMargin,
-    candidates: Option<impl IntoIterator<Item = [u32; 2]>>,
+    listed: Listed,
     contacts: &mut Vec<Contact>,
     Buffers { near, settled, taken, edges }: &mut Buffers,
 ) {
@@ -151,9 +160,11 @@ fn of_shapes(
             }
         }));
     };
-    match candidates {
-        Some(known) => known.into_iter().for_each(|pair| collect(pair, shape1.hull(pair[0]).placed(&to_second))),
-        None => near_shape(shape1, shape2, pose12, prediction, near, collect),
+    let mut visit = |pair: [u32; 2]| collect(pair, shape1.hull(pair[0]).placed(&to_second));
+    match listed {
+        Listed::Pairs(pairs) => pairs.iter().for_each(|pair| visit(*pair)),
+        Listed::All => mid_phase::all(shape1.len(), shape2.len()).for_each(visit),
+        Listed::Unknown => near_shape(shape1, shape2, pose12, prediction, near, collect),
     }
     cluster(contacts, taken);
     internal_edges::remove(contacts, pose12.rotation, [shape1, shape2], length_unit, edges);
@@ -192,13 +203,14 @@ fn collect_part(
     part: &Part,
     pose12: &Pose3,
     prediction: f32,
+    listed: Listed,
     contacts: &mut Vec<Contact>,
     near: &mut near::Room,
 ) {
     let pose12 = *pose12 * part.pose;
     let to_first = Placement::from(pose12);
     let within = prediction + part.rounding;
-    near_part(shape1, part, &pose12, prediction, near, |primitive1, hull| {
+    let mut collect = |primitive1: u32, hull: Hull| {
         let mut push = |s: &Separation| {
             contacts.push(Contact {
                 point1: to_first.point(s.point1),
@@ -229,5 +241,13 @@ fn collect_part(
                 two_sided((&first, NONE_SHARED), (&second, NONE_SHARED), within, &mut push);
             }),
         });
-    });
+    };
+    match listed {
+        Listed::Pairs(pairs) => {
+            let to_part = Placement::from(pose12.inverse());
+            let of_part = pairs.iter().filter(|[_, id]| *id == part.id);
+            of_part.for_each(|[primitive1, _]| collect(*primitive1, shape1.hull(*primitive1).placed(&to_part)));
+        }
+        Listed::All | Listed::Unknown => near_part(shape1, part, &pose12, prediction, near, collect),
+    }
 }

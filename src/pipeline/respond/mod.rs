@@ -15,7 +15,7 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Body, Impact, Scratch, Statics, StepInput,
+    Body, Impact, Primitives, Scratch, Statics, StepInput,
     joint_islands::JointIslands,
     pairs::{BodyPair, PairsOf},
     parallel::{self, Scratches},
@@ -234,7 +234,7 @@ fn impact_from(
 ) -> Option<Impact> {
     let motions = PairMotion::all(input, statics, pair, |body| trajectories.sweep_from(input, body, fraction));
     let times = [pair.first, pair.second].map(|side| trajectories.times(side, fraction));
-    let question = Question { input, statics, pair, known: None, times, normal: before.normal };
+    let question = Question { input, statics, pair, known: &Primitives::Unknown, times, normal: before.normal };
     // The time of searches after impacts is not split between stages.
     let found = first_impact(&question, motions, scratch, || Duration::ZERO).impact?;
     Some(Impact { fraction: fraction + (1.0 - fraction) * found.fraction, ..found })

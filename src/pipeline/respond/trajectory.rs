@@ -112,9 +112,15 @@ impl Trajectories {
 
     /// Returns the fractions of its own path between which a body moves from `fraction` on. `None` for a pushed or wedged body, because it is off its path.
     pub(in crate::pipeline) fn times(&self, side: Side, fraction: f32) -> Option<[f32; 2]> {
-        match side.body().and_then(|body| self.get(body)) {
-            None => Some([fraction, 1.0]),
-            Some(Trajectory { state: State::Stopped, from, .. }) => Some([*from; 2]),
+        let end = side.body().map_or(Some(1.0), |body| self.path_end(body))?;
+        Some([fraction.min(end), end])
+    }
+
+    /// Returns the fraction of its own path at which a body ends the step. `None` for a pushed or wedged body, because it is off its path.
+    pub fn path_end(&self, body: u32) -> Option<f32> {
+        match self.get(body) {
+            None => Some(1.0),
+            Some(Trajectory { state: State::Stopped, from, .. }) => Some(*from),
             Some(_) => None,
         }
     }

@@ -10,7 +10,7 @@ use crate::{
     constants::{FEW_PRIMITIVES, SHORTEST_INTERVAL},
     geometry::Sweep,
     pipeline::{
-        Impact, Scratch, Statics, StepInput,
+        Impact, Primitives, Scratch, Statics, StepInput,
         pairs::{BodyPair, PrimitivePair},
         sweep::{
             mid_phase::{self, Candidates, OwnBoxes},
@@ -35,6 +35,7 @@ pub(in crate::pipeline) struct ImpactResult {
 pub(in crate::pipeline) struct Tally {
     /// Primitive pairs that culling leaves.
     pub candidates: usize,
+    /// Primitive pairs whose distance and time of impact were computed.
     pub toi_tests: usize,
     pub unresolved: usize,
 }
@@ -45,8 +46,7 @@ pub(in crate::pipeline) struct Question<'a> {
     pub input: &'a StepInput,
     pub statics: &'a Statics,
     pub pair: &'a BodyPair,
-    /// Primitive pairs that culling leaves, if they are known. Used only for a step that is not halved.
-    pub known: Option<&'a [PrimitivePair]>,
+    pub known: &'a Primitives,
     /// Per side, the fractions of its original motion between which the side moves. `None` for a side that is off its original path.
     pub times: [Option<[f32; 2]>; 2],
     /// A direction from the first body to the second, in the world, along which many of their primitives may be apart; zero if it is not known.
@@ -61,14 +61,26 @@ pub(in crate::pipeline) struct Buffers {
     chords: Vec<Chord>,
     /// Candidates of each motion.
     candidates: Vec<Candidates>,
+    /// Candidates that touch in the interval, but not at its start.
+    later: Vec<Later>,
     /// Candidates of the last searched pair after culling, if they are part of the output.
     pub reported: Vec<PrimitivePair>,
     spheres: SphereBuffers,
-    /// Primitive pairs that may touch in the interval: index of the motion, primitives, and state at the start of the interval.
-    approaching: Vec<(usize, PrimitivePair, RigidStart)>,
-    /// Overlaps at the start of the step in metres, by motion and primitives.
-    overlaps: HashMap<(usize, PrimitivePair), f32>,
+    /// Primitive pairs that may touch in the interval, and their state at its start.
+    approaching: Vec<(Key, RigidStart)>,
+    /// Overlaps at the start of the step in metres.
+    overlaps: HashMap<Key, f32>,
     grazes: Vec<Graze>,
+}
+
+/// Index of a motion, and primitives of its sides.
+type Key = (usize, PrimitivePair);
+
+/// A candidate with a lower bound of the time of its first touch, in steps.
+#[derive(Clone, Copy, Debug)]
+struct Later {
+    bound: f32,
+    key: Key,
 }
 
 /// Finds the earliest impact of a pair's motions: the first touch of cores. Motions with a path shorter than the slop have no impact, so that piles come to
@@ -90,7 +102,7 @@ pub(in crate::pipeline) fn first_impact(
     if motions.is_empty() {
         return result;
     }
-    let mut search = Search { question, result, deepest: None, boxes, tally, buffers, laps, lap };
+    let mut search = Search { question, result, first: (0, [0; 2]), deepest: None, boxes, tally, buffers, laps, lap };
     search.interval(&mut motions, [0.0, 1.0]);
     search.result
 }
@@ -120,15 +132,8 @@ enum Touch {
 /// The start of a touch of surfaces in an earlier interval of the step.
 #[derive(Debug)]
 struct Graze {
-    index: usize,
-    pair: PrimitivePair,
+    key: Key,
     impact: Impact,
-}
-
-impl Graze {
-    fn is_of(&self, index: usize, pair: PrimitivePair) -> bool {
-        (self.index, self.pair) == (index, pair)
-    }
 }
 
 /// Returns an impact of two primitives in the world. `toi`: their touch in an interval. `times`: start and end of the interval, in steps.
@@ -149,6 +154,8 @@ fn in_world(motion: &PairMotion, [primitive1, second]: PrimitivePair, toi: &Time
 struct Search<'b, L> {
     question: &'b Question<'b>,
     result: ImpactResult,
+    /// Motion and primitives of the impact, if there is one.
+    first: Key,
     /// Largest overlap of the bodies at the start of the step, in metres. `None` if they are not in touch there.
     deepest: Option<f32>,
     boxes: &'b mut BoxCache,
@@ -193,64 +200,103 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
 
     /// Finds the candidates of each motion in an interval, and stops soon after `max` of them. Returns true if there are candidates.
     fn cull(&mut self, motions: &[PairMotion], times: [f32; 2], max: usize) -> bool {
-        let Buffers { own, candidates, .. } = &mut *self.buffers;
+        let Buffers { own, candidates, later, .. } = &mut *self.buffers;
         candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
-        let is_whole = times == [0.0, 1.0];
-        let known = self.question.known.filter(|_| is_whole);
+        candidates.iter_mut().for_each(Vec::clear);
+        later.clear();
+        let (known, is_whole) = (self.question.known, times == [0.0, 1.0]);
         // Cached boxes have margins for the whole path, so they are too large for a part of it.
-        let boxes = if is_whole && known.is_none() { self.question.boxes(self.boxes) } else { [None; 2] };
-        for (motion, found) in motions.iter().zip(candidates.iter_mut()) {
-            found.clear();
+        let needs_boxes = is_whole && matches!(known, Primitives::Unknown);
+        let boxes = if needs_boxes { self.question.boxes(self.boxes) } else { [None; 2] };
+        for (index, (motion, found)) in motions.iter().zip(candidates.iter_mut()).enumerate() {
             match known {
-                Some(known) => mid_phase::of_motion(motion, known, found),
-                None => {
-                    mid_phase::candidates(motion, self.question.input.culling, motion.reach(), max, boxes, own, found)
+                Primitives::Bounded(known) => {
+                    for bounded in known.iter().filter(|bounded| bounded.touch_bound <= times[1]) {
+                        let Some(pair) = mid_phase::of_motion(motion, bounded.primitives) else { continue };
+                        if bounded.touch_bound <= times[0] {
+                            found.push(pair);
+                        } else {
+                            later.push(Later { bound: bounded.touch_bound, key: (index, pair) });
+                        }
+                    }
                 }
+                Primitives::MayTouch(known) if is_whole => {
+                    found.extend(known.iter().filter_map(|pair| mid_phase::of_motion(motion, *pair)));
+                }
+                _ => mid_phase::candidates(motion, self.question.input.culling, motion.reach(), max, boxes, own, found),
             }
         }
-        candidates[..motions.len()].iter().any(|found| !found.is_empty())
+        !later.is_empty() || candidates[..motions.len()].iter().any(|found| !found.is_empty())
     }
 
     /// Searches the candidates of an interval.
     fn search(&mut self, motions: &[PairMotion], times: [f32; 2]) {
         self.find_approaching(motions, times[0] == 0.0);
-        let Self { deepest, ref mut result, ref mut tally, .. } = *self;
-        let Buffers { chords, approaching, overlaps, grazes, .. } = &mut *self.buffers;
+        let mut approaching = std::mem::take(&mut self.buffers.approaching);
         // The nearest primitives are likely to touch first. An early impact shortens the search of later pairs.
-        approaching.sort_unstable_by(|a, b| {
-            let order = a.2.distance().total_cmp(&b.2.distance());
-            order.then_with(|| (a.0, a.1).cmp(&(b.0, b.1)))
+        approaching.sort_unstable_by(|(key1, start1), (key2, start2)| {
+            start1.distance().total_cmp(&start2.distance()).then_with(|| key1.cmp(key2))
         });
-        let length = times[1] - times[0];
-        for (index, pair, start) in approaching.iter() {
-            let motion = &motions[*index];
-            let graze = grazes.iter().find(|graze| graze.is_of(*index, *pair));
-            let limit = result.impact.map_or(1.0, |impact| (impact.fraction - times[0]) / length);
-            let overlap = overlaps.get(&(*index, *pair)).copied().unwrap_or(0.0);
-            let known_overlap = |deepest| {
-                motion.tolerances.known_overlap(motion.thickness(*pair), overlap, deepest).max(start.overlap())
-            };
-            let shallow = deepest.map_or(0.0, known_overlap);
-            let found = match touch(motion, &chords[*index], *pair, start, limit, shallow, graze.is_some(), tally) {
-                Some(Touch::Stop(toi)) => in_world(motion, *pair, &toi, times),
-                Some(Touch::GrazeEnd) => graze.expect("only known grazes end").impact,
-                Some(Touch::Graze(toi)) => {
-                    let impact = in_world(motion, *pair, &toi, times);
-                    grazes.push(Graze { index: *index, pair: *pair, impact });
-                    continue;
-                }
-                None => continue,
-            };
-            if result.impact.is_none_or(|first| found.fraction < first.fraction) {
-                result.impact = Some(found);
+        approaching.iter().for_each(|(key, start)| self.search_pair(motions, *key, start, times));
+        self.buffers.approaching = approaching;
+
+        let mut later = std::mem::take(&mut self.buffers.later);
+        later.sort_unstable_by(|a, b| a.bound.total_cmp(&b.bound).then_with(|| a.key.cmp(&b.key)));
+        for &Later { bound, key } in &later {
+            if self.result.impact.is_some_and(|first| first.fraction < bound) {
+                break;
             }
+            self.tally.toi_tests += 1;
+            let start = start_of(&motions[key.0], &self.buffers.chords[key.0], key.1);
+            if !start.stay_apart() {
+                self.search_pair(motions, key, &start, times);
+            }
+        }
+        self.buffers.later = later;
+    }
+
+    /// Searches a primitive pair in an interval up to the earliest impact so far. The result of the interval does not depend on the order of the pairs.
+    fn search_pair(&mut self, motions: &[PairMotion], key: Key, start: &RigidStart, times: [f32; 2]) {
+        let (index, pair) = key;
+        let motion = &motions[index];
+        let Buffers { chords, overlaps, grazes, .. } = &mut *self.buffers;
+        let graze = grazes.iter().find(|graze| graze.key == key).map(|graze| graze.impact);
+        let limit = match self.result.impact {
+            // Rounded up, so that equal times are not missed.
+            Some(first) if graze.is_none() => (first.fraction - times[0] + f32::EPSILON) / (times[1] - times[0]),
+            _ => 1.0,
+        };
+        let overlap = overlaps.get(&key).copied().unwrap_or(0.0);
+        let known_overlap =
+            |deepest| motion.tolerances.known_overlap(motion.thickness(pair), overlap, deepest).max(start.overlap());
+        let shallow = self.deepest.map_or(0.0, known_overlap);
+        let found = match touch(motion, &chords[index], pair, start, limit, shallow, graze.is_some(), self.tally) {
+            Some(Touch::Stop(toi)) => in_world(motion, pair, &toi, times),
+            Some(Touch::GrazeEnd) => graze.expect("only known grazes end"),
+            Some(Touch::Graze(toi)) => {
+                grazes.push(Graze { key, impact: in_world(motion, pair, &toi, times) });
+                return;
+            }
+            None => return,
+        };
+        let is_first = self
+            .result
+            .impact
+            .is_none_or(|first| found.fraction.total_cmp(&first.fraction).then_with(|| key.cmp(&self.first)).is_lt());
+        if is_first {
+            (self.result.impact, self.first) = (Some(found), key);
         }
     }
 
     /// Collects the primitive pairs that may touch in an interval. `is_first`: true at the start of the step.
     fn find_approaching(&mut self, motions: &[PairMotion], is_first: bool) {
-        let Buffers { chords, candidates, reported, spheres, approaching, overlaps, grazes, .. } = &mut *self.buffers;
+        let Buffers { chords, candidates, later, reported, spheres, approaching, overlaps, grazes, .. } =
+            &mut *self.buffers;
         approaching.clear();
+        self.tally.candidates += later.len();
+        if self.question.input.report_candidates {
+            reported.extend(later.iter().map(|later| later.key.1));
+        }
         let mut nearest = f32::INFINITY;
         for (index, ((motion, chord), candidates)) in motions.iter().zip(chords.iter()).zip(candidates).enumerate() {
             if candidates.is_empty() {
@@ -260,7 +306,6 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                 reported.extend_from_slice(candidates);
             }
             self.tally.candidates += candidates.len();
-            self.tally.toi_tests += candidates.len();
             let direction = match self.result.normal {
                 normal if normal == Vec3::ZERO => motion.center_line(),
                 normal => motion.to_chord(normal),
@@ -271,9 +316,8 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                 if separating_axis.as_ref().is_some_and(|separating_axis| separating_axis.is_apart(pair)) {
                     continue;
                 }
-                let start = with_sides!(motion.other, motion.shape1.hull(pair[0]), pair[1], |first, second| {
-                    rigid_start(&first, second, chord)
-                });
+                self.tally.toi_tests += 1;
+                let start = start_of(motion, chord, pair);
                 if let Some(separating_axis) = &mut separating_axis {
                     separating_axis.push_axis(start.normal());
                 }
@@ -287,12 +331,17 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                         overlaps.insert((index, pair), start.overlap());
                     }
                 }
-                if !start.stay_apart() || grazes.iter().any(|graze| graze.is_of(index, pair)) {
-                    approaching.push((index, pair, start));
+                if !start.stay_apart() || grazes.iter().any(|graze| graze.key == (index, pair)) {
+                    approaching.push(((index, pair), start));
                 }
             }
         }
     }
+}
+
+/// Returns the relative position of two primitives at the start of an interval.
+fn start_of(motion: &PairMotion, chord: &Chord, [first, second]: PrimitivePair) -> RigidStart {
+    with_sides!(motion.other, motion.shape1.hull(first), second, |first, second| rigid_start(&first, second, chord))
 }
 
 /// Returns the touch of two primitives in an interval, up to a fraction of it.
@@ -310,16 +359,18 @@ fn touch(
 ) -> Option<Touch> {
     let core = motion.core_overlap(pair);
     with_sides!(motion.other, motion.shape1.hull(pair[0]), pair[1], |first, second| {
-        let mut impact = |depth: f32| {
+        let mut impact = |depth: f32, limit: f32| {
             let toi = rigid_impact(&first, second, chord, start, limit, depth);
             tally.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
             (toi.status != TimeOfImpactStatus::Separated).then_some(toi)
         };
         // Test surfaces before cores, because most candidates do not even touch with their surfaces.
         let is_above = core > shallow && start.distance() > -shallow;
-        let surface = if is_above { impact(shallow) } else { None };
+        let surface = if is_above { impact(shallow, limit) } else { None };
         let may_reach_core = !is_above || surface.is_some();
-        if may_reach_core && let Some(core) = impact(core.max(shallow)) {
+        // Surfaces whose cores touch after the limit do not separate before.
+        let limit = if surface.is_some() { 1.0 } else { limit };
+        if may_reach_core && let Some(core) = impact(core.max(shallow), limit) {
             return Some(Touch::Stop(core));
         }
         let separates = || rigid_end(&first, second, chord) > motion.tolerances.touch;

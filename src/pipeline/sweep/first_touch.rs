@@ -5,7 +5,7 @@ use std::time::Duration;
 use glam::Vec3;
 
 use crate::pipeline::{
-    Body, Culling, Impact, Scratch, Side, Statics, StepInput,
+    Body, Culling, Impact, Primitives, Scratch, Side, Statics, StepInput,
     broad::meet,
     pairs::BodyPair,
     sweep::{
@@ -34,7 +34,7 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
         input: &input,
         statics: &statics,
         pair: &PAIR,
-        known: primitives,
+        known: &primitives.map_or(Primitives::Unknown, |primitives| Primitives::MayTouch(primitives.to_vec())),
         // Cached boxes would not be used by another pair.
         times: [None; 2],
         normal: Vec3::ZERO,

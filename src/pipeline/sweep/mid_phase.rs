@@ -29,13 +29,11 @@ pub(in crate::pipeline) type Candidates = Vec<PrimitivePair>;
 /// Boxes of both sides that are computed for a single search.
 pub(in crate::pipeline) type OwnBoxes = [MovingBoxes; 2];
 
-/// Adds the given candidates of a pair that belong to one motion: all, or those of one part.
-pub(in crate::pipeline) fn of_motion(motion: &PairMotion, primitives: &[PrimitivePair], found: &mut Candidates) {
+/// Returns a given primitive pair as a candidate of a motion. `None` if it belongs to another part.
+pub(in crate::pipeline) fn of_motion(motion: &PairMotion, [first, second]: [u32; 2]) -> Option<PrimitivePair> {
     match &motion.other {
-        OtherPart::Shape(_) => found.extend(primitives),
-        OtherPart::Part(part) => {
-            found.extend(primitives.iter().filter(|[_, j]| *j == part.id).map(|&[i, _]| [i, 0]));
-        }
+        OtherPart::Shape(_) => Some([first, second]),
+        OtherPart::Part(part) => (second == part.id).then_some([first, 0]),
     }
 }
 

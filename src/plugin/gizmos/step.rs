@@ -110,10 +110,10 @@ impl Draw<'_, '_, '_> {
             let sides = candidates.sides.map(|side| (self.step.solid(side), self.step.final_pose(side)));
             let [Some(shape1), shape2] = sides.map(|(solid, _)| solid.medial()) else { continue };
             let [(_, pose1), (solid2, pose2)] = sides;
-            for [primitive1, primitive2] in candidates.primitives.iter().flatten() {
-                let from = pose1.transform_point(middle(shape1, *primitive1));
+            for [primitive1, primitive2] in candidates.primitives.indices() {
+                let from = pose1.transform_point(middle(shape1, primitive1));
                 let to = match shape2 {
-                    Some(shape2) => pose2.transform_point(middle(shape2, *primitive2)),
+                    Some(shape2) => pose2.transform_point(middle(shape2, primitive2)),
                     None => nearest_of_box(solid2, &pose2, from),
                 };
                 self.lines.line(from, to, color);

@@ -168,7 +168,7 @@ fn buffers_grow_while_the_gpu_looks_ahead() {
         return;
     }
     let [mut cpu, mut ahead] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| app_ahead("tori", backend));
-    ahead.insert_resource(GpuCapacity { pairs: 1, chords: 1, candidates: 1, survivors: 1 });
+    ahead.insert_resource(GpuCapacity { pairs: 1, chords: 1, candidates: [1; 5], survivors: 1 });
     let mut latencies = Latencies::default();
     let mut steps = 0;
     // The number of steps until the answers arrive depends on the machine.

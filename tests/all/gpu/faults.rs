@@ -34,7 +34,7 @@ use crate::{
     random_steps::random_step,
 };
 
-const TINY: GpuCapacity = GpuCapacity { pairs: 1, chords: 1, candidates: 1, survivors: 1 };
+const TINY: GpuCapacity = GpuCapacity { pairs: 1, chords: 1, candidates: [1; 5], survivors: 1 };
 
 #[test]
 fn too_small_buffers_grow() {
@@ -44,7 +44,9 @@ fn too_small_buffers_grow() {
     compare(&mut culling, 10, || random_step(&mut random, 12, 5, 2.0, Vec3::ZERO));
     let grown = culling.capacity();
     println!("{grown:?}");
-    assert!(grown.pairs > 1 && grown.chords > 1 && grown.candidates > 1 && grown.survivors > 1);
+    assert!(
+        grown.pairs > 1 && grown.chords > 1 && grown.candidates.iter().all(|count| *count > 1) && grown.survivors > 1
+    );
 }
 
 #[test]
@@ -307,7 +309,7 @@ fn child_process_with_full_memory() {
     let mut culling = GpuCulling::new(&gpu, TINY).unwrap();
     small(&mut culling);
 
-    let many = GpuCapacity { candidates: 7_000_000, ..TINY };
+    let many = GpuCapacity { candidates: [7_000_000, 1, 1, 1, 1], ..TINY };
     let mut large = GpuCulling::new(&gpu, many).unwrap();
     let (input, statics) = random_step(&mut Random(9), 12, 5, 2.0, Vec3::ZERO);
     // The first number is the size in pages of 4 KiB.

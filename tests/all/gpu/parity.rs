@@ -42,7 +42,7 @@ pub fn assert_same(cpu: &App, gpu: &App, what: &str) {
 }
 
 /// Asserts that two lists are equal, and names the first item that differs.
-fn assert_same_items<T: PartialEq + std::fmt::Debug>(cpu: &[T], gpu: &[T], what: &str) {
+pub fn assert_same_items<T: PartialEq + std::fmt::Debug>(cpu: &[T], gpu: &[T], what: &str) {
     for (index, (cpu, gpu)) in cpu.iter().zip(gpu).enumerate() {
         assert_eq!(cpu, gpu, "{what} {index}");
     }
