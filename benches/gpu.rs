@@ -6,6 +6,7 @@
 //!
 //! - scenes: medians over the active steps of a run, whose inputs are culled again on the GPU and on all threads of the CPU;
 //! - heaps: the round trip of a call for two bodies, heaps of 10 to 10,000 tori of 180 primitives, and the size from which the GPU is faster;
+//! - saved work: how many primitive pairs the CPU evaluates exactly, with and without the bounds of the GPU. It does not depend on the device;
 //! - brute force: bounds of all 2.1 million primitive pairs of two bodies, as in the paper.
 //!
 //! A warm-up of one second precedes each measurement, because an idle device is slower. The built program needs only a graphics driver. A software
@@ -25,11 +26,14 @@ use bevy_medial::{
     builder::MedialLevels,
     geometry::{Obb, Pose3, Sphere, Sweep},
     gpu::{GpuCapacity, GpuCulling, GpuDevice, GpuError},
-    pipeline::{Body, Shape, StaticBody, Statics, StepInput, step},
+    pipeline::{
+        Body, Candidates, PairFilter, Primitives, Shape, Side, StaticBody, Statics, StepInput, step,
+        step_from_candidates,
+    },
     plugin::MedialStep,
-    prelude::MedialAxis,
+    prelude::{MedialAxis, MedialBudget},
     query::{Moving, times_of_impact},
-    scenes::{Model, Monitor, Scene, headless_app, load_models},
+    scenes::{Model, Monitor, Scene, headless_app, load_models, set_budget},
 };
 use bevy_medial_compare::{
     activity::{Activity, active, median},
@@ -44,7 +48,7 @@ struct Args {
     /// Few steps and small heaps: a short test of the program.
     #[arg(long)]
     quick: bool,
-    /// Folder for `gpu.csv`.
+    /// Folder for `gpu.csv` and `gpu_saved.csv`.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Folder of models to use instead of the models of the crate.
@@ -61,6 +65,15 @@ macro_rules! models {
 /// The models of the crate, embedded in the program.
 const MODELS: [(&str, &[u8]); 10] =
     models!["armadillo" "bear" "bug" "bunny" "cow" "deer" "dinosaur" "dolphin" "spider" "torus"];
+
+/// Scenes with their number of steps, and a budget in percent if it is not the default.
+const SCENES: [(&str, usize, Option<f32>); 5] = [
+    ("rods", 600, None),
+    ("dinosaur", 120, None),
+    ("dinosaur", 120, Some(0.3)),
+    ("tori", 600, None),
+    ("stairs", 600, None),
+];
 
 /// The passes, in order.
 const PASSES: [&str; 7] = ["place", "sort", "tree", "broad", "chords", "mid", "narrow"];
@@ -106,9 +119,12 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     let passes = PASSES.map(|pass| format!("{pass:>8}")).join(" ");
     println!("{:16} {:>11} {:>9} | {passes} | {:>9} {:>9} {:>9}", "ms", "pairs", "tested", "call", "CPU", "pairs/s");
     let models = models(args)?;
-    let mut rows = Vec::new();
-    for (name, steps) in [("rods", 600), ("dinosaur", 120), ("tori", 600), ("stairs", 600)] {
-        rows.extend(measure(&gpu, name, &scene(&models, name, if args.quick { 40 } else { steps })?)?);
+    let (mut rows, mut saved) = (Vec::new(), Vec::new());
+    for (name, steps, budget) in SCENES {
+        let what = budget.map_or_else(|| name.into(), |budget| format!("{name}, {budget} %"));
+        let steps = scene(&models, name, if args.quick { 40 } else { steps }, budget)?;
+        rows.extend(measure(&gpu, &what, &steps)?);
+        saved.push(Saved::measure(&gpu, &what, &steps)?);
     }
     let heaps: &[usize] = if args.quick { &[2, 10, 100] } else { &[2, 10, 32, 100, 316, 1000, 3162, 10_000] };
     let mut crossover = None;
@@ -129,6 +145,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(folder) = &args.out {
         std::fs::create_dir_all(folder)?;
         tables::write(&folder.join("gpu.csv"), &tables::csv(&rows))?;
+        tables::write(&folder.join("gpu_saved.csv"), &tables::csv(&saved))?;
     }
     Ok(())
 }
@@ -148,8 +165,16 @@ fn models(args: &Args) -> Result<Vec<Model>, Box<dyn std::error::Error>> {
 type Given = (StepInput, Statics);
 
 /// The inputs of the active steps of a scene.
-fn scene(models: &[Model], name: &str, steps: usize) -> Result<Vec<Given>, Box<dyn std::error::Error>> {
+fn scene(
+    models: &[Model],
+    name: &str,
+    steps: usize,
+    budget: Option<f32>,
+) -> Result<Vec<Given>, Box<dyn std::error::Error>> {
     let mut app = headless_app(1.0 / 60.0);
+    if let Some(percent) = budget {
+        set_budget(&mut app, MedialBudget::Percent(percent));
+    }
     Scene::by_name(name).ok_or("no such scene")?.spawn(app.world_mut(), models, 1);
     let (mut given, mut activities) = (Vec::new(), Vec::new());
     for _ in 0..steps {
@@ -164,6 +189,77 @@ fn scene(models: &[Model], name: &str, steps: usize) -> Result<Vec<Given>, Box<d
     }
     let active = active(&activities);
     Ok(given.into_iter().zip(active).filter(|(_, active)| *active).map(|(given, _)| given).collect())
+}
+
+/// Work of the CPU in the active steps of a scene, alone and with the bounds of the GPU. Impacts and contacts are the same.
+#[derive(Clone, Debug, Default, Serialize)]
+struct Saved {
+    what: String,
+    steps: usize,
+    /// Body pairs with an impact.
+    impacts: usize,
+    /// Primitive pairs of these body pairs whose distance and time of impact the CPU computed.
+    exact_of_impacts: usize,
+    bounded_of_impacts: usize,
+    /// The same for all body pairs.
+    exact: usize,
+    bounded: usize,
+    /// Mid and narrow phase, without the time of the GPU.
+    exact_ms: f64,
+    bounded_ms: f64,
+}
+
+impl Saved {
+    fn measure(gpu: &GpuDevice, what: &str, steps: &[Given]) -> Result<Self, GpuError> {
+        let mut culling = GpuCulling::new(gpu, GpuCapacity::default())?;
+        let mut saved = Self { what: what.into(), steps: steps.len(), ..default() };
+        for (input, statics) in steps {
+            let bounded = culling.cull(input, statics)?;
+            let unknown: Vec<Candidates> =
+                bounded.iter().map(|pair| Candidates { primitives: Primitives::Unknown, ..pair.clone() }).collect();
+            // Searches after an impact are those of other paths, to which the bounds do not apply.
+            let input = &StepInput { stop_at_impact: false, ..input.clone() };
+            let run = |candidates: &[Candidates]| {
+                let filter = |_, _| PairFilter::Stopping;
+                let output = step_from_candidates(input, statics, candidates.to_vec(), filter, pool());
+                let time = milliseconds(output.times.mid + output.times.narrow);
+                (output, time)
+            };
+            let ((output, exact_ms), (with_bounds, bounded_ms)) = (run(&unknown), run(&bounded));
+            assert_eq!(output.pairs, with_bounds.pairs, "bounds change a step of {what}");
+            saved.exact += output.counts.toi_tests;
+            saved.bounded += with_bounds.counts.toi_tests;
+            saved.exact_ms += exact_ms;
+            saved.bounded_ms += bounded_ms;
+            let hit: Vec<[Side; 2]> = output
+                .pairs
+                .iter()
+                .filter(|pair| pair.impact.is_some())
+                .map(|pair| [pair.first, pair.second])
+                .collect();
+            let of_impacts = |candidates: &[Candidates]| {
+                let is_hit = |pair: &&Candidates| {
+                    let [first, second] = pair.sides;
+                    hit.contains(&[first, second]) || hit.contains(&[second, first])
+                };
+                let candidates: Vec<_> = candidates.iter().filter(is_hit).cloned().collect();
+                run(&candidates).0.counts.toi_tests
+            };
+            saved.impacts += hit.len();
+            saved.exact_of_impacts += of_impacts(&unknown);
+            saved.bounded_of_impacts += of_impacts(&bounded);
+        }
+        let Self { impacts, exact_of_impacts, bounded_of_impacts, exact, bounded, exact_ms, bounded_ms, .. } = &saved;
+        println!(
+            "{what:16} exact evaluations with bounds over without: {bounded} / {exact}, {bounded_of_impacts} / {exact_of_impacts} in {impacts} \
+             body pairs with impacts; mid and narrow phase {bounded_ms:.1} / {exact_ms:.1} ms"
+        );
+        Ok(saved)
+    }
+}
+
+fn pool() -> &'static TaskPool {
+    ComputeTaskPool::get_or_init(TaskPool::default)
 }
 
 fn milliseconds(time: Duration) -> f64 {
@@ -183,7 +279,7 @@ impl Row {
     }
 
     fn measure_cpu(&mut self, (input, statics): &Given) {
-        let cpu = step(input, statics, ComputeTaskPool::get_or_init(TaskPool::default));
+        let cpu = step(input, statics, pool());
         self.primitive_pairs = cpu.counts.primitive_pairs;
         self.cpu_ms = milliseconds(cpu.times.broad + cpu.times.mid);
     }

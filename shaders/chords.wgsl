@@ -78,9 +78,9 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     }
     // Allowance for rounding: a few times the rounding error of coordinates as large as these.
     let rounding = CONTACT_ROUNDING * (4.0 * size + path_lengths + length(chord.start1.translation) + length(chord.start2.translation));
-    // The CPU searches along chords of its own. Their impacts are early by at most twice their deviation.
-    let stray = 2.0 * max(FINE_CHORD_TOLERANCE * smaller, fine_strays);
-    chord.touch = max(params.touch, stray) + stray + strays + rounding;
+    // The CPU searches along chords of its own and enlarges the first side by their deviation. Impacts are early by at most twice that deviation.
+    let fine = max(FINE_CHORD_TOLERANCE * smaller, fine_strays);
+    chord.touch = fine + max(params.touch, fine) + strays + rounding;
     chord.reach = max(params.prediction + strays + rounding, chord.touch);
     chord.begin = start;
     chord.length = 1.0 / f32(count);

@@ -107,13 +107,13 @@ impl Rigid for Cuboid {
 #[derive(Clone, Copy, Debug)]
 pub struct RigidStart {
     separation: Separation,
-    stay_apart: bool,
+    touch_bound: f32,
 }
 
 impl RigidStart {
-    /// True if a conservative test at the start proves that the primitives do not touch during the interval.
-    pub fn stay_apart(&self) -> bool {
-        self.stay_apart
+    /// Lower bound of the fraction of the interval at which the primitives touch. It exceeds 1 if they provably do not touch.
+    pub fn touch_bound(&self) -> f32 {
+        self.touch_bound
     }
 
     /// Distance in metres, negative for an overlap.
@@ -135,8 +135,8 @@ impl RigidStart {
 /// Relative position of two primitives of rigid bodies at the start of an interval.
 pub fn rigid_start<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chord: &Chord) -> RigidStart {
     let (moving1, moving2) = chord.along(first, second);
-    let (separation, stay_apart) = start(&moving1, &moving2, 1.0);
-    RigidStart { separation, stay_apart }
+    let (separation, touch_bound) = start(&moving1, &moving2);
+    RigidStart { separation, touch_bound }
 }
 
 /// First fraction of the interval at which two primitives of rigid bodies overlap by `depth` metres. `depth` must exceed their overlap at the start.
@@ -165,7 +165,7 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
 /// Distance of two primitives of rigid bodies at the end of their chord, in metres; negative for an overlap.
 pub fn rigid_end<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chord: &Chord) -> f32 {
     let [_, [end1, end2]] = &chord.ends;
-    start(&first.along([end1; 2]), &second.along([end2; 2]), 0.0).0.distance
+    start(&first.along([end1; 2]), &second.along([end2; 2])).0.distance
 }
 
 #[cfg(test)]

@@ -378,15 +378,12 @@ pub(super) fn time_of_impact_from<const N: usize, B: MovingConvex>(
     pair.advance(pair.at(cleared, 0), rounds + 1, max_fraction, max_fraction)
 }
 
-/// The separation at the start, relative to the origin there, and whether the pair provably does not touch until `max_fraction`.
-pub(super) fn start<const N: usize, B: MovingConvex>(
-    first: &Moving<N>,
-    second: &B,
-    max_fraction: f32,
-) -> (Separation, bool) {
+/// The separation at the start, relative to the origin there, and a lower bound of the fraction at which the pair touches.
+pub(super) fn start<const N: usize, B: MovingConvex>(first: &Moving<N>, second: &B) -> (Separation, f32) {
     let pair = Pair { first, second, target: 0.0 };
     let start = pair.at(0.0, 0);
-    (start.separation, start.separation.distance > 0.0 && pair.cleared_until(&start) > max_fraction)
+    let is_apart = start.separation.distance > 0.0;
+    (start.separation, if is_apart { pair.cleared_until(&start) } else { 0.0 })
 }
 
 /// First fraction of the step at which two primitives overlap by `depth` metres. `depth` must exceed their overlap at the start. `separation`: that of the

@@ -59,15 +59,13 @@ pub(in crate::pipeline) struct Buffers {
     own: OwnBoxes,
     /// Chords of the motions in an interval.
     chords: Vec<Chord>,
-    /// Candidates of each motion.
+    /// Candidates of each motion that may be in touch at the start of the interval.
     candidates: Vec<Candidates>,
-    /// Candidates that touch in the interval, but not at its start.
-    later: Vec<Later>,
+    /// Primitive pairs that may touch in the interval.
+    approaching: Vec<Approaching>,
     /// Candidates of the last searched pair after culling, if they are part of the output.
     pub reported: Vec<PrimitivePair>,
     spheres: SphereBuffers,
-    /// Primitive pairs that may touch in the interval, and their state at its start.
-    approaching: Vec<(Key, RigidStart)>,
     /// Overlaps at the start of the step in metres.
     overlaps: HashMap<Key, f32>,
     grazes: Vec<Graze>,
@@ -76,11 +74,14 @@ pub(in crate::pipeline) struct Buffers {
 /// Index of a motion, and primitives of its sides.
 type Key = (usize, PrimitivePair);
 
-/// A candidate with a lower bound of the time of its first touch, in steps.
+/// A primitive pair that may touch in an interval.
 #[derive(Clone, Copy, Debug)]
-struct Later {
-    bound: f32,
+struct Approaching {
     key: Key,
+    /// Lower bound of the time of the first touch, in steps.
+    bound: f32,
+    /// State at the start of the interval, if it is known.
+    start: Option<RigidStart>,
 }
 
 /// Finds the earliest impact of a pair's motions: the first touch of cores. Motions with a path shorter than the slop have no impact, so that piles come to
@@ -146,7 +147,7 @@ fn in_world(motion: &PairMotion, [primitive1, second]: PrimitivePair, toi: &Time
     };
     let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
     let point = middle - normal * motion.other.rounding();
-    let fraction = times[0] + toi.fraction * (times[1] - times[0]);
+    let fraction = in_steps(toi.fraction, times);
     Impact { fraction, point, normal, primitive1, primitive2 }
 }
 
@@ -200,10 +201,10 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
 
     /// Finds the candidates of each motion in an interval, and stops soon after `max` of them. Returns true if there are candidates.
     fn cull(&mut self, motions: &[PairMotion], times: [f32; 2], max: usize) -> bool {
-        let Buffers { own, candidates, later, .. } = &mut *self.buffers;
+        let Buffers { own, candidates, approaching, .. } = &mut *self.buffers;
         candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
         candidates.iter_mut().for_each(Vec::clear);
-        later.clear();
+        approaching.clear();
         let (known, is_whole) = (self.question.known, times == [0.0, 1.0]);
         // Cached boxes have margins for the whole path, so they are too large for a part of it.
         let needs_boxes = is_whole && matches!(known, Primitives::Unknown);
@@ -216,7 +217,11 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                         if bounded.touch_bound <= times[0] {
                             found.push(pair);
                         } else {
-                            later.push(Later { bound: bounded.touch_bound, key: (index, pair) });
+                            approaching.push(Approaching {
+                                key: (index, pair),
+                                bound: bounded.touch_bound,
+                                start: None,
+                            });
                         }
                     }
                 }
@@ -226,33 +231,25 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                 _ => mid_phase::candidates(motion, self.question.input.culling, motion.reach(), max, boxes, own, found),
             }
         }
-        !later.is_empty() || candidates[..motions.len()].iter().any(|found| !found.is_empty())
+        !approaching.is_empty() || candidates[..motions.len()].iter().any(|found| !found.is_empty())
     }
 
-    /// Searches the candidates of an interval.
+    /// Searches the candidates of an interval in the order of their bounds, until the next bound is later than the earliest impact.
     fn search(&mut self, motions: &[PairMotion], times: [f32; 2]) {
-        self.find_approaching(motions, times[0] == 0.0);
+        self.find_approaching(motions, times);
         let mut approaching = std::mem::take(&mut self.buffers.approaching);
-        // The nearest primitives are likely to touch first. An early impact shortens the search of later pairs.
-        approaching.sort_unstable_by(|(key1, start1), (key2, start2)| {
-            start1.distance().total_cmp(&start2.distance()).then_with(|| key1.cmp(key2))
-        });
-        approaching.iter().for_each(|(key, start)| self.search_pair(motions, *key, start, times));
-        self.buffers.approaching = approaching;
-
-        let mut later = std::mem::take(&mut self.buffers.later);
-        later.sort_unstable_by(|a, b| a.bound.total_cmp(&b.bound).then_with(|| a.key.cmp(&b.key)));
-        for &Later { bound, key } in &later {
+        approaching.sort_unstable_by(|a, b| a.bound.total_cmp(&b.bound).then_with(|| a.key.cmp(&b.key)));
+        for &Approaching { key, bound, start } in &approaching {
             if self.result.impact.is_some_and(|first| first.fraction < bound) {
                 break;
             }
-            self.tally.toi_tests += 1;
-            let start = start_of(&motions[key.0], &self.buffers.chords[key.0], key.1);
-            if !start.stay_apart() {
-                self.search_pair(motions, key, &start, times);
-            }
+            let start = start.unwrap_or_else(|| {
+                self.tally.toi_tests += 1;
+                start_of(&motions[key.0], &self.buffers.chords[key.0], key.1)
+            });
+            self.search_pair(motions, key, &start, times);
         }
-        self.buffers.later = later;
+        self.buffers.approaching = approaching;
     }
 
     /// Searches a primitive pair in an interval up to the earliest impact so far. The result of the interval does not depend on the order of the pairs.
@@ -288,14 +285,12 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         }
     }
 
-    /// Collects the primitive pairs that may touch in an interval. `is_first`: true at the start of the step.
-    fn find_approaching(&mut self, motions: &[PairMotion], is_first: bool) {
-        let Buffers { chords, candidates, later, reported, spheres, approaching, overlaps, grazes, .. } =
-            &mut *self.buffers;
-        approaching.clear();
-        self.tally.candidates += later.len();
+    /// Tests the candidates at the start of an interval, and adds those that may touch within it to the list.
+    fn find_approaching(&mut self, motions: &[PairMotion], times: [f32; 2]) {
+        let Buffers { chords, candidates, reported, spheres, approaching, overlaps, grazes, .. } = &mut *self.buffers;
+        self.tally.candidates += approaching.len();
         if self.question.input.report_candidates {
-            reported.extend(later.iter().map(|later| later.key.1));
+            reported.extend(approaching.iter().map(|approaching| approaching.key.1));
         }
         let mut nearest = f32::INFINITY;
         for (index, ((motion, chord), candidates)) in motions.iter().zip(chords.iter()).zip(candidates).enumerate() {
@@ -325,18 +320,27 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                     nearest = start.distance();
                     self.result.normal = motion.frame_at(0.0).rotation * start.normal();
                 }
-                if is_first && start.distance() <= motion.tolerances.touch {
+                if times[0] == 0.0 && start.distance() <= motion.tolerances.touch {
                     self.deepest = Some(start.overlap().max(self.deepest.unwrap_or(0.0)));
                     if start.overlap() > 0.0 {
                         overlaps.insert((index, pair), start.overlap());
                     }
                 }
-                if !start.stay_apart() || grazes.iter().any(|graze| graze.key == (index, pair)) {
-                    approaching.push(((index, pair), start));
+                let key = (index, pair);
+                // The impact of a graze may lie in an earlier interval.
+                let grazes = grazes.iter().any(|graze| graze.key == key);
+                if start.touch_bound() <= 1.0 || grazes {
+                    let bound = if grazes { 0.0 } else { in_steps(start.touch_bound(), times) };
+                    approaching.push(Approaching { key, bound, start: Some(start) });
                 }
             }
         }
     }
+}
+
+/// Converts a fraction of an interval to a fraction of the step.
+fn in_steps(fraction: f32, times: [f32; 2]) -> f32 {
+    times[0] + fraction * (times[1] - times[0])
 }
 
 /// Returns the relative position of two primitives at the start of an interval.
