@@ -1,5 +1,7 @@
 //! Every tolerance and limit, with its unit, its reason and the effect of a change.
 
+use std::time::Duration;
+
 /// Rounding allowance of the f32 kernels, per metre of a pair's extent. Gaps below it count as contact.
 ///
 /// A gap is a sum of a few products of coordinates, which are as large as the pair. Each product has a relative rounding error of 6e-8. With a
@@ -54,10 +56,9 @@ pub const SHORTEST_ADVANCE: f32 = 1.0 / 256.0;
 /// Iterations of a search for bounds on the GPU. Most pairs need three; pairs that graze stop early with an earlier bound.
 pub const MAX_BOUND_ROUNDS: u32 = 12;
 
-/// Smallest number of primitive pairs in a step for which a GPU is tried. The CPU culls smaller steps in less than a millisecond, which is little
-/// more than the overhead of a GPU call. For larger steps both are timed. With a smaller value, trials slow down steps of small scenes; with a larger
-/// one, steps stay on the CPU although a GPU is faster.
-pub const LEAST_GPU_PAIRS: usize = 1 << 18;
+/// Shortest collision time of a step on the CPU for which a GPU is tried: twice the time of a call of a GPU without work. With a smaller value, trials slow
+/// down steps of small scenes; with a larger one, steps stay on the CPU although a GPU is faster.
+pub const LEAST_GPU_TIME: Duration = Duration::from_millis(1);
 
 /// Number of steps that the GPU looks ahead in pipelined mode. Its answer arrives two or three steps later. With more steps, bodies have left their
 /// predicted path by then.

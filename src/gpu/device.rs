@@ -64,6 +64,12 @@ pub enum GpuError {
         /// The error of wgpu.
         reason: String,
     },
+    /// The only adapter is a software implementation.
+    #[error("`{adapter}` is a software implementation of a GPU")]
+    Software {
+        /// Name of the adapter.
+        adapter: String,
+    },
     /// The device is lost: it was reset, removed or destroyed, or had no memory for a necessary allocation.
     #[error("the GPU `{adapter}` is lost")]
     Lost {
@@ -85,13 +91,32 @@ impl GpuDevice {
     /// # Errors
     /// If there is no adapter, or if it returns no device.
     pub fn request() -> Result<Self, GpuError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        Self::request_if(|_| true)
+    }
+
+    /// Requests a device that is not a software implementation, for programs without a renderer.
+    ///
+    /// # Errors
+    /// If there is no such adapter, or if it returns no device.
+    pub fn request_hardware() -> Result<Self, GpuError> {
+        Self::request_if(|info| info.device_type != wgpu::DeviceType::Cpu)
+    }
+
+    fn request_if(is_suitable: impl Fn(&wgpu::AdapterInfo) -> bool) -> Result<Self, GpuError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            // The others have no compute shaders, or few storage buffers.
+            backends: wgpu::Backends::PRIMARY,
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
         let options = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
             ..Default::default()
         };
         let adapter = block_on(instance.request_adapter(&options))?;
         let info = adapter.get_info();
+        if !is_suitable(&info) {
+            return Err(GpuError::Software { adapter: info.name });
+        }
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("bevy_medial"),
             required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,

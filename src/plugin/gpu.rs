@@ -1,15 +1,21 @@
 //! The GPU back end in an app: choice of the device, and of the steps that it culls.
 
-use std::time::Duration;
+use std::{
+    sync::{
+        Mutex,
+        mpsc::{Receiver, channel},
+    },
+    time::Duration,
+};
 
 use bevy::{
     prelude::*,
     render::renderer::{RenderAdapterInfo, RenderDevice, RenderQueue},
+    tasks::{AsyncComputeTaskPool, TaskPool},
 };
 
 use super::{MedialBackend, MedialSettings, MedialStep, choice::Choice, pipelined::LookAhead};
 use crate::{
-    constants::LEAST_GPU_PAIRS,
     gpu::{GpuCapacity, GpuCulling, GpuDevice, GpuError},
     pipeline::{Candidates, Statics, StepInput},
 };
@@ -31,6 +37,8 @@ enum State {
     /// No step has used it yet.
     #[default]
     Unused,
+    /// Another thread creates the passes.
+    Building(Mutex<Receiver<Result<GpuCulling, String>>>),
     Ready(Box<GpuCulling>),
     /// It has failed and is not used again.
     Failed,
@@ -60,28 +68,37 @@ pub(super) fn of_renderer(
 }
 
 impl GpuBackend {
-    /// Returns true if the GPU should cull a step of `pairs` primitive pairs.
-    pub fn is_wanted(&self, backend: MedialBackend, pairs: usize) -> bool {
+    /// Returns true if the GPU should cull the next step.
+    pub fn is_wanted(&self, backend: MedialBackend) -> bool {
         match backend {
             MedialBackend::Cpu => false,
             MedialBackend::Gpu => true,
-            MedialBackend::Auto => self.hardware(pairs).is_some() && self.choice.is_gpu(pairs),
+            MedialBackend::Auto => self.choice.is_gpu(),
         }
     }
 
-    /// Returns true if the GPU looks ahead when it is used.
+    /// Returns true if the GPU looks ahead when it is used. [`MedialBackend::Auto`] never waits for a renderer.
     pub fn looks_ahead(&self, settings: &MedialSettings) -> bool {
-        settings.pipelined && self.look_ahead.answers.is_some() && matches!(self.renderer, Some(Ok(_)))
+        let is_pipelined = settings.pipelined || settings.backend == MedialBackend::Auto;
+        is_pipelined && self.look_ahead.answers.is_some() && matches!(self.renderer, Some(Ok(_)))
     }
 
-    /// Records the back end and the duration of a step.
-    pub fn note(&mut self, backend: MedialBackend, on_gpu: bool, pairs: usize, time: Duration) {
-        if backend == MedialBackend::Auto
-            && let Some(name) = self.hardware(pairs).map(|gpu| gpu.name().to_owned())
-            && let Some(line) = self.choice.note(on_gpu, pairs, time, &name)
-        {
+    /// Returns true if the GPU should receive a prediction of the next steps.
+    pub fn asks(&self, settings: &MedialSettings) -> bool {
+        let is_auto = settings.backend == MedialBackend::Auto;
+        self.looks_ahead(settings) && if is_auto { self.choice.looks_ahead() } else { self.is_wanted(settings.backend) }
+    }
+
+    /// Records the back end and the duration of a step with `pairs` body pairs.
+    pub fn note(&mut self, settings: &MedialSettings, on_gpu: bool, pairs: usize, time: Duration) {
+        if settings.backend != MedialBackend::Auto {
+            return;
+        }
+        let mut choice = std::mem::take(&mut self.choice);
+        if let Some(line) = choice.note(on_gpu, pairs, time, || self.hardware(settings)) {
             info!("{line}");
         }
+        self.choice = choice;
     }
 
     /// Returns the pairs that may meet, and the time of each pass. An error is logged once, and the CPU takes over.
@@ -97,6 +114,7 @@ impl GpuBackend {
             Err(error) => {
                 warn!("medial meshes are culled on the CPU from now on: {error}");
                 self.state = State::Failed;
+                self.choice = Choice::default();
             }
         }
         None
@@ -104,23 +122,13 @@ impl GpuBackend {
 
     /// Returns the passes, and creates them for the first step.
     fn start(&mut self, backend: MedialBackend) -> Option<&mut GpuCulling> {
-        if let State::Unused = self.state {
+        if let State::Unused | State::Building(_) = self.state {
             let device = self.renderer.clone().unwrap_or_else(|| GpuDevice::request().map_err(|e| e.to_string()));
-            let passes = |gpu| GpuCulling::new(&gpu, self.capacity).map_err(|error| error.to_string());
-            self.state = match device.and_then(passes) {
-                Ok(culling) => {
-                    info!("medial meshes can be culled on the GPU `{}` ({backend:?})", culling.device().name());
-                    State::Ready(Box::new(culling))
-                }
-                Err(error) => {
-                    warn!("medial meshes are culled on the CPU: {error}");
-                    State::Failed
-                }
-            };
+            self.state = State::of(device.and_then(|gpu| passes(&gpu, self.capacity)), backend);
         }
         match &mut self.state {
             State::Ready(culling) => Some(culling),
-            State::Unused | State::Failed => None,
+            _ => None,
         }
     }
 
@@ -128,27 +136,68 @@ impl GpuBackend {
     pub fn culling(&self) -> Option<&GpuCulling> {
         match &self.state {
             State::Ready(culling) => Some(culling),
-            State::Unused | State::Failed => None,
+            _ => None,
         }
     }
 
-    /// Returns the renderer's hardware if it can be used for a step of `pairs` primitive pairs. Otherwise the log shows the reason.
-    fn hardware(&self, pairs: usize) -> Option<&GpuDevice> {
+    /// Returns the name of the hardware that can cull steps now. Its passes are created in the background, so it is `None` at first. If there is no such
+    /// hardware, the log shows the reason once.
+    fn hardware(&mut self, settings: &MedialSettings) -> Option<String> {
         match &self.renderer {
-            // The failure has been logged.
-            _ if matches!(self.state, State::Failed) => {}
-            None => info_once!("medial meshes are culled on the CPU: the app has no renderer with a GPU"),
-            Some(Err(error)) => info_once!("medial meshes are culled on the CPU: {error}"),
+            Some(Err(error)) => {
+                info_once!("medial meshes are culled on the CPU: {error}");
+                return None;
+            }
             Some(Ok(gpu)) if gpu.is_software() => {
                 info_once!("medial meshes are culled on the CPU: `{}` is a software renderer", gpu.name());
+                return None;
             }
-            Some(Ok(_)) if pairs < LEAST_GPU_PAIRS => {
-                info_once!(
-                    "medial meshes are culled on the CPU in steps of fewer than {LEAST_GPU_PAIRS} primitive pairs"
-                );
-            }
-            Some(Ok(gpu)) => return Some(gpu),
+            // The render world creates the passes when it receives the first prediction.
+            Some(Ok(gpu)) if self.looks_ahead(settings) => return Some(gpu.name().into()),
+            Some(Ok(_)) | None => {}
         }
-        None
+        match &mut self.state {
+            State::Unused => {
+                let (sender, receiver) = channel();
+                let (renderer, capacity) = (self.renderer.clone(), self.capacity);
+                let build = async move {
+                    let device =
+                        renderer.unwrap_or_else(|| GpuDevice::request_hardware().map_err(|error| error.to_string()));
+                    // The receiver is gone if the app has ended.
+                    let _ = sender.send(device.and_then(|gpu| passes(&gpu, capacity)));
+                };
+                AsyncComputeTaskPool::get_or_init(TaskPool::default).spawn(build).detach();
+                self.state = State::Building(Mutex::new(receiver));
+            }
+            State::Building(built) => {
+                let built = built.get_mut().ok().and_then(|built| built.try_recv().ok());
+                if let Some(built) = built {
+                    self.state = State::of(built, MedialBackend::Auto);
+                }
+            }
+            State::Ready(_) | State::Failed => {}
+        }
+        self.culling().map(|culling| culling.device().name().into())
     }
+}
+
+impl State {
+    /// Logs the result of creating the passes. [`MedialBackend::Auto`] works without a GPU, so it warns of none.
+    fn of(built: Result<GpuCulling, String>, backend: MedialBackend) -> Self {
+        match built {
+            Ok(culling) => {
+                info!("medial meshes can be culled on the GPU `{}` ({backend:?})", culling.device().name());
+                return State::Ready(Box::new(culling));
+            }
+            Err(error) if backend == MedialBackend::Auto => {
+                info_once!("medial meshes are culled on the CPU: {error}");
+            }
+            Err(error) => warn!("medial meshes are culled on the CPU: {error}"),
+        }
+        State::Failed
+    }
+}
+
+fn passes(gpu: &GpuDevice, capacity: GpuCapacity) -> Result<GpuCulling, String> {
+    GpuCulling::new(gpu, capacity).map_err(|error| error.to_string())
 }

@@ -26,7 +26,8 @@ use crate::{
 #[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), reflect(Serialize, Deserialize))]
 #[reflect(Default, Clone, PartialEq)]
 pub enum MedialBackend {
-    /// The faster back end, by trial. It is the CPU in small scenes, without the feature `gpu`, and without hardware rendering.
+    /// The faster back end, by trial. It is the CPU in small scenes, without the feature `gpu`, and without a hardware GPU. With a renderer no step waits
+    /// for the GPU, as with `pipelined`.
     #[default]
     Auto,
     /// The CPU.
@@ -256,14 +257,14 @@ impl MedialStep {
         (self.workspace, self.output) = (workspace, output);
         #[cfg(feature = "gpu")]
         {
-            let pairs = self.output.counts.primitive_pairs;
+            let pairs = self.output.counts.body_pairs;
             if self.input.culling == Culling::None {
                 self.gpu.look_ahead.asked = None;
             } else {
                 let clock = Instant::now();
-                self.look_ahead(pairs);
+                self.look_ahead();
                 self.output.times.broad += clock.elapsed();
-                self.gpu.note(self.settings.backend, on_gpu, pairs, self.output.times.total());
+                self.gpu.note(&self.settings, on_gpu, pairs, self.output.times.total());
             }
         }
     }
@@ -273,9 +274,7 @@ impl MedialStep {
     fn cull(&mut self) -> Option<(Vec<Candidates>, Duration)> {
         (self.gpu_latency, self.gpu_departed) = (None, 0);
         self.gpu_times.clear();
-        // The number is that of the previous step.
-        let pairs = self.output.counts.primitive_pairs;
-        if self.input.culling == Culling::None || !self.gpu.is_wanted(self.settings.backend, pairs) {
+        if self.input.culling == Culling::None || !self.gpu.is_wanted(self.settings.backend) {
             return None;
         }
         let clock = Instant::now();
@@ -308,9 +307,8 @@ impl MedialStep {
 
     /// Passes a prediction of the next steps to the GPU.
     #[cfg(feature = "gpu")]
-    fn look_ahead(&mut self, pairs: usize) {
-        let asks = self.gpu.looks_ahead(&self.settings) && self.gpu.is_wanted(self.settings.backend, pairs);
-        self.gpu.look_ahead.asked = asks.then(|| {
+    fn look_ahead(&mut self) {
+        self.gpu.look_ahead.asked = self.gpu.asks(&self.settings).then(|| {
             let keys = self.infos.iter().map(BodyInfo::key);
             let end_of = |body| self.final_pose(Side::Body(body));
             Arc::new(Prediction::new(&self.input, &self.statics, keys, end_of, self.number))

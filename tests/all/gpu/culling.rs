@@ -1,12 +1,16 @@
 //! Steps culled on the GPU have results with the same bits as steps culled on the CPU.
 
+use std::sync::Arc;
+
 use bevy::tasks::{ComputeTaskPool, TaskPool};
 use bevy_medial::{
     gpu::{GpuCapacity, GpuCulling},
     medial_axis::MedialAxis,
     pipeline::{
-        Candidates, PairFilter, Primitives, Shape, Solid, Statics, StepInput, StepOutput, step, step_from_candidates,
+        Body, Candidates, PairFilter, Primitives, Shape, Side, Solid, Statics, StepInput, StepOutput, step,
+        step_from_candidates,
     },
+    query::Cuboid,
 };
 use glam::Vec3;
 
@@ -118,4 +122,85 @@ fn shapes_are_uploaded_once() {
     assert!(with_ball(0.25) < shapes);
     assert_eq!(with_ball(0.3), poses + 16 + 12 + 32 + 20);
     assert_eq!(uploaded(&input), poses);
+}
+
+/// Returns a box of random size that turns and moves, as a dynamic or kinematic body.
+fn moving_box(random: &mut Random, body: &Body) -> Body {
+    let half = Vec3::new(0.05 + random.unit(), 0.05 + 0.3 * random.unit(), 0.05 + random.unit());
+    Body { solid: Solid::Parts(Arc::new(Cuboid { half })), stops: random.below(2) == 0, ..body.clone() }
+}
+
+#[test]
+fn moving_boxes_are_second_sides() {
+    let Some(gpu) = device() else { return };
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
+    let mut random = Random(11);
+    let (mut bounded, mut turning) = (0, 0);
+    let total = compare(&mut culling, 60, || {
+        let (mut input, statics) = random_step(&mut random, 12, 2, 1.5, Vec3::ZERO);
+        for index in (0..input.bodies.len()).step_by(2) {
+            input.bodies[index] = moving_box(&mut random, &input.bodies[index]);
+        }
+        let is_box = |side: Side| side.body().is_some_and(|body| body % 2 == 0);
+        let mut own = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
+        for pair in own.cull(&input, &statics).unwrap().iter().filter(|pair| is_box(pair.sides[1])) {
+            assert!(matches!(pair.primitives, Primitives::Bounded(_)), "{pair:?}");
+            bounded += pair.primitives.indices().count();
+            let body = &input.bodies[pair.sides[1].body().unwrap() as usize];
+            turning += usize::from(body.sweep.rotation.length() > 0.1);
+        }
+        (input, statics)
+    });
+    let [impacts, contacts, stops, _] = total;
+    assert!(impacts > 60 && contacts > 100 && stops > 30, "{total:?}");
+    assert!(bounded > 300 && turning > 50, "{bounded} primitives against boxes, {turning} turning boxes");
+}
+
+/// Worlds, compounds and levels of detail: bodies of other worlds and of the same rigid body do not meet, and shapes change between steps.
+#[test]
+fn worlds_compounds_and_levels_are_those_of_the_cpu() {
+    let Some(gpu) = device() else { return };
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
+    let coarser = MedialAxis::torus(0.5, 0.1, 6).unwrap();
+    let torus = MedialAxis::torus(0.5, 0.1, 40).unwrap().with_coarser(vec![(coarser, 0.01)]);
+    let mut random = Random(12);
+    let (mut fine, mut coarse) = (0, 0);
+    let total = compare(&mut culling, 60, || {
+        let (mut input, statics) = random_step(&mut random, 14, 4, 1.5, Vec3::ZERO);
+        for body in &mut input.bodies {
+            body.world = u32::from(random.below(4) == 0);
+            body.rigid_body = Some(random.below(8) as u64).filter(|id| *id < 4);
+            if random.below(3) == 0 {
+                let level = random.below(2);
+                body.solid = Solid::Medial(Shape::new(torus.level(level).clone()));
+                (fine, coarse) = if level == 0 { (fine + 1, coarse) } else { (fine, coarse + 1) };
+            }
+        }
+        (input, statics)
+    });
+    let [impacts, contacts, stops, _] = total;
+    assert!(impacts > 50 && contacts > 200 && stops > 30, "{total:?}");
+    assert!(fine > 50 && coarse > 50, "{fine} fine, {coarse} coarse shapes");
+}
+
+#[test]
+fn flat_mode_tests_all_primitives_of_near_bodies() {
+    let Some(gpu) = device() else { return };
+    let [mut flat, mut trees] = [(); 2].map(|()| GpuCulling::new(gpu, GpuCapacity::default()).unwrap());
+    flat.set_flat(true);
+    let mut random = Random(13);
+    let mut tested = [0; 2];
+    for _ in 0..10 {
+        let (input, statics) = random_step(&mut random, 12, 4, 1.5, Vec3::ZERO);
+        let [all, few] = [&mut flat, &mut trees].map(|culling| sorted(culling.cull(&input, &statics).unwrap()));
+        assert_eq!(all.len(), few.len());
+        for (all, few) in all.iter().zip(&few) {
+            let listed: Vec<[u32; 2]> = all.primitives.indices().collect();
+            let missing = few.primitives.indices().find(|pair| !listed.contains(pair));
+            assert_eq!((all.sides, missing), (few.sides, None));
+        }
+        tested[0] += flat.counts()[2];
+        tested[1] += trees.counts()[2];
+    }
+    assert!(tested[0] > 2 * tested[1] && tested[1] > 0, "{tested:?}");
 }
