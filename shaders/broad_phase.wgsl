@@ -1,7 +1,7 @@
 // Pass 4, broad phase: finds the bodies that may touch within the step. Counterpart: src/pipeline/broad.
 //
-// The bounding sphere of a moving body sweeps a medial cone. Two bodies are a pair if their cones meet (paper, section 4). A body and a static are a
-// pair if the cone meets the static's box (section 4.1).
+// The bounding sphere of a moving body sweeps a medial cone, or a chain of cones along a curved path. Two bodies are a pair if their cones meet (paper,
+// section 4). A body and a static are a pair if a single cone meets the static's box (section 4.1).
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> bodies: array<Body>;
@@ -26,11 +26,32 @@ fn are_strangers(rigid_body1: vec2u, rigid_body2: vec2u) -> bool {
     return all(rigid_body1 == NO_RIGID_BODY) || any(rigid_body1 != rigid_body2);
 }
 
-// Returns the cone that a body's sphere sweeps, relative to `origin`, a point near it.
-fn cone(index: u32, origin: vec3f) -> Edge {
+// Returns the distance of the centre of a body's bounding sphere from its centre of mass.
+fn bound_arm(body: Body) -> f32 {
+    return distance(body.bound.xyz, body.local_center);
+}
+
+// Returns the number of cones in the chain along the path of a body's bounding sphere: as many as it takes for a small sagitta.
+fn links(body: Body) -> u32 {
+    var count = 1u;
+    while count < MAX_LINKS && sagitta(body, bound_arm(body), count) > CHORD_TOLERANCE * body.bound.w {
+        count *= 2u;
+    }
+    return count;
+}
+
+// Returns a cone of the chain of a body, relative to `origin`, a point near it. The radius of a single cone includes its sagitta and a margin.
+fn link(index: u32, body: Body, number: u32, count: u32, origin: vec3f) -> Edge {
     let sphere = swept[index].sphere;
-    let start = vec4f(sphere.xyz - origin, sphere.w);
-    return edge(start, start + vec4f(swept[index].motion, 0.0));
+    let start = sphere.xyz - origin;
+    if count == 1u {
+        return edge(vec4f(start, sphere.w), vec4f(start + swept[index].motion, sphere.w));
+    }
+    let arm = bound_arm(body);
+    let radius = sphere.w - sagitta(body, arm, 1u) + sagitta(body, arm, count);
+    let first = point_at(pose_at(body, f32(number) / f32(count), origin), body.bound.xyz);
+    let last = point_at(pose_at(body, f32(number + 1u) / f32(count), origin), body.bound.xyz);
+    return edge(vec4f(first, radius), vec4f(last, radius));
 }
 
 // Maximum of `n . x` over a cone.
@@ -56,6 +77,21 @@ fn add(first: u32, second: u32, chords: u32) {
     }
 }
 
+// Returns true if the chains of cones of two bodies meet. The bodies need not be at the same place of their paths at the same time, so each link is tested
+// against each other one.
+fn chains_meet(index1: u32, index2: u32, body1: Body, body2: Body, links1: u32, links2: u32) -> bool {
+    let origin = swept[index1].sphere.xyz;
+    for (var i = 0u; i < links1 * links2; i++) {
+        let cone1 = link(index1, body1, i / links2, links1, origin);
+        let cone2 = link(index2, body2, i % links2, links2, origin);
+        let n = unit(between_edges(FAR, cone1, cone2).apart);
+        if -high(cone2, -n) - high(cone1, n) <= 0.0 {
+            return true;
+        }
+    }
+    return false;
+}
+
 fn between(a: u32, b: u32) {
     let lesser = min(a, b);
     let greater = max(a, b);
@@ -70,11 +106,12 @@ fn between(a: u32, b: u32) {
     if !groups_meet(body1.memberships, body1.collides_with, body2.memberships, body2.collides_with) {
         return;
     }
-    let origin = swept[lesser].sphere.xyz;
-    let cone1 = cone(lesser, origin);
-    let cone2 = cone(greater, origin);
-    let n = unit(between_edges(FAR, cone1, cone2).apart);
-    if -high(cone2, -n) - high(cone1, n) > 0.0 {
+    if !chains_meet(lesser, greater, body1, body2, 1u, 1u) {
+        return;
+    }
+    let links1 = links(body1);
+    let links2 = links(body2);
+    if links1 * links2 > 1u && !chains_meet(lesser, greater, body1, body2, links1, links2) {
         return;
     }
     // The first side is medial.

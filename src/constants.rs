@@ -68,7 +68,11 @@ pub const LOOK_AHEAD_STEPS: u32 = 4;
 /// value, more primitive pairs are tested; with a smaller one, more bodies are culled again on the CPU.
 pub const LOOK_AHEAD_SLACK: f32 = 0.1;
 
-/// [`CHORD_TOLERANCE`] for culling on the GPU. With a smaller value, spinning bodies have more chords to test; with a larger one, culling leaves more
+/// Largest number of cones in the chain along a curved path in the broad phase. With a smaller value, more pairs of spinning bodies are left; with a larger
+/// one, more cones are tested.
+pub const MAX_LINKS: u32 = 8;
+
+/// [`CHORD_TOLERANCE`] for culling on the GPU, and for chains of cones. With a smaller value, spinning bodies have more chords to test; with a larger one, culling leaves more
 /// primitives that do not meet.
 pub const CULLING_CHORD_TOLERANCE: f32 = 1.0e-2;
 

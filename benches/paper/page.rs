@@ -95,7 +95,7 @@ fn averages(text: &mut String, results: &[SceneResult]) -> std::fmt::Result {
     *text += "\n## Averages beside the paper's\n\n\
         The paper's times are those of an RTX 2060S, ours are means of awake frames on one CPU core, with contacts. Each ratio is that of the column before it to the hybrid. The paper's \
         margins over trees are not reproduced: the baselines here are faster than the paper's, and while many bodies touch, most of the time goes to impacts and contacts, which are the \
-        same for all. Trees of aligned boxes are not in the paper. [Times on a GPU](../back-ends.md#figures) have a page of their own.\n\n\
+        same for all. Trees of aligned boxes are not in the paper. [Times on a GPU](../gpu.md#figures) have a page of their own.\n\n\
         | scene | | hybrid, ms | oriented boxes, ms | ratio | spheres, ms | ratio | aligned boxes, ms | ratio |\n|---|---|---|---|---|---|---|---|---|\n";
     for result in results {
         let name = result.scene.name;
@@ -181,8 +181,8 @@ fn chain_section(text: &mut String, rows: &[ChainRow]) -> std::fmt::Result {
         pairs.iter().try_for_each(|pairs| write!(text, " {pairs} |"))?;
         writeln!(text)?;
     }
-    *text += "\nThe centre of the bounding sphere lies near the centre of mass, so its path hardly bends: in the scenes one cone leaves almost the same pairs. Bodies that spin fast gain, \
-        but only over several steps, and with several tests for each pair of bodies. The broad phase therefore has one cone for each body.\n";
+    *text += "\nThe centre of the bounding sphere lies near the centre of mass, so its path hardly bends: in the scenes one cone leaves almost the same pairs. Bodies that spin fast gain \
+        over several steps. The broad phase tests one cone for each body first, and chains of up to eight links for the pairs that are left and turn that far.\n";
     Ok(())
 }
 

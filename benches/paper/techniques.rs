@@ -43,10 +43,10 @@ pub const TECHNIQUES: [Technique; 12] = [
     Technique {
         section: "4, figure 5",
         name: "a chain of cones along a curved path",
-        code: "`benches/src/paper/chains.rs` only; `src/pipeline/sweep/first_impact.rs` halves the time interval of a pair",
-        difference: "One cone leaves almost the same pairs: see [chains of cones](#chains-of-cones). Pairs whose rotation bends the path of their primitives are searched in \
-            intervals.",
-        test: "`physics::spins::whole_turns_are_about_the_axis_of_the_spin`",
+        code: "`src/pipeline/broad/swept_sphere.rs`, `shaders/broad_phase.wgsl`; `src/pipeline/sweep/first_impact.rs` halves the time interval of a pair",
+        difference: "A chain has as many links as a small sagitta takes, up to eight. Each link is tested against each other one, because bodies that stop are at a place of their \
+            path at other times. Pairs whose rotation bends the path of their primitives are searched in intervals.",
+        test: "`gpu::culling::chains_of_cones_leave_half_of_the_pairs_of_clubs_that_spin_for_several_steps`",
     },
     Technique {
         section: "4.1, equations 1 to 3",

@@ -22,6 +22,7 @@ pub(super) fn shader<'a>(files: impl IntoIterator<Item = &'a str>) -> String {
         text += &format!("const {name}: f32 = {value:e}f;\n");
     }
     for (name, value) in [
+        ("MAX_LINKS", constants::MAX_LINKS),
         ("MAX_ROUNDS", constants::MAX_BOUND_ROUNDS),
         ("MAX_CHORDS", constants::MAX_CULLING_CHORDS),
         ("MOST_INTERVALS", (1.0 / constants::SHORTEST_INTERVAL) as u32),

@@ -1,7 +1,7 @@
 //! Chains of cones (paper, section 4, figure 5): the bounding sphere of a body swept along a curved path in several links.
 //!
-//! Each link is widened by the sagitta of its part of the rotation, so a chain of one link is the cone of `bevy_medial`. Pairs that no link tests are left
-//! out: bodies that the same pair of links can never reach.
+//! Each link is widened by the sagitta of its part of the rotation, so a chain of one link is the first test of
+//! `bevy_medial`.
 
 use bevy_medial::{
     geometry::{Aabb, Sphere, Sweep},

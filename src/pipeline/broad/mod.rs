@@ -152,7 +152,8 @@ fn near(
         bvh.overlapping_later(leaf, |other| {
             // The lower index comes first, because rounding depends on the order of the spheres and the order of leaves depends on earlier steps.
             let [a, b] = [index.min(other), index.max(other)].map(|i| &spheres[i as usize]);
-            pairs.extend(between(input, kinematic_reach, index, other).filter(|_| a.meets(b)));
+            let pair = between(input, kinematic_reach, index, other).filter(|_| a.meets(b));
+            pairs.extend(pair.filter(|_| chains_meet(input, kinematic_reach, [index.min(other), index.max(other)])));
         });
         if !kinematic_reach.is_awake(input, i) {
             return;
@@ -171,6 +172,17 @@ fn near(
         });
     });
     pairs.sort_unstable();
+}
+
+/// Returns true if the chains of cones of two bodies meet. The bodies need not be at the same place of their paths at the same time, so each link is tested
+/// against each other one.
+fn chains_meet(input: &StepInput, kinematic_reach: &KinematicReach, bodies: [u32; 2]) -> bool {
+    let [first, second] = bodies.map(|index| {
+        let index = index as usize;
+        SweptSphere::chain(&input.bodies[index], kinematic_reach.margin(input, index))
+    });
+    // A single link is the cone that was tested before.
+    first.len() * second.len() == 1 || first.iter().any(|link| second.iter().any(|other| link.meets(other)))
 }
 
 /// Returns true if two rigid bodies are the same, or if a joint disables their collisions. Joints do not affect sensors.

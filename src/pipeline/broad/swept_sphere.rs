@@ -1,9 +1,11 @@
-//! The bounding sphere of a body and its path in a step: a medial cone (paper, section 4).
+//! The bounding sphere of a body and its path in a step: a medial cone, or a chain of cones for a curved path (paper, section 4).
 
 use glam::Vec3;
+use smallvec::SmallVec;
 
 use crate::{
-    geometry::{Aabb, Sphere},
+    constants::{CULLING_CHORD_TOLERANCE, MAX_LINKS},
+    geometry::{Aabb, Sphere, Sweep},
     pipeline::Body,
     query::separation,
 };
@@ -16,14 +18,33 @@ pub(super) struct SweptSphere {
 }
 
 impl SweptSphere {
-    /// Sweeps the bounding sphere along the chord of its centre and adds the sagitta to the radius. The sagitta is at most twice the arm, for any rotation.
+    /// Sweeps the bounding sphere of a body over its step.
     pub fn new(body: &Body, margin: f32) -> Self {
-        let bound = body.solid.bounding_sphere();
-        let arm = bound.center.distance(body.sweep.local_center);
-        let start = body.sweep.start.transform_point(bound.center);
-        let end = body.sweep.pose_at(1.0).transform_point(bound.center);
-        let radius = bound.radius + body.sweep.sagitta(arm) + margin;
+        Self::along(body.solid.bounding_sphere(), &body.sweep, margin)
+    }
+
+    /// Sweeps a sphere along the chord of its centre and adds the sagitta to the radius. The sagitta is at most twice the arm, for any rotation.
+    fn along(bound: Sphere, sweep: &Sweep, margin: f32) -> Self {
+        let arm = bound.center.distance(sweep.local_center);
+        let start = sweep.start.transform_point(bound.center);
+        let end = sweep.pose_at(1.0).transform_point(bound.center);
+        let radius = bound.radius + sweep.sagitta(arm) + margin;
         Self { sphere: Sphere::new(start, radius), motion: end - start }
+    }
+
+    /// Returns the chain of cones along the path of a body: as many links as it takes for a small sagitta, up to [`MAX_LINKS`].
+    pub fn chain(body: &Body, margin: f32) -> SmallVec<[Self; 1]> {
+        let bound = body.solid.bounding_sphere();
+        let sagitta = body.sweep.sagitta(bound.center.distance(body.sweep.local_center));
+        let mut links = 1;
+        while links < MAX_LINKS && sagitta > CULLING_CHORD_TOLERANCE * bound.radius * (links * links) as f32 {
+            links *= 2;
+        }
+        let link = |number: u32| {
+            let times = [number, number + 1].map(|i| i as f32 / links as f32);
+            Self::along(bound, &body.sweep.part(times), margin)
+        };
+        (0..links).map(link).collect()
     }
 
     pub fn aabb(&self) -> Aabb {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use bevy::tasks::{ComputeTaskPool, TaskPool};
 use bevy_medial::{
+    geometry::{Pose3, Sphere, Sweep},
     gpu::{GpuCapacity, GpuCulling},
     medial_axis::MedialAxis,
     pipeline::{
@@ -12,6 +13,7 @@ use bevy_medial::{
     },
     query::Cuboid,
 };
+use bevy_medial_compare::paper::chains;
 use glam::Vec3;
 
 use super::{device, parity::assert_same_items};
@@ -203,4 +205,28 @@ fn flat_mode_tests_all_primitives_of_near_bodies() {
         tested[1] += trees.counts()[2];
     }
     assert!(tested[0] > 2 * tested[1] && tested[1] > 0, "{tested:?}");
+}
+
+/// 200 clubs with the centre of mass at one end spin at 30 rad/s and fly at up to 5 m/s. The motion is that of four steps, as in the look-ahead.
+#[test]
+fn chains_of_cones_leave_half_of_the_pairs_of_clubs_that_spin_for_several_steps() {
+    let club = MedialAxis::cone(Sphere::new(Vec3::ZERO, 0.25), Sphere::new(Vec3::X, 0.02)).unwrap();
+    let shape = Shape::new(club);
+    let (mut random, spacing) = (Random(3), 3.0 * shape.bounding_sphere().radius);
+    let mut body = |number: usize| {
+        let place = Vec3::new((number % 6) as f32, (number / 6 % 6) as f32, (number / 36) as f32) * spacing;
+        let pose = Pose3::from_parts(place + random.in_cube() * 0.2 * spacing, random.rotation());
+        let [translation, rotation] = [random.in_cube() * 5.0 / 60.0, random.direction().as_vec3() * 30.0 / 60.0];
+        Body::new(shape.clone(), Sweep::at_rates(pose, shape.center_of_mass(), translation, rotation))
+    };
+    let input = StepInput { bodies: (0..200).map(&mut body).collect(), ..Default::default() };
+    let (input, statics) = (chains::continued(&input, 4), Statics::default());
+    let [single, links] = [1, 8].map(|links| chains::pairs(&input, &statics, links));
+    let cpu = step(&input, &statics, pool()).counts.body_pairs;
+    assert!(links <= cpu && 2 * cpu <= single, "{single} pairs with single cones, {cpu} with chains");
+    let Some(gpu) = device() else { return };
+    let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
+    culling.cull(&input, &statics).unwrap();
+    let left = culling.counts()[0] as usize;
+    assert!(cpu <= left && 2 * left <= single, "{single} pairs with single cones, {left} with chains on the GPU");
 }
