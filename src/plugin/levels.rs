@@ -1,9 +1,12 @@
-use bevy::prelude::*;
+use bevy::{platform::collections::HashSet, prelude::*};
 
+use super::MedialMesh;
 use crate::medial_axis::MedialAxis;
 
 /// The error that a body's shape may have, if its asset has levels of detail, as assets from `.medial` files do. The coarsest level within the error
 /// is used, or the finest if no level is within it. Default without this component: 1 % of the diagonal.
+///
+/// A `.ma` file has a single level, so no budget has an effect on it. The log warns once about each such file.
 ///
 /// It may be changed at any time, for example by the distance to the camera. The mass stays that of the finest level.
 ///
@@ -58,7 +61,7 @@ impl MedialBudget {
 /// The level of detail with which an entity collides; 0 is the finest. It is added with the shape and is written by the plugin only.
 ///
 /// An observer of `On<Add, MedialLevel>` runs when a body gets its shape, for example after its file is loaded. Before that, the body has the `Collider`
-/// that the user has given it, or none.
+/// that the user has given it, or it stands still.
 ///
 /// [`MedialAxis::level`] returns its shape. The primitives of a [`TouchPoint`](super::TouchPoint) are primitives of that shape.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
@@ -73,5 +76,23 @@ pub(super) fn check_budgets(budgets: Query<(NameOrEntity, &MedialBudget), Change
             "{name}: MedialBudget::{budget:?} is not a valid error, so {:?} is used; give it a number from 0 up",
             MedialBudget::default()
         );
+    }
+}
+
+/// Warns once about each file whose shape has no levels of detail.
+pub(super) fn check_levels(
+    shapes: Query<&MedialMesh, Added<MedialLevel>>,
+    mut known: Local<HashSet<AssetId<MedialAxis>>>,
+) {
+    for mesh in &shapes {
+        let path = mesh.0.path().filter(|path| path.path().extension().is_some_and(|extension| extension == "ma"));
+        if let Some(path) = path.filter(|_| known.insert(mesh.0.id())) {
+            let levels = path.path().with_extension("medial");
+            warn!(
+                "{path}: a .ma file has no levels of detail, so a MedialBudget has no effect; \
+                 write them with `medial build MESH -o {}` and load this file",
+                levels.display()
+            );
+        }
     }
 }

@@ -224,7 +224,7 @@ impl Plugin for MedialPhysicsPlugin {
             .add_systems(
                 self.schedule,
                 (
-                    levels::check_budgets,
+                    (levels::check_budgets, levels::check_levels),
                     importance::look_from_focuses
                         .run_if(any_with_component::<MedialFocus>.or_else(any_with_component::<importance::Nearness>)),
                 )

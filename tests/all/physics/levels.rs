@@ -211,6 +211,25 @@ fn an_invalid_budget_is_logged_once_and_the_default_holds() {
 }
 
 #[test]
+fn a_file_without_levels_is_logged_once() {
+    log::keep();
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("physics-without-levels");
+    fs::create_dir_all(&folder).unwrap();
+    let mut app = app_with(MedialPhysicsPlugin::default(), &folder);
+    for (file, copy, warnings) in [("bear.ma", "flat bear.ma", 1), ("bear.medial", "levelled bear.medial", 0)] {
+        fs::copy(assets().join("models").join(file), folder.join(copy)).unwrap();
+        let mesh = MedialMesh(app.world().resource::<AssetServer>().load(copy));
+        let bodies = (0..3).map(|_| app.world_mut().spawn((RigidBody::Dynamic, mesh.clone())).id()).collect::<Vec<_>>();
+        assert!(matches!(wait(&mut app, &mesh), LoadState::Loaded));
+        run(&mut app, 5);
+        assert!(bodies.iter().all(|&body| app.world().get::<MedialLevel>(body).is_some()));
+        let lines = log::lines(copy);
+        assert_eq!(lines.len(), warnings, "{lines:?}");
+        assert!(lines.iter().all(|line| line.contains("medial build MESH -o flat bear.medial")), "{lines:?}");
+    }
+}
+
+#[test]
 fn a_damaged_file_of_levels_is_logged() {
     log::keep();
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("physics-levels");
