@@ -1,12 +1,10 @@
 use bevy::{ecs::system::SystemParam, prelude::*};
 
 use super::{MedialStep, TouchPoint, report::contact_points};
-use crate::pipeline::Pair;
 
 /// The contacts of the last step, by entity.
 ///
-/// Pairs of sleeping bodies are not searched, so their contacts are missing. Rapier has the impulses of contacts:
-/// `ReadRapierContext` and its method `contact_pair`.
+/// Pairs of sleeping bodies are not searched, so their contacts are missing.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
@@ -29,8 +27,8 @@ pub struct MedialContacts<'w> {
 impl MedialContacts<'_> {
     /// Returns all pairs of colliders with contacts.
     pub fn iter(&self) -> impl Iterator<Item = MedialContactPair<'_>> {
-        let pairs = self.step.output.pairs.iter().filter(|pair| !pair.manifolds.is_empty());
-        pairs.map(|pair| MedialContactPair::new(&self.step, pair))
+        let pairs = self.step.output.pairs.iter().enumerate().filter(|(_, pair)| !pair.manifolds.is_empty());
+        pairs.map(|(number, _)| MedialContactPair::new(&self.step, number))
     }
 
     /// Returns the pairs of an entity, which is a collider or a rigid body. The entity is on the first side of each pair.
@@ -54,15 +52,17 @@ pub struct MedialContactPair<'a> {
     /// The rigid body of the second collider.
     pub body2: Option<Entity>,
     step: &'a MedialStep,
-    pair: &'a Pair,
+    /// Index of the pair in the output of the step.
+    number: usize,
     is_swapped: bool,
 }
 
 impl<'a> MedialContactPair<'a> {
-    fn new(step: &'a MedialStep, pair: &'a Pair) -> Self {
+    fn new(step: &'a MedialStep, number: usize) -> Self {
+        let pair = &step.output.pairs[number];
         let [first, second] = [pair.first, pair.second].map(|side| step.info(side));
         let (entity1, entity2) = (first.entity, second.entity);
-        Self { entity1, entity2, body1: first.body, body2: second.body, step, pair, is_swapped: false }
+        Self { entity1, entity2, body1: first.body, body2: second.body, step, number, is_swapped: false }
     }
 
     fn swapped(self) -> Self {
@@ -73,6 +73,19 @@ impl<'a> MedialContactPair<'a> {
     /// Returns the contacts at the end of the step. Normals point from the first collider to the second.
     pub fn points(self) -> impl Iterator<Item = TouchPoint> + use<'a> {
         let is_swapped = self.is_swapped;
-        contact_points(self.step, self.pair).map(move |point| if is_swapped { point.swapped() } else { point })
+        let pair = &self.step.output.pairs[self.number];
+        contact_points(self.step, pair).map(move |point| if is_swapped { point.swapped() } else { point })
+    }
+
+    /// Returns the impulse that rapier's solver has given to the second collider's body in the last step, in newton seconds, in the world. The first
+    /// body has got the opposite impulse.
+    ///
+    /// It is the sum over all contacts along their normals, without friction, as in rapier's `ContactForceEvent`. Rapier includes the impulse with which
+    /// its solver starts. So it is a quarter too large for bodies at rest with four solver iterations. It is zero if the contacts are new. If rapier has
+    /// simulated several steps or substeps, it is that of the last one.
+    #[cfg(feature = "rapier")]
+    pub fn impulse(self) -> Vec3 {
+        let impulse = self.step.impulses.get(self.number).copied().unwrap_or_default();
+        if self.is_swapped { -impulse } else { impulse }
     }
 }

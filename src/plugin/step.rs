@@ -153,6 +153,10 @@ pub struct MedialStep {
     #[cfg(feature = "rapier")]
     #[reflect(ignore)]
     pub(crate) worlds: Vec<Entity>,
+    /// Impulse that rapier's solver has given to the second side of each pair of the output along the normals of its contacts, in newton seconds.
+    #[cfg(feature = "rapier")]
+    #[reflect(ignore)]
+    pub(crate) impulses: Vec<Vec3>,
     /// Length of the step in seconds. For several worlds it is that of the first.
     pub dt: f32,
     /// Time to record the poses of bodies and to pass contacts to rapier before its step, and to gather the input after it.

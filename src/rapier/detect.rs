@@ -15,7 +15,7 @@ use super::{
     snapshot::RapierStep,
 };
 use crate::{
-    pipeline::PairFilter,
+    pipeline::{Pair, PairFilter},
     plugin::{MedialCcd, MedialSettings, MedialStep},
 };
 
@@ -51,6 +51,7 @@ pub(super) fn detect<Hooks>(
         hooks::meeting(&hooks, pair, &context.bodies.bodies, &context.colliders.colliders, narrow_phase)
     });
     let clock = Instant::now();
+    step.impulses = step.output.pairs.iter().map(|pair| impulse(step, pair, &contexts)).collect();
     let before = std::mem::take(&mut *owed);
     for (world, (entity, dt)) in (0..).zip(&worlds) {
         if let Ok(context) = contexts.get_mut(*entity) {
@@ -58,4 +59,15 @@ pub(super) fn detect<Hooks>(
         }
     }
     step.move_time = clock.elapsed();
+}
+
+/// Returns the impulse of the solver on the second side of a pair, along the normals of the contacts.
+fn impulse(step: &MedialStep, pair: &Pair, contexts: &Query<Context>) -> Vec3 {
+    let [first, second] = [pair.first, pair.second].map(|side| step.info(side).collider);
+    let context = contexts.get(step.context(pair.first)).ok();
+    let contact = context.and_then(|context| context.simulation.narrow_phase.contact_pair(first, second));
+    contact.map_or(Vec3::ZERO, |contact| {
+        let impulse = contact.total_impulse();
+        if contact.collider1 == first { impulse } else { -impulse }
+    })
 }

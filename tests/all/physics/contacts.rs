@@ -81,3 +81,44 @@ fn contacts_of_a_body_are_those_of_its_colliders() {
     };
     app.world_mut().run_system_once(check).unwrap();
 }
+
+/// Sums of the impulses on a body, in newton seconds.
+fn impulse_on(app: &mut App, body: Entity) -> Vec3 {
+    let sum = move |contacts: MedialContacts| contacts.of(body).map(|pair| -pair.impulse()).sum::<Vec3>();
+    app.world_mut().run_system_once(sum).unwrap()
+}
+
+#[test]
+fn impulses_of_a_resting_stack_carry_its_weight() {
+    let mut app = app();
+    let ground = spawn_ground(&mut app);
+    let plate = MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.05).unwrap();
+    let [lower, upper] = [0.1, 0.3].map(|y| spawn_body(&mut app, plate.clone(), Transform::from_xyz(0.0, y, 0.0)));
+    // Long enough to settle, but not to fall asleep.
+    run(&mut app, 25);
+    let weight = rigid(&mut app, upper).mass() * 9.81 * DT;
+    for (body, weights) in [(upper, 1.0), (lower, 1.0), (ground, -2.0)] {
+        assert!(!rigid(&mut app, body).is_sleeping() || body == ground);
+        let ratio = impulse_on(&mut app, body) / (weights * weight);
+        // Rapier counts the first of four substeps twice.
+        assert!((0.98..1.27).contains(&ratio.y) && ratio.with_y(0.0).length() < 0.01, "{body}: {ratio}");
+    }
+}
+
+#[test]
+fn the_impulse_of_a_push_changes_the_momentum_of_both_bodies() {
+    let mut app = app();
+    let ball = MedialAxis::sphere(0.2).unwrap();
+    let velocity = Velocity::linear(Vec3::X * 3.0);
+    let pushed = spawn_flying(&mut app, ball.clone(), Transform::from_xyz(0.5, 0.0, 0.0), Velocity::zero());
+    let pusher = spawn_flying(&mut app, ball, Transform::default(), velocity);
+    let mut sum = Vec3::ZERO;
+    for _ in 0..20 {
+        app.update();
+        let impulse = impulse_on(&mut app, pushed);
+        assert_eq!(impulse_on(&mut app, pusher), -impulse);
+        sum += impulse;
+    }
+    let momentum = rigid(&mut app, pushed).linvel() * rigid(&mut app, pushed).mass();
+    assert!(momentum.x > 0.04 && sum.distance(momentum) < 0.01 * momentum.x, "{sum} {momentum}");
+}
