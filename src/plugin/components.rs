@@ -5,7 +5,8 @@ use crate::medial_axis::MedialAxis;
 /// Makes an entity collide with its medial mesh. The handle refers to the shape that all instances share, from a `.ma` file, or from a `.medial` file
 /// with levels of detail.
 ///
-/// A body needs only this component and a `RigidBody`: collider, mass and inertia are added when the asset has loaded. Without a `RigidBody` the
+/// A body needs only this component and a `RigidBody`: collider, mass and inertia are added when the asset has loaded. Until then a dynamic body stands
+/// still and keeps its velocity and all impulses, unless a `Collider` on it or on a child stands in for the shape. Without a `RigidBody` the
 /// entity is a fixed collider, or, on a child of a body, one of that body's shapes. The `Transform` may scale it uniformly.
 ///
 /// ```no_run

@@ -60,9 +60,14 @@ mod shape_cast;
 mod snapshot;
 mod substeps;
 mod table;
+mod waiting;
 
 use bevy::{
-    ecs::{intern::Interned, schedule::ScheduleLabel, system::SystemParamItem},
+    ecs::{
+        intern::Interned,
+        schedule::{ScheduleConfigs, ScheduleLabel},
+        system::{ScheduleSystem, SystemParamItem},
+    },
     prelude::*,
     transform::{StaticTransformOptimizations, systems::mark_dirty_trees},
 };
@@ -110,6 +115,8 @@ where
             MedialSystems::Snapshot.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation),
             MedialSystems::Detect.after(PhysicsSet::StepSimulation).before(PhysicsSet::Writeback),
             MedialSystems::Report.after(PhysicsSet::Writeback).before(TransformSystems::Propagate),
+            // Even in a step without length, rapier's solver would change velocities.
+            PhysicsSet::StepSimulation.run_if(snapshot::takes_time),
         ),
     );
     let attach = (
@@ -120,16 +127,14 @@ where
         attach::attach_boxes,
         attach::keep_unscaled,
         attach::follow_bodies,
+        waiting::find,
+        waiting::hold_impulses,
     );
-    // Rapier propagates transforms without marking dirty trees. Changes to entities with children, such as those by character controllers, would be lost.
-    let mark = mark_dirty_trees
-        .run_if(resource_exists::<StaticTransformOptimizations>)
-        .after(update_character_controls)
-        .before(RapierTransformPropagateSet);
     let prepare = (
         hierarchy::place_colliders,
         attach::keep_contacts_fresh,
         attach::wake_attached,
+        waiting::release,
         quarantine::release,
         (quarantine::isolate, snapshot::snapshot).chain().run_if(is_needed),
     );
@@ -137,11 +142,19 @@ where
         (detect::detect::<Hooks>, substeps::refine, interpolation::show_stops).chain().run_if(snapshot::has_stepped);
     let detect = (quarantine::isolate_results, stop).chain().run_if(is_needed);
     app.add_systems(schedule, attach.chain().in_set(MedialSystems::Attach))
-        .add_systems(schedule, mark.in_set(PhysicsSet::SyncBackend))
+        .add_systems(schedule, mark_moved_trees().in_set(PhysicsSet::SyncBackend))
         .add_systems(schedule, prepare.chain().in_set(MedialSystems::Snapshot))
         .add_systems(schedule, detect.in_set(MedialSystems::Detect))
         .add_systems(schedule, hierarchy::correct.in_set(MedialSystems::Report))
         .add_systems(schedule, snapshot::note_step.in_set(PhysicsSet::StepSimulation));
+}
+
+/// Rapier propagates transforms without marking dirty trees. Changes to entities with children, such as those by character controllers, would be lost.
+fn mark_moved_trees() -> ScheduleConfigs<ScheduleSystem> {
+    mark_dirty_trees
+        .run_if(resource_exists::<StaticTransformOptimizations>)
+        .after(update_character_controls)
+        .before(RapierTransformPropagateSet)
 }
 
 /// Adds `RapierPhysicsPlugin` unless the app has it. Warns if the app has it in another schedule.

@@ -113,6 +113,11 @@ pub(super) fn to_come(mode: &TimestepMode, time: &Time) -> f32 {
     }
 }
 
+/// Returns true if rapier's next step has a length.
+pub(super) fn takes_time(mode: Res<TimestepMode>, time: Res<Time>) -> bool {
+    to_come(&mode, &time) != 0.0
+}
+
 /// Information about the last step of rapier.
 #[derive(SystemParam)]
 pub(super) struct RapierStep<'w> {
