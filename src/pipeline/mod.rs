@@ -39,7 +39,7 @@ use bevy::{platform::time::Instant, tasks::TaskPool};
 pub(crate) use broad::swept_cone;
 #[cfg(feature = "gpu")]
 pub(crate) use broad::{KinematicReach, near_sides};
-use workspace::Scratch;
+use workspace::TaskScratch;
 
 pub use contacts::{CachedPair, Contact, ContactCache, ContactMargin, Displacement, Manifold, OtherShape};
 pub use input::{Body, Culling, Groups, PairFilter, Side, StaticBody, Statics, StepInput, relative_pose};

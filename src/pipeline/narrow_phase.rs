@@ -4,8 +4,8 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    BoundedPair, CachedPair, ContactCache, ContactMargin, Culling, Manifold, Pair, Primitives, Scratch, Side, Statics,
-    StepInput, StepOutput,
+    BoundedPair, CachedPair, ContactCache, ContactMargin, Culling, Manifold, Pair, Primitives, Side, Statics,
+    StepInput, StepOutput, TaskScratch,
     contacts::{
         find::{self, Listed},
         gap, reduce,
@@ -30,7 +30,7 @@ pub(super) fn impacts(
     pairs: &[BodyPair],
     known: &[Primitives],
     cache: &ContactCache,
-    tasks: &Scratches<Scratch>,
+    tasks: &Scratches<TaskScratch>,
     impacts: &mut Vec<ImpactResult>,
     pool: &TaskPool,
 ) {
@@ -96,7 +96,7 @@ impl Ends<'_> {
     pub fn manifolds(
         &self,
         pairs: &[BodyPair],
-        tasks: &Scratches<Scratch>,
+        tasks: &Scratches<TaskScratch>,
         manifolds: &mut Vec<Manifold>,
         pool: &TaskPool,
     ) {
@@ -109,9 +109,9 @@ impl Ends<'_> {
         });
     }
 
-    fn manifolds_of(&self, index: usize, pair: &BodyPair, scratch: &mut Scratch, manifolds: &mut Vec<Manifold>) {
+    fn manifolds_of(&self, index: usize, pair: &BodyPair, scratch: &mut TaskScratch, manifolds: &mut Vec<Manifold>) {
         let Self { input, statics, trajectories, .. } = *self;
-        let Scratch { contact: buffers, contacts, listed, reduce, found, laps: [finding, reducing], .. } = scratch;
+        let TaskScratch { contact: buffers, contacts, listed, reduce, found, laps: [finding, reducing], .. } = scratch;
         let mut lap = laps();
         let sides = [pair.first, pair.second];
         let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));

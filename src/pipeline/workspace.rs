@@ -22,11 +22,11 @@ use super::{
 /// Buffers for steps. Use one workspace per scene.
 #[derive(Debug, Default)]
 pub struct Workspace {
-    tasks: Scratches<Scratch>,
-    broad: broad::Buffers,
+    tasks: Scratches<TaskScratch>,
+    broad: broad::Scratch,
     pairs: Vec<BodyPair>,
     impacts: Vec<ImpactResult>,
-    respond: respond::Buffers,
+    respond: respond::Scratch,
     found: Vec<Found>,
     contacts: ContactCache,
     /// A buffer for the contacts of the next step.
@@ -35,14 +35,14 @@ pub struct Workspace {
 
 /// Buffers of a task, and the results that it keeps until all pairs are done.
 #[derive(Debug, Default)]
-pub(super) struct Scratch {
+pub(super) struct TaskScratch {
     pub boxes: BoxCache,
-    pub first_impact: first_impact::Buffers,
-    pub contact: find::Buffers,
+    pub first_impact: first_impact::Scratch,
+    pub contact: find::Scratch,
     pub contacts: Vec<Contact>,
     /// Primitive pairs of a pair that may have contacts.
     pub listed: Vec<[u32; 2]>,
-    pub reduce: reduce::Room,
+    pub reduce: reduce::Scratch,
     /// Candidates of each pair after culling, if they are part of the output.
     pub reported: Vec<(usize, Vec<PrimitivePair>)>,
     pub found: Vec<Found>,
@@ -51,7 +51,7 @@ pub(super) struct Scratch {
     pub laps: [Duration; 2],
 }
 
-impl Scratch {
+impl TaskScratch {
     /// Drops the bodies and pairs of the last step, even if a panic has interrupted that step.
     fn forget(&mut self) {
         self.boxes.clear();
@@ -125,7 +125,7 @@ impl Workspace {
         pool: &TaskPool,
     ) {
         let Self { tasks, pairs, impacts, respond, found, contacts: cache, next_contacts, .. } = self;
-        tasks.iter_mut().for_each(Scratch::forget);
+        tasks.iter_mut().for_each(TaskScratch::forget);
         let mut lap = laps();
         narrow_phase::impacts(input, statics, pairs, known, cache, tasks, impacts, pool);
         [output.times.mid, output.times.narrow] = split(lap(), tasks);
@@ -175,7 +175,7 @@ impl Workspace {
 }
 
 /// Returns the counters of all tasks and resets them.
-fn tally(tasks: &mut Scratches<Scratch>) -> Tally {
+fn tally(tasks: &mut Scratches<TaskScratch>) -> Tally {
     tasks.iter_mut().map(|scratch| std::mem::take(&mut scratch.tally)).fold(Tally::default(), |sum, more| Tally {
         candidates: sum.candidates + more.candidates,
         toi_tests: sum.toi_tests + more.toi_tests,
@@ -184,7 +184,7 @@ fn tally(tasks: &mut Scratches<Scratch>) -> Tally {
 }
 
 /// Splits the wall time of a stage into two parts, in proportion to the times that its tasks have measured. Resets the tasks' times.
-fn split(took: Duration, tasks: &mut Scratches<Scratch>) -> [Duration; 2] {
+fn split(took: Duration, tasks: &mut Scratches<TaskScratch>) -> [Duration; 2] {
     let parts = tasks
         .iter_mut()
         .map(|scratch| std::mem::take(&mut scratch.laps))

@@ -11,7 +11,7 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Body, Candidates, Culling, PairFilter, Primitives, Scratch, Shape, Side, Solid, Statics, StepInput,
+    Body, Candidates, Culling, PairFilter, Primitives, Shape, Side, Solid, Statics, StepInput, TaskScratch,
     pairs::BodyPair,
     parallel::{self, Scratches},
 };
@@ -37,7 +37,7 @@ pub(super) fn meet(bodies: &[Body; 2]) -> bool {
 
 /// Buffers that are kept from step to step to avoid allocations.
 #[derive(Debug, Default)]
-pub(super) struct Buffers {
+pub(super) struct Scratch {
     kinematic_reach: KinematicReach,
     spheres: Vec<SweptSphere>,
     boxes: Vec<Aabb>,
@@ -51,7 +51,7 @@ pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
     filter: impl Fn(Side, Side) -> PairFilter,
-    (buffers, tasks): (&mut Buffers, &Scratches<Scratch>),
+    (buffers, tasks): (&mut Scratch, &Scratches<TaskScratch>),
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {
@@ -122,7 +122,7 @@ pub(crate) fn near_sides(
     pool: &TaskPool,
 ) -> Vec<[Side; 2]> {
     let mut pairs = Vec::new();
-    near(input, statics, kinematic_reach, (&mut Buffers::default(), &Scratches::default()), &mut pairs, pool);
+    near(input, statics, kinematic_reach, (&mut Scratch::default(), &Scratches::default()), &mut pairs, pool);
     pairs.into_iter().map(|pair| [pair.first, pair.second]).collect()
 }
 
@@ -131,7 +131,7 @@ fn near(
     input: &StepInput,
     statics: &Statics,
     kinematic_reach: &KinematicReach,
-    (Buffers { spheres, boxes, bvh, items, leaves, .. }, tasks): (&mut Buffers, &Scratches<Scratch>),
+    (Scratch { spheres, boxes, bvh, items, leaves, .. }, tasks): (&mut Scratch, &Scratches<TaskScratch>),
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {

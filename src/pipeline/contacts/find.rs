@@ -47,8 +47,8 @@ pub(in crate::pipeline) enum Listed<'a> {
 
 /// Buffers that are kept from pair to pair to avoid allocations.
 #[derive(Debug, Default)]
-pub(in crate::pipeline) struct Buffers {
-    near: near::Room,
+pub(in crate::pipeline) struct Scratch {
+    near: near::Scratch,
     /// Per side, each sphere and the primitive of the other side with which it needs no further test.
     settled: [HashSet<[u32; 2]>; 2],
     taken: cluster::Taken,
@@ -72,7 +72,7 @@ pub fn find(
     contacts: &mut Vec<Contact>,
 ) {
     contacts.clear();
-    find_with(shape1, second, pose12, reach.into(), Listed::Unknown, contacts, &mut Buffers::default());
+    find_with(shape1, second, pose12, reach.into(), Listed::Unknown, contacts, &mut Scratch::default());
 }
 
 /// [`find`] with buffers. `contacts` has to be empty.
@@ -83,7 +83,7 @@ pub(in crate::pipeline) fn find_with(
     reach: ContactMargin,
     listed: Listed,
     contacts: &mut Vec<Contact>,
-    buffers: &mut Buffers,
+    buffers: &mut Scratch,
 ) {
     let mut find = |reach: ContactMargin, contacts: &mut Vec<Contact>| match second {
         OtherShape::Shape(shape2) => of_shapes(shape1, shape2, pose12, reach, listed, contacts, buffers),
@@ -105,7 +105,7 @@ fn of_parts(
     ContactMargin { prediction, length_unit, .. }: ContactMargin,
     listed: Listed,
     contacts: &mut Vec<Contact>,
-    buffers: &mut Buffers,
+    buffers: &mut Scratch,
 ) {
     let parts = parts.within(&surroundings(shape1, pose12, prediction));
     for part in &parts {
@@ -129,7 +129,7 @@ fn of_shapes(
     ContactMargin { prediction, length_unit, .. }: ContactMargin,
     listed: Listed,
     contacts: &mut Vec<Contact>,
-    Buffers { near, settled, taken, edges }: &mut Buffers,
+    Scratch { near, settled, taken, edges }: &mut Scratch,
 ) {
     let to_second = Placement::from(pose12.inverse());
     let to_first = Placement::from(*pose12);
@@ -205,7 +205,7 @@ fn collect_part(
     prediction: f32,
     listed: Listed,
     contacts: &mut Vec<Contact>,
-    near: &mut near::Room,
+    near: &mut near::Scratch,
 ) {
     let pose12 = *pose12 * part.pose;
     let to_first = Placement::from(pose12);

@@ -7,7 +7,7 @@ use crate::{
 
 /// Buffers for the primitives that are near.
 #[derive(Debug, Default)]
-pub(in crate::pipeline) struct Room {
+pub(in crate::pipeline) struct Scratch {
     in_reach: Vec<u32>,
     first: Vec<(u32, Hull, Box3A)>,
     second: Vec<(u32, Box3A)>,
@@ -22,7 +22,7 @@ pub(in crate::pipeline) fn near_shape(
     shape2: &Shape,
     pose12: &Pose3,
     reach: f32,
-    Room { in_reach, first, second }: &mut Room,
+    Scratch { in_reach, first, second }: &mut Scratch,
     mut visit: impl FnMut([u32; 2], Hull),
 ) {
     let to_second = Placement::from(pose12.inverse());
@@ -60,7 +60,7 @@ pub(in crate::pipeline) fn near_part(
     part: &Part,
     pose12: &Pose3,
     reach: f32,
-    Room { in_reach, .. }: &mut Room,
+    Scratch { in_reach, .. }: &mut Scratch,
     mut visit: impl FnMut(u32, Hull),
 ) {
     let to_part = Placement::from(pose12.inverse());

@@ -13,7 +13,7 @@ const OBLIQUE_AXIS: Vec3 = Vec3::new(0.48, 0.6, 0.64);
 
 /// Buffers of the reduction.
 #[derive(Debug, Default)]
-pub(in crate::pipeline) struct Room {
+pub(in crate::pipeline) struct Scratch {
     /// Index of the group of each contact; `None` for a contact without a group.
     groups: Vec<Option<usize>>,
     group: Vec<Contact>,
@@ -27,7 +27,7 @@ type Kept = ArrayVec<Contact, 4>;
 pub(in crate::pipeline) fn reduce(
     contacts: &mut [Contact],
     unit: f32,
-    Room { groups, group }: &mut Room,
+    Scratch { groups, group }: &mut Scratch,
     mut push: impl FnMut(Manifold),
 ) {
     contacts.sort_unstable_by(Contact::order);
@@ -147,7 +147,7 @@ mod tests {
     fn kept_of(contacts: impl Iterator<Item = Contact>) -> Vec<u32> {
         let mut manifolds = Vec::new();
         let mut contacts: Vec<Contact> = contacts.collect();
-        reduce(&mut contacts, 1.0, &mut Room::default(), |manifold| manifolds.push(manifold));
+        reduce(&mut contacts, 1.0, &mut Scratch::default(), |manifold| manifolds.push(manifold));
         assert_eq!(manifolds.len(), 1);
         let contacts = manifolds[0].contacts();
         assert!(contacts.windows(2).all(|pair| pair[0].distance <= pair[1].distance), "contacts are not sorted");

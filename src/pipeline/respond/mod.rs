@@ -15,7 +15,7 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Body, Impact, Primitives, Scratch, Statics, StepInput,
+    Body, Impact, Primitives, Statics, StepInput, TaskScratch,
     joint_islands::JointIslands,
     pairs::{BodyPair, PairsOf},
     parallel::{self, Scratches},
@@ -61,7 +61,7 @@ impl Ord for Event {
 
 /// Buffers that are reused from step to step.
 #[derive(Debug, Default)]
-pub(super) struct Buffers {
+pub(super) struct Scratch {
     trajectories: Trajectories,
     pairs_of: PairsOf,
     joint_islands: JointIslands,
@@ -74,7 +74,7 @@ pub(super) struct Buffers {
     found: Vec<Option<Impact>>,
 }
 
-impl Buffers {
+impl Scratch {
     /// Prepares for a step, and queues the impacts that stop a body. Returns false if the queue is empty.
     fn begin(&mut self, input: &StepInput, pairs: &[BodyPair], results: &[ImpactResult]) -> bool {
         self.trajectories.reset(input.bodies.len());
@@ -102,14 +102,14 @@ pub(super) fn run<'b>(
     statics: &Statics,
     pairs: &[BodyPair],
     results: &mut [ImpactResult],
-    buffers: &'b mut Buffers,
-    tasks: &Scratches<Scratch>,
+    buffers: &'b mut Scratch,
+    tasks: &Scratches<TaskScratch>,
     pool: &TaskPool,
 ) -> &'b Trajectories {
     if !buffers.begin(input, pairs, results) {
         return &buffers.trajectories;
     }
-    let Buffers { trajectories, pairs_of, joint_islands, queue, next, happened, outcomes, searches, found } = buffers;
+    let Scratch { trajectories, pairs_of, joint_islands, queue, next, happened, outcomes, searches, found } = buffers;
     let search =
         |trajectories: &Trajectories, results: &[ImpactResult], searches: &[(usize, f32)], found: &mut Vec<_>| {
             parallel::map(pool, tasks, searches, 4, found, |scratch, _, &(pair, fraction)| {
@@ -230,7 +230,7 @@ fn impact_from(
     trajectories: &Trajectories,
     fraction: f32,
     before: &ImpactResult,
-    scratch: &mut Scratch,
+    scratch: &mut TaskScratch,
 ) -> Option<Impact> {
     let motions = PairMotion::all(input, statics, pair, |body| trajectories.sweep_from(input, body, fraction));
     let times = [pair.first, pair.second].map(|side| trajectories.times(side, fraction));

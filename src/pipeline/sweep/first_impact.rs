@@ -10,7 +10,7 @@ use crate::{
     constants::{FEW_PRIMITIVES, SHORTEST_INTERVAL},
     geometry::Sweep,
     pipeline::{
-        Impact, Primitives, Scratch, Statics, StepInput,
+        Impact, Primitives, Statics, StepInput, TaskScratch,
         pairs::{BodyPair, PrimitivePair},
         sweep::{
             mid_phase::{self, Candidates, OwnBoxes},
@@ -55,7 +55,7 @@ pub(in crate::pipeline) struct Question<'a> {
 
 /// Buffers that are kept from search to search to avoid allocations.
 #[derive(Debug, Default)]
-pub(in crate::pipeline) struct Buffers {
+pub(in crate::pipeline) struct Scratch {
     own: OwnBoxes,
     /// Chords of the motions in an interval.
     chords: Vec<Chord>,
@@ -91,10 +91,10 @@ struct Approaching {
 pub(in crate::pipeline) fn first_impact(
     question: &Question,
     mut motions: Motions,
-    scratch: &mut Scratch,
+    scratch: &mut TaskScratch,
     lap: impl FnMut() -> Duration,
 ) -> ImpactResult {
-    let Scratch { boxes, first_impact: buffers, tally, laps, .. } = scratch;
+    let TaskScratch { boxes, first_impact: buffers, tally, laps, .. } = scratch;
     buffers.reported.clear();
     buffers.overlaps.clear();
     buffers.grazes.clear();
@@ -161,7 +161,7 @@ struct Search<'b, L> {
     deepest: Option<f32>,
     boxes: &'b mut BoxCache,
     tally: &'b mut Tally,
-    buffers: &'b mut Buffers,
+    buffers: &'b mut Scratch,
     /// Times of culling and searching.
     laps: &'b mut [Duration; 2],
     lap: L,
@@ -201,7 +201,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
 
     /// Finds the candidates of each motion in an interval, and stops soon after `max` of them. Returns true if there are candidates.
     fn cull(&mut self, motions: &[PairMotion], times: [f32; 2], max: usize) -> bool {
-        let Buffers { own, candidates, approaching, .. } = &mut *self.buffers;
+        let Scratch { own, candidates, approaching, .. } = &mut *self.buffers;
         candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
         candidates.iter_mut().for_each(Vec::clear);
         approaching.clear();
