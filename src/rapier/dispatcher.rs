@@ -15,7 +15,7 @@ use glam::Vec3;
 
 use super::{
     context::rigid,
-    parts::{Foreign, is_known},
+    parts::{RapierShape, is_known},
     shape::MedialShape,
     shape_cast,
     table::{ContactTable, PairKey, SecondKey},
@@ -68,7 +68,7 @@ impl<'a> Pair<'a> {
     fn with_sides<R>(&self, function: impl FnOnce(&Shape, OtherShape) -> R) -> R {
         match self.other.as_shape::<MedialShape>() {
             Some(other) => function(&self.first.shape, OtherShape::Shape(&other.shape)),
-            None => function(&self.first.shape, OtherShape::Parts(&Foreign(self.other))),
+            None => function(&self.first.shape, OtherShape::Parts(&RapierShape(self.other))),
         }
     }
 

@@ -21,9 +21,9 @@ use crate::{
 const FARTHEST: f32 = 1.0e9;
 
 /// A parry shape that is not medial.
-pub(super) struct Foreign<'a>(pub &'a dyn ParryShape);
+pub(super) struct RapierShape<'a>(pub &'a dyn ParryShape);
 
-impl ConvexParts for Foreign<'_> {
+impl ConvexParts for RapierShape<'_> {
     fn aabb(&self) -> Aabb {
         let aabb = self.0.compute_local_aabb();
         let ends = [aabb.mins, aabb.maxs].map(|corner| corner.clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST)));
@@ -54,15 +54,15 @@ impl ConvexParts for Foreign<'_> {
 
 impl ConvexParts for SharedShape {
     fn aabb(&self) -> Aabb {
-        Foreign(&**self).aabb()
+        RapierShape(&**self).aabb()
     }
 
     fn bounding_sphere(&self) -> Sphere {
-        Foreign(&**self).bounding_sphere()
+        RapierShape(&**self).bounding_sphere()
     }
 
     fn len(&self) -> usize {
-        Foreign(&**self).len()
+        RapierShape(&**self).len()
     }
 
     fn within(&self, reach: &Aabb) -> Parts<'_> {
