@@ -60,20 +60,7 @@ pub(super) fn nearest<R: Number, const N: usize, const M: usize>(
             }
         }
     }
-    if M == 3 {
-        let face = Face::new(second[0], second[1 % M], second[2 % M]);
-        for (i, ball) in first.iter().enumerate() {
-            let (gap, normal, inside, weights) = face.gap(ball.center);
-            best.take_if(inside, gap - ball.radius, -normal, (at_vertex(i, zero), on_face(weights)));
-        }
-    }
-    if N == 3 {
-        let face = Face::new(first[0], first[1 % N], first[2 % N]);
-        for (j, ball) in second.iter().enumerate() {
-            let (gap, normal, inside, weights) = face.gap(ball.center);
-            best.take_if(inside, gap - ball.radius, normal, (on_face(weights), at_vertex(j, zero)));
-        }
-    }
+    best.take_faces(first, second);
     best
 }
 
@@ -123,6 +110,26 @@ pub(super) struct Nearest<R, const N: usize, const M: usize> {
 }
 
 impl<R: Number, const N: usize, const M: usize> Nearest<R, N, M> {
+    /// Takes the nearest points of faces and spheres of the other side.
+    #[inline(always)]
+    fn take_faces(&mut self, first: &[Ball<R>; N], second: &[Ball<R>; M]) {
+        let zero = self.upper.like(0.0);
+        if M == 3 {
+            let face = Face::new(second[0], second[1 % M], second[2 % M]);
+            for (i, ball) in first.iter().enumerate() {
+                let (gap, normal, inside, weights) = face.gap(ball.center);
+                self.take_if(inside, gap - ball.radius, -normal, (at_vertex(i, zero), on_face(weights)));
+            }
+        }
+        if N == 3 {
+            let face = Face::new(first[0], first[1 % N], first[2 % N]);
+            for (j, ball) in second.iter().enumerate() {
+                let (gap, normal, inside, weights) = face.gap(ball.center);
+                self.take_if(inside, gap - ball.radius, normal, (on_face(weights), at_vertex(j, zero)));
+            }
+        }
+    }
+
     #[inline(always)]
     fn take(&mut self, upper: R, normal: Vector<R>, weights: ([R; N], [R; M])) {
         self.select(upper.less(self.upper), upper, normal, weights);

@@ -280,35 +280,38 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
     /// The search ends as soon as the fraction provably exceeds `limit`. A fraction up to the limit does not depend on it.
     fn advance(&self, start: Instant<N, B::Shape>, mut rounds: u32, max_fraction: f32, limit: f32) -> TimeOfImpact {
         let extent = self.first.extent_at_start().max(self.second.extent_at_start());
-        let result = |status, fraction, now: &Instant<N, B::Shape>, rounds| {
-            let mut contact = now.separation;
-            let origin = self.second.origin(f64::from(now.fraction), self.first.center(0, f64::from(now.fraction)));
-            for point in [&mut contact.point1, &mut contact.point2] {
-                *point = (point.as_dvec3() + origin).as_vec3();
-            }
-            TimeOfImpact { status, fraction, contact, rounds }
-        };
         let touching = self.target + TOUCH_ROUNDING * extent;
         // At the start the larger tolerance applies, so slight overlaps are not missed. A depth that is missed here is found by the next iteration.
         let overlapping = if self.target < 0.0 { touching } else { CONTACT_ROUNDING * extent };
         if start.fraction == 0.0 && start.separation.distance <= overlapping {
-            return result(TimeOfImpactStatus::Overlapping, 0.0, &start, rounds);
+            return self.end(TimeOfImpactStatus::Overlapping, 0.0, &start, rounds);
         }
         let mut here = start;
         let mut cleared = self.cleared_until(&here);
         while rounds < MAX_ADVANCES {
             if cleared > max_fraction.min(limit) {
-                return result(TimeOfImpactStatus::Separated, cleared, &here, rounds);
+                return self.end(TimeOfImpactStatus::Separated, cleared, &here, rounds);
             }
             let next = self.look(cleared, here.separation.feature, extent);
             rounds += 1;
             if next.separation.distance <= touching {
-                return result(TimeOfImpactStatus::Hit, cleared, &next, rounds);
+                return self.end(TimeOfImpactStatus::Hit, cleared, &next, rounds);
             }
             here = next;
             cleared = self.cleared_until(&here);
         }
+        self.try_steps(here, cleared, [extent, touching], rounds, max_fraction)
+    }
 
+    /// Continues the search of [`advance`](Self::advance) by trial steps. `extent`: that of the larger side. `touching`: distance of a touch.
+    fn try_steps(
+        &self,
+        mut here: Instant<N, B::Shape>,
+        mut cleared: f32,
+        [extent, touching]: [f32; 2],
+        mut rounds: u32,
+        max_fraction: f32,
+    ) -> TimeOfImpact {
         let fastest = self.first.motion.iter().map(|&m| self.second.fastest(m)).fold(0.0, f32::max);
         let shortest = (TIME_TOLERANCE * extent / fastest).max(f32::EPSILON);
         let aim = 0.5 * (self.target + touching);
@@ -316,7 +319,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         let mut halve = false;
         while cleared <= max_fraction && here.fraction <= limit {
             if rounds >= MAX_ROUNDS {
-                return result(TimeOfImpactStatus::IterationLimit, here.fraction, &here, rounds);
+                return self.end(TimeOfImpactStatus::IterationLimit, here.fraction, &here, rounds);
             }
             let next = (here.fraction + step).min(max_fraction);
             step = next - here.fraction;
@@ -327,7 +330,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
             let part = (before - aim) / (before - after);
             if after > self.target && self.clear_between(&here, &there) {
                 if after <= touching {
-                    return result(TimeOfImpactStatus::Hit, next, &there, rounds);
+                    return self.end(TimeOfImpactStatus::Hit, next, &there, rounds);
                 } else if next >= max_fraction {
                     break;
                 }
@@ -337,14 +340,24 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
                 step = (step * rest.min(2.0)).max(SHORTEST_TRIAL * shortest);
                 halve = false;
             } else if step <= shortest {
-                return result(TimeOfImpactStatus::Hit, cleared.min(next), &here, rounds);
+                return self.end(TimeOfImpactStatus::Hit, cleared.min(next), &here, rounds);
             } else {
                 // If all steps ended on the same side of the root, the search would take many iterations. So halving alternates with interpolation.
                 step *= if halve || after > touching { 0.5 } else { part.clamp(0.1, 0.9) };
                 halve = !halve;
             }
         }
-        result(TimeOfImpactStatus::Separated, max_fraction, &here, rounds)
+        self.end(TimeOfImpactStatus::Separated, max_fraction, &here, rounds)
+    }
+
+    /// Returns the result of a search. Its contact is that of the instant `now`, in the frame of both sides.
+    fn end(&self, status: TimeOfImpactStatus, fraction: f32, now: &Instant<N, B::Shape>, rounds: u32) -> TimeOfImpact {
+        let mut contact = now.separation;
+        let origin = self.second.origin(f64::from(now.fraction), self.first.center(0, f64::from(now.fraction)));
+        for point in [&mut contact.point1, &mut contact.point2] {
+            *point = (point.as_dvec3() + origin).as_vec3();
+        }
+        TimeOfImpact { status, fraction, contact, rounds }
     }
 }
 

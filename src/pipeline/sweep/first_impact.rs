@@ -256,7 +256,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
     fn search_pair(&mut self, motions: &[PairMotion], key: Key, start: &RigidStart, times: [f32; 2]) {
         let (index, pair) = key;
         let motion = &motions[index];
-        let Buffers { chords, overlaps, grazes, .. } = &mut *self.buffers;
+        let Scratch { chords, overlaps, grazes, .. } = &mut *self.buffers;
         let graze = grazes.iter().find(|graze| graze.key == key).map(|graze| graze.impact);
         let limit = match self.result.impact {
             // Rounded up, so that equal times are not missed.
@@ -287,7 +287,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
 
     /// Tests the candidates at the start of an interval, and adds those that may touch within it to the list.
     fn find_approaching(&mut self, motions: &[PairMotion], times: [f32; 2]) {
-        let Buffers { chords, candidates, reported, spheres, approaching, overlaps, grazes, .. } = &mut *self.buffers;
+        let Scratch { chords, candidates, reported, spheres, approaching, overlaps, grazes, .. } = &mut *self.buffers;
         self.tally.candidates += approaching.len();
         if self.question.input.report_candidates {
             reported.extend(approaching.iter().map(|approaching| approaching.key.1));
