@@ -1,18 +1,18 @@
 //! The page, its table of frames and its charts.
 
-use std::{error::Error, fmt::Write, fs, path::Path};
+use std::{fmt::Write, fs, path::Path};
 
 use bevy_medial_compare::{
-    charts::{Curve, over_frames},
-    tables::{csv, write},
+    figures,
+    tables::{Table, csv, write},
 };
 use serde::Serialize;
 
 use crate::{
     Findings,
     page::page,
-    scenes::{CULLS, SceneResult},
-    times::{Cost, METHODS, Over, cost, time},
+    scenes::SceneResult,
+    times::{Cost, METHODS, Over, cost},
 };
 
 /// A paragraph for the terminal.
@@ -65,31 +65,13 @@ fn frame_rows(result: &SceneResult) -> impl Iterator<Item = FrameRow> {
 /// Writes the page and its files to a folder.
 ///
 /// # Errors
-/// If a file cannot be written or a chart cannot be drawn; the message names it.
+/// If a file cannot be written; the message names it.
 pub fn write_all(folder: &Path, provenance: [&str; 2], findings: &Findings) -> Result<(), String> {
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    write(&folder.join("frames.csv"), &csv(findings.scenes.iter().flat_map(frame_rows)))?;
-    for result in &findings.scenes {
-        let path = folder.join(result.scene.name).with_extension("svg");
-        let chart = chart(result).map_err(|error| format!("{}: {error}", path.display()))?;
-        write(&path, &chart)?;
+    let frames = csv(findings.scenes.iter().flat_map(frame_rows));
+    write(&folder.join("frames.csv"), &frames)?;
+    for (name, chart) in figures::paper(&Table::new(&frames)) {
+        write(&folder.join(name).with_extension("svg"), &chart)?;
     }
     write(&folder.join("README.md"), &page(provenance, findings))
-}
-
-/// Figure 8 for the stairs, figure 10 for the other scenes: times over the frames, with the means of the paper as dashes.
-fn chart(result: &SceneResult) -> Result<String, Box<dyn Error>> {
-    let curve = |name, method: usize, level: Option<f64>| {
-        let points =
-            result.frames.iter().enumerate().filter_map(|(number, frame)| Some((number as f64, time(frame, method)?)));
-        Curve { name, points: points.collect(), level }
-    };
-    let level = |method: usize| result.scene.paper_ms.map(|ms| ms[method]);
-    let mut curves = vec![curve("hybrid", 0, level(0))];
-    match result.scene.paper_ms {
-        Some(_) => curves.extend([curve("oriented boxes", 1, level(1)), curve("spheres", 2, level(2))]),
-        None => curves.push(curve("no culling of primitives", CULLS.len(), None)),
-    }
-    curves.push(curve("paper's method", CULLS.len() + 1, None));
-    over_frames(&format!("{}: collision per frame", result.scene.name), "ms, one CPU core", &curves)
 }

@@ -11,6 +11,7 @@ use bevy_medial_compare::{
     activity::{Activity, active},
     culling::{Comparison, Cull, Figures},
     demo::SEED,
+    figures::PAPER_MS,
     paper::flat::{Detection, Flat, FlatStep},
 };
 
@@ -26,10 +27,10 @@ pub struct PaperScene {
 }
 
 pub const SCENES: [PaperScene; 4] = [
-    PaperScene { name: "rods", figure: "9, 10 top", pairs: 2_100_000, paper_ms: Some([6.48, 16.76, 27.76]) },
-    PaperScene { name: "dinosaur", figure: "10 middle, 11", pairs: 3_800_000, paper_ms: Some([10.42, 27.81, 41.75]) },
-    PaperScene { name: "tori", figure: "10 bottom, 11", pairs: 861_900, paper_ms: Some([1.67, 6.15, 8.84]) },
-    PaperScene { name: "stairs", figure: "7, 8", pairs: 330_000, paper_ms: None },
+    PaperScene { name: "rods", figure: "9, 10 top", pairs: 2_100_000, paper_ms: PAPER_MS[0].1 },
+    PaperScene { name: "dinosaur", figure: "10 middle, 11", pairs: 3_800_000, paper_ms: PAPER_MS[1].1 },
+    PaperScene { name: "tori", figure: "10 bottom, 11", pairs: 861_900, paper_ms: PAPER_MS[2].1 },
+    PaperScene { name: "stairs", figure: "7, 8", pairs: 330_000, paper_ms: PAPER_MS[3].1 },
 ];
 
 /// The cullings beside the hybrid one. The flat methods follow.

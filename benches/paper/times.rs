@@ -47,7 +47,7 @@ pub fn cost(frame: &Frame, method: usize) -> Option<Cost> {
 }
 
 /// The time of a method in a frame, in milliseconds. `None` if it did not run.
-pub fn time(frame: &Frame, method: usize) -> Option<f64> {
+fn time(frame: &Frame, method: usize) -> Option<f64> {
     cost(frame, method).map(|cost| cost.ms)
 }
 

@@ -9,7 +9,6 @@
 
 mod approach;
 mod batches;
-mod charts;
 mod methods;
 mod models;
 mod queries;
@@ -145,7 +144,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     }
     let words: Vec<String> = std::env::args().skip(1).collect();
     let command = format!("cargo run --release -p bevy_medial_compare --bin speed_accuracy -- {}", words.join(" "));
-    report::write_all(&args.out, &command, &models, &rows, &scene_rows, &batches)?;
+    report::write_all(&args.out, &command, &args.models, &rows, &scene_rows, &batches)?;
     println!("written to {}", args.out.display());
     Ok(())
 }

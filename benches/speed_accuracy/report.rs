@@ -2,14 +2,15 @@
 
 use std::{fmt::Write, fs, path::Path};
 
-use bevy_medial_compare::tables::{csv, machine, today, write};
+use bevy_medial_compare::{
+    figures,
+    tables::{Table, csv, machine, today, write},
+};
 
 use crate::{
     batches::{BatchRow, crossover},
-    charts::{Chart, Curve},
-    models::{Medial, Model},
     queries::Row,
-    scenes::{METHODS, SceneRow},
+    scenes::SceneRow,
     verdict::{Verdict, verdicts},
 };
 
@@ -46,14 +47,14 @@ pub fn scene_line(row: &SceneRow) -> String {
     )
 }
 
-/// Writes all files to a folder.
+/// Writes all files to a folder. `models`: the folder of the medial meshes.
 ///
 /// # Errors
-/// If a file cannot be written or a chart cannot be drawn.
+/// If a file cannot be written.
 pub fn write_all(
     folder: &Path,
     command: &str,
-    models: &[Model],
+    models: &Path,
     rows: &[Row],
     scenes: &[SceneRow],
     batches: &[BatchRow],
@@ -61,79 +62,21 @@ pub fn write_all(
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     write(&folder.join("queries.csv"), &csv(rows))?;
     write(&folder.join("scenes.csv"), &csv(scenes))?;
-    let time: Axis = ("microseconds per query", |row| row.microseconds);
-    let mut charts = vec![
-        ("error_time", by(rows, "Typical error against time of a query", time, MEDIAN)?),
-        ("great_error_time", by(rows, "Large errors against time of a query", time, P95)?),
-        ("error_bytes", by(rows, "Large errors against size", ("bytes per shape", |row| row.bytes), P95)?),
-        ("levels", levels(models)?),
-    ];
-    for rows in scenes.chunk_by(|a, b| a.scene == b.scene) {
-        charts.push((rows[0].scene, of_scene(rows)?));
-    }
+    let mut charts = figures::queries(&Table::new(&csv(rows)));
+    charts.push(figures::levels(models)?);
+    charts.extend(figures::scenes(&Table::new(&csv(scenes))));
     if !batches.is_empty() {
         write(&folder.join("batches.csv"), &csv(batches))?;
-        charts.push(("batches", of_batches(batches)?));
+        charts.extend(figures::batches(&Table::new(&csv(batches))));
     }
     let run = Run { date: today(), machine: machine(), command, gpu: told_of(batches) };
     for (name, svg) in &charts {
         write(&folder.join(name).with_extension("svg"), svg)?;
     }
-    let text = markdown(&run, rows, scenes, charts.iter().map(|(name, _)| *name));
+    let text = markdown(&run, rows, scenes, charts.iter().map(|(name, _)| name.as_str()));
     write(&folder.join("README.md"), &text)?;
     write(&folder.join("speed_accuracy.html"), &page(&run, rows, scenes, charts.iter().map(|(_, svg)| svg.as_str())))?;
     Ok(())
-}
-
-/// The label of an axis, and its value in a row.
-type Axis = (&'static str, fn(&Row) -> f64);
-
-const MEDIAN: Axis = ("median error of hits, % of the size", |row| row.hit_error_median_percent);
-const P95: Axis = ("95th percentile of the errors of hits, % of the size", |row| row.hit_error_p95_percent);
-
-/// The chart of two figures of the queries.
-fn by(rows: &[Row], title: &str, x: Axis, y: Axis) -> Result<String, Box<dyn std::error::Error>> {
-    let curve =
-        |rows: &[Row]| Curve { name: rows[0].method, points: rows.iter().map(|row| [x.1(row), y.1(row)]).collect() };
-    let curves = rows.chunk_by(|a, b| a.method == b.method).map(curve).collect();
-    Chart { title, x: x.0, y: y.0, curves, front: true }.svg()
-}
-
-/// The chart of the number of primitives against the error, with a curve for each model.
-fn levels(models: &[Model]) -> Result<String, Box<dyn std::error::Error>> {
-    fn curve(model: &Model) -> Curve<'_> {
-        let of = |medial: &Medial| [f64::from(medial.error.max), medial.axis.primitives().len() as f64];
-        Curve { name: &model.name, points: model.medial.iter().map(of).collect() }
-    }
-    let curves = models.iter().map(curve).collect();
-    let (title, x) = ("Primitives of a budget", "max error of the surface, % of the diagonal");
-    Chart { title, x, y: "primitives", curves, front: false }.svg()
-}
-
-/// The chart of the error of the surface against the time of a step.
-fn of_scene(rows: &[SceneRow]) -> Result<String, Box<dyn std::error::Error>> {
-    let curve = |name| Curve {
-        name,
-        points: rows
-            .iter()
-            .filter(|row| row.method == name)
-            .map(|row| [row.step_ms, f64::from(row.surface_error_percent)])
-            .collect(),
-    };
-    let title = format!("Scene `{}`", rows[0].scene);
-    let (x, y) = ("milliseconds per active step", "max error of the surface, %");
-    Chart { title: &title, x, y, curves: METHODS.map(curve).into(), front: true }.svg()
-}
-
-/// The chart of times of impact of many primitive pairs at once.
-fn of_batches(rows: &[BatchRow]) -> Result<String, Box<dyn std::error::Error>> {
-    let curve = |name, ms: fn(&BatchRow) -> f64| Curve {
-        name,
-        points: rows.iter().map(|row| [row.pairs as f64, ms(row)]).collect(),
-    };
-    let curves = vec![curve("CPU, one thread", |row| row.cpu_ms), curve("GPU, round trip", |row| row.gpu_ms)];
-    let (title, x) = ("Times of impact in batches", "pairs of primitives");
-    Chart { title, x, y: "milliseconds per batch", curves, front: false }.svg()
 }
 
 /// A sentence that states from which batch size the GPU is faster.

@@ -1,73 +1,252 @@
-//! Curves over the frames of a scene, as SVG.
+//! Charts as SVG: up to four curves, or bars. They are legible at a width of 360 pixels, on a light and on a dark page.
 
-use plotters::prelude::*;
+use std::{fmt::Write, ops::Range};
 
-/// A value of each frame.
+/// A chart of up to four curves.
+pub struct Chart<'a> {
+    pub title: &'a str,
+    /// A remark below the title, or an empty text.
+    pub note: &'a str,
+    pub x: Axis<'a>,
+    pub y: Axis<'a>,
+    pub curves: Vec<Curve<'a>>,
+}
+
+/// An axis: its label, and the direction of better values.
+#[derive(Clone, Copy)]
+pub struct Axis<'a> {
+    pub label: &'a str,
+    /// True if smaller values are better. Otherwise neither direction is.
+    pub less_is_better: bool,
+    /// True for a logarithmic axis. It has no points with values of 0 or less.
+    pub is_logarithmic: bool,
+}
+
+/// Points that are joined by lines, in their order.
 pub struct Curve<'a> {
     pub name: &'a str,
-    /// Frames and values. Values of 0 or less are left out, because the axis is logarithmic.
-    pub points: Vec<(f64, f64)>,
+    pub points: Vec<[f64; 2]>,
     /// A constant to compare the curve with, drawn as a line of dashes in the same colour.
     pub level: Option<f64>,
 }
 
+/// Lengths of bars: a row of text, and the part of the whole in numbers.
+pub struct Bars<'a> {
+    pub title: &'a str,
+    pub note: &'a str,
+    pub rows: Vec<(&'a str, [usize; 2])>,
+}
+
 /// Okabe and Ito's blue, orange, green and purple, which colour-blind readers can distinguish.
-const COLORS: [RGBColor; 4] =
-    [RGBColor(0, 114, 178), RGBColor(213, 94, 0), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
+const COLORS: [&str; 4] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7"];
 
-const SIZE: (u32, u32) = (900, 540);
-const FONT: f64 = 22.0;
+/// Size of a chart in pixels.
+const SIZE: [f64; 2] = [720.0, 640.0];
+const FONT: f64 = 24.0;
+/// Left, right and bottom margin of the area of the curves. Title, note, legend and the label of the values are above it.
+const MARGINS: [f64; 3] = [92.0, 30.0, 84.0];
+/// Height of a row of the legend.
+const ROW: f64 = 34.0;
 
-/// Draws up to four curves with a logarithmic value axis. `y` names the values.
-///
-/// # Errors
-/// Errors of the drawing back end.
-pub fn over_frames(title: &str, y: &str, curves: &[Curve]) -> Result<String, Box<dyn std::error::Error>> {
-    let positive = |curve: &Curve| curve.points.iter().copied().filter(|p| p.1 > 0.0).collect::<Vec<_>>();
-    let values = || curves.iter().flat_map(|curve| positive(curve).into_iter().map(|p| p.1).chain(curve.level));
-    let (min, max) = values().fold((f64::INFINITY, 0.0f64), |(min, max), v| (min.min(v), max.max(v)));
-    let range = if min <= max { min / 1.5..max * 1.5 } else { 0.1..10.0 };
-    let last = curves.iter().flat_map(|curve| &curve.points).map(|p| p.0).fold(1.0, f64::max);
-    let mut text = String::new();
-    {
-        let root = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
-        root.fill(&WHITE)?;
-        let mut chart = ChartBuilder::on(&root)
-            .caption(title, ("sans-serif", FONT * 1.1))
-            .margin(12)
-            .x_label_area_size(56)
-            .y_label_area_size(96)
-            .build_cartesian_2d(0.0..last, range.log_scale())?;
-        chart
-            .configure_mesh()
-            .x_desc("frame")
-            .y_desc(y)
-            .x_labels(7)
-            .x_label_formatter(&|frame| format!("{frame:.0}"))
-            .y_label_formatter(&|value| format!("{value}"))
-            .label_style(("sans-serif", FONT * 0.85))
-            .axis_desc_style(("sans-serif", FONT))
-            .max_light_lines(0)
-            .bold_line_style(RGBColor(215, 215, 215))
-            .draw()?;
-        for (curve, color) in curves.iter().zip(COLORS) {
-            chart
-                .draw_series(LineSeries::new(positive(curve), color.stroke_width(3)))?
-                .label(curve.name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 28, y)], color.stroke_width(4)));
+/// Colours of the background, of text and of lines of a grid, for pages with dark colours as well.
+const STYLE: &str = "<style>text{font-family:sans-serif;fill:#1f2328}.paper{fill:#ffffff}.grid{stroke:#d8dee4}.rest{fill:#d8dee4}\
+@media(prefers-color-scheme:dark){text{fill:#e6edf3}.paper{fill:#0d1117}.grid{stroke:#30363d}.rest{fill:#30363d}}</style>";
+
+/// An SVG that is being drawn.
+struct Drawing(String);
+
+impl Drawing {
+    fn new([width, height]: [f64; 2]) -> Self {
+        let head = format!("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\">\n{STYLE}\n");
+        Self(head + &format!("<rect class=\"paper\" width=\"{width}\" height=\"{height}\" rx=\"8\"/>\n"))
+    }
+
+    /// `anchor`: start, middle or end.
+    fn text(&mut self, words: &str, [x, y]: [f64; 2], size: f64, anchor: &str) {
+        let words = words.replace('&', "&amp;").replace('<', "&lt;");
+        let _ = writeln!(
+            self.0,
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size:.0}\" text-anchor=\"{anchor}\">{words}</text>"
+        );
+    }
+
+    /// The title and the remark of a chart. Returns the height that they take.
+    fn head(&mut self, title: &str, note: &str) -> f64 {
+        self.text(title, [0.5 * SIZE[0], 38.0], 1.1 * FONT, "middle");
+        self.text(note, [0.5 * SIZE[0], 70.0], 0.8 * FONT, "middle");
+        if note.is_empty() { 56.0 } else { 84.0 }
+    }
+
+    fn line(&mut self, [from, to]: [[f64; 2]; 2], attributes: &str) {
+        let [[x1, y1], [x2, y2]] = [from, to];
+        let _ = writeln!(self.0, "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" {attributes}/>");
+    }
+
+    fn rect(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], attributes: &str) {
+        let _ = writeln!(
+            self.0,
+            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" {attributes}/>"
+        );
+    }
+
+    fn finish(mut self) -> String {
+        self.0 += "</svg>\n";
+        self.0
+    }
+}
+
+/// An axis with its range, and its place in the drawing.
+struct Scale {
+    is_logarithmic: bool,
+    range: Range<f64>,
+    /// Places of the ends of the range, in pixels.
+    ends: [f64; 2],
+}
+
+impl Scale {
+    fn new(axis: Axis, values: impl Iterator<Item = f64>, ends: [f64; 2]) -> Self {
+        let is_logarithmic = axis.is_logarithmic;
+        let (min, max) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), v| (min.min(v), max.max(v)));
+        let range = match (min <= max, is_logarithmic) {
+            (false, _) => 1.0..10.0,
+            (_, true) => min / 1.4..max * 1.4,
+            _ => min..max.max(min + 1.0),
+        };
+        Self { is_logarithmic, range, ends }
+    }
+
+    fn place(&self, value: f64) -> f64 {
+        let of = |value: f64| if self.is_logarithmic { value.ln() } else { value };
+        let part = (of(value) - of(self.range.start)) / (of(self.range.end) - of(self.range.start));
+        self.ends[0] + part * (self.ends[1] - self.ends[0])
+    }
+
+    /// The numbers 1, 2 and 5 times powers of ten, or only the powers, or every other power, so that there are three to eight of them where possible.
+    fn ticks(&self) -> Vec<Tick> {
+        let powers = || (-12..=12).map(|power| (1, power));
+        let fine = || powers().flat_map(|(_, power)| [1, 2, 5].map(|digit| (digit, power)));
+        let inside = |(digit, power): (u32, i32)| {
+            let value = f64::from(digit) * 10f64.powi(power);
+            (self.range.start <= value && value <= self.range.end * (1.0 + 1e-9)).then_some(Tick { digit, power })
+        };
+        if self.is_logarithmic {
+            let all = [fine().filter_map(inside).collect::<Vec<_>>(), powers().filter_map(inside).collect()];
+            let [fine, coarse] = all;
+            return if coarse.len() < 3 { fine } else { coarse };
+        }
+        // A linear axis starts at zero.
+        let step = fine().map(|(digit, power)| Tick { digit, power }).find(|step| self.range.end / step.value() <= 7.0);
+        let Some(step) = step else { return Vec::new() };
+        let last = (self.range.end / step.value()) as u32;
+        (0..=last).map(|number| Tick { digit: number * step.digit, power: step.power }).collect()
+    }
+}
+
+/// A number of an axis: a whole number times a power of ten.
+struct Tick {
+    digit: u32,
+    power: i32,
+}
+
+impl Tick {
+    fn value(&self) -> f64 {
+        f64::from(self.digit) * 10f64.powi(self.power)
+    }
+
+    /// The number without rounding errors.
+    fn label(&self) -> String {
+        match self.value() {
+            v if v >= 1e6 => format!("{:.0} M", v / 1e6),
+            v if v >= 1e3 => format!("{:.0} k", v / 1e3),
+            v => format!("{v:.*}", self.power.min(0).unsigned_abs() as usize),
+        }
+    }
+}
+
+impl Chart<'_> {
+    /// The chart as SVG. Points that do not fit on a logarithmic axis are left out.
+    pub fn svg(&self) -> String {
+        let [left, right, bottom] = MARGINS;
+        let fits = |p: &[f64; 2]| {
+            [self.x, self.y].iter().zip(p).all(|(axis, v)| v.is_finite() && (!axis.is_logarithmic || *v > 0.0))
+        };
+        let points = |curve: &Curve| curve.points.iter().copied().filter(fits).collect::<Vec<_>>();
+        let all = || self.curves.iter().flat_map(points);
+        let levels = self.curves.iter().filter_map(|curve| curve.level);
+        let mut drawing = Drawing::new(SIZE);
+        let legend = drawing.head(self.title, self.note);
+        let top = legend + ROW * self.curves.len().div_ceil(2) as f64 + 52.0;
+        let x = Scale::new(self.x, all().map(|p| p[0]), [left, SIZE[0] - right]);
+        let y = Scale::new(self.y, all().map(|p| p[1]).chain(levels), [SIZE[1] - bottom, top]);
+        self.draw_legend(&mut drawing, legend);
+        self.draw_axes(&mut drawing, &x, &y);
+        // Dots would hide long curves.
+        let has_dots = self.curves.iter().all(|curve| curve.points.len() < 40);
+        for (curve, color) in self.curves.iter().zip(COLORS) {
+            let points = points(curve);
+            let path: String = points.iter().map(|p| format!("{:.1},{:.1} ", x.place(p[0]), y.place(p[1]))).collect();
+            let _ = writeln!(
+                drawing.0,
+                "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"3\"/>",
+                path.trim_end()
+            );
+            for p in points.iter().filter(|_| has_dots) {
+                let [x, y] = [x.place(p[0]), y.place(p[1])];
+                let _ = writeln!(drawing.0, "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"{color}\"/>");
+            }
             if let Some(level) = curve.level {
-                let dashes = DashedLineSeries::new([(0.0, level), (last, level)], 10, 8, color.stroke_width(2));
-                chart.draw_series(dashes)?;
+                let ends = x.ends.map(|end| [end, y.place(level)]);
+                drawing.line(ends, &format!("stroke=\"{color}\" stroke-width=\"3\" stroke-dasharray=\"10 8\""));
             }
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE.mix(0.85))
-            .border_style(RGBColor(160, 160, 160))
-            .label_font(("sans-serif", FONT * 0.9))
-            .draw()?;
-        root.present()?;
+        drawing.finish()
     }
-    Ok(text)
+
+    fn draw_legend(&self, drawing: &mut Drawing, top: f64) {
+        for (number, (curve, color)) in self.curves.iter().zip(COLORS).enumerate() {
+            let at = [24.0 + (number % 2) as f64 * 0.46 * SIZE[0], top + (number / 2) as f64 * ROW + 0.5 * ROW];
+            drawing.line([at, [at[0] + 40.0, at[1]]], &format!("stroke=\"{color}\" stroke-width=\"6\""));
+            drawing.text(curve.name, [at[0] + 50.0, at[1] + 0.35 * FONT], FONT, "start");
+        }
+    }
+
+    /// Draws the axes with their grid, and arrows to better values.
+    fn draw_axes(&self, drawing: &mut Drawing, x: &Scale, y: &Scale) {
+        for tick in x.ticks() {
+            let at = x.place(tick.value());
+            drawing.line(y.ends.map(|end| [at, end]), "class=\"grid\" stroke-width=\"1.5\"");
+            drawing.text(&tick.label(), [at, y.ends[0] + 30.0], FONT, "middle");
+        }
+        for tick in y.ticks() {
+            let at = y.place(tick.value());
+            drawing.line(x.ends.map(|end| [end, at]), "class=\"grid\" stroke-width=\"1.5\"");
+            drawing.text(&tick.label(), [x.ends[0] - 10.0, at + 0.35 * FONT], FONT, "end");
+        }
+        let label = |axis: Axis, arrow| {
+            if axis.less_is_better { format!("{arrow} better · {}", axis.label) } else { axis.label.into() }
+        };
+        drawing.text(&label(self.x, '←'), [0.5 * (x.ends[0] + x.ends[1]), SIZE[1] - 16.0], FONT, "middle");
+        drawing.text(&label(self.y, '↓'), [24.0, y.ends[1] - 18.0], FONT, "start");
+    }
+}
+
+impl Bars<'_> {
+    /// The bars as SVG, each with its numbers.
+    pub fn svg(&self) -> String {
+        let (names, row) = (244.0, 44.0);
+        let mut drawing = Drawing::new([SIZE[0], 96.0 + row * self.rows.len() as f64]);
+        let top = drawing.head(self.title, self.note);
+        let width = SIZE[0] - names - 120.0;
+        for (number, (name, [part, whole])) in self.rows.iter().enumerate() {
+            let y = top + row * number as f64;
+            let length = width * *part as f64 / (*whole).max(1) as f64;
+            let color = if part == whole { COLORS[0] } else { COLORS[1] };
+            drawing.text(name, [names - 12.0, y + 0.5 * row + 0.35 * FONT], FONT, "end");
+            drawing.rect([names, y + 6.0], [width, row - 12.0], "class=\"rest\"");
+            drawing.rect([names, y + 6.0], [length, row - 12.0], &format!("fill=\"{color}\""));
+            let numbers = format!("{part}/{whole}");
+            drawing.text(&numbers, [SIZE[0] - 12.0, y + 0.5 * row + 0.35 * FONT], FONT, "end");
+        }
+        drawing.finish()
+    }
 }

@@ -13,7 +13,8 @@
 //! | [`convex`] | minimisation by plain search |
 //! | [`paper`] | the rules and the method of the paper |
 //! | [`renderer`] | an app with a renderer and without a window |
-//! | [`tables`], [`charts`], [`outcome`] | CSV, machine, date; curves over frames; exit codes |
+//! | [`tables`], [`outcome`] | CSV, machine, date; exit codes |
+//! | [`charts`], [`figures`] | curves and bars as SVG; the charts of the reports |
 //!
 //! The feature `peers` adds avian and the dependencies of the programs in this folder. The tests of `bevy_medial` do not need it.
 
@@ -25,6 +26,7 @@ pub mod convex;
 pub mod culling;
 pub mod demo;
 pub mod engines;
+pub mod figures;
 pub mod hulls;
 pub mod measure;
 pub mod outcome;

@@ -19,6 +19,56 @@ pub fn csv<T: Serialize>(rows: impl IntoIterator<Item = T>) -> String {
     text
 }
 
+/// A table that was read from CSV.
+pub struct Table {
+    header: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// Reads the text of [`csv`].
+    pub fn new(text: &str) -> Self {
+        let mut rows = text.lines().map(fields);
+        Self { header: rows.next().unwrap_or_default(), rows: rows.collect() }
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// If the file cannot be read. The message names it.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        fs::read_to_string(path).map(|text| Self::new(&text)).map_err(|error| format!("{}: {error}", path.display()))
+    }
+
+    pub fn rows(&self) -> impl Iterator<Item = &[String]> {
+        self.rows.iter().map(Vec::as_slice)
+    }
+
+    /// The value of a row in a column, without quotes. `None` if there is no such column.
+    pub fn get<'a>(&self, row: &'a [String], column: &str) -> Option<&'a str> {
+        row.get(self.header.iter().position(|name| name == column)?).map(String::as_str)
+    }
+
+    /// All values of a column.
+    pub fn column(&self, name: &str) -> impl Iterator<Item = &str> {
+        self.rows().filter_map(move |row| self.get(row, name))
+    }
+}
+
+/// The fields of a line. Commas within quotes do not separate fields.
+fn fields(line: &str) -> Vec<String> {
+    let mut fields = vec![String::new()];
+    let mut is_quoted = false;
+    for letter in line.chars() {
+        match letter {
+            '"' => is_quoted = !is_quoted,
+            ',' if !is_quoted => fields.push(String::new()),
+            letter => fields.last_mut().into_iter().for_each(|field| field.push(letter)),
+        }
+    }
+    fields
+}
+
 /// Writes a file.
 ///
 /// # Errors

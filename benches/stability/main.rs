@@ -7,7 +7,6 @@
 //! Each hazard has a physical criterion, the same for all methods, and is run with one or more seeds. Without `--out`, the table is only printed.
 //! The run fails if this crate fails anywhere.
 
-mod heat_map;
 mod report;
 
 use std::{path::PathBuf, process::ExitCode};
@@ -31,7 +30,7 @@ struct Args {
     /// Run only methods whose name contains this text.
     #[arg(long)]
     method: Option<String>,
-    /// Folder for the table of all runs, the report and the heat map.
+    /// Folder for the table of all runs, the report and the chart.
     #[arg(long)]
     out: Option<PathBuf>,
     /// List hazards and methods.

@@ -3,11 +3,10 @@
 use std::{fmt::Write, path::Path, thread};
 
 use bevy_medial_compare::{
+    figures,
     stability::{hazards::Hazard, methods::Method, run::Cell},
-    tables::today,
+    tables::{Table, today, write},
 };
-
-use crate::heat_map;
 
 /// The results of a run.
 pub struct Report<'a> {
@@ -75,7 +74,7 @@ impl Report<'_> {
             "# Stability: where methods fail\n\n`{}`, {}, {cores} cores.\n\n\
              Each hazard has one criterion for all methods, and is run with one or more seeds. On the GPU only the first seed is run, because results have the same bits \
              as on the CPU. Each cell shows how many seeds pass. \
-             This crate fails in {ours} of {} cells.\n\n![Pass rates](images/stability.svg)\n\n{}\n\
+             This crate fails in {ours} of {} cells.\n\n![Seeds passed by each method](images/stability.svg)\n\n{}\n\
              ## Methods\n\n",
             self.command,
             today(),
@@ -104,9 +103,9 @@ impl Report<'_> {
         let images = folder.join("images");
         std::fs::create_dir_all(&images).map_err(|error| format!("{}: {error}", images.display()))?;
         for (name, text) in [("stability.csv", self.csv()), ("stability.md", self.markdown())] {
-            let path = folder.join(name);
-            std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+            write(&folder.join(name), &text)?;
         }
-        heat_map::draw(self, &images.join("stability.svg"))
+        let (name, chart) = figures::stability(&Table::new(&self.csv()));
+        write(&images.join(name).with_extension("svg"), &chart)
     }
 }
