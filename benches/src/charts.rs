@@ -53,16 +53,17 @@ const STYLE: &str = "<style>text{font-family:sans-serif;fill:#1f2328}.paper{fill
 @media(prefers-color-scheme:dark){text{fill:#e6edf3}.paper{fill:#0d1117}.grid{stroke:#30363d}.rest{fill:#30363d}}</style>";
 
 /// An SVG that is being drawn.
-struct Drawing(String);
+pub struct Drawing(String);
 
 impl Drawing {
-    fn new([width, height]: [f64; 2]) -> Self {
+    /// An empty picture of a size in pixels.
+    pub fn new([width, height]: [f64; 2]) -> Self {
         let head = format!("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\">\n{STYLE}\n");
         Self(head + &format!("<rect class=\"paper\" width=\"{width}\" height=\"{height}\" rx=\"8\"/>\n"))
     }
 
-    /// `anchor`: start, middle or end.
-    fn text(&mut self, words: &str, [x, y]: [f64; 2], size: f64, anchor: &str) {
+    /// Adds text. `anchor`: start, middle or end.
+    pub fn text(&mut self, words: &str, [x, y]: [f64; 2], size: f64, anchor: &str) {
         let words = words.replace('&', "&amp;").replace('<', "&lt;");
         let _ = writeln!(
             self.0,
@@ -89,7 +90,13 @@ impl Drawing {
         );
     }
 
-    fn finish(mut self) -> String {
+    /// Adds elements of SVG.
+    pub fn raw(&mut self, svg: &str) {
+        self.0 += svg;
+    }
+
+    /// The picture as SVG.
+    pub fn finish(mut self) -> String {
         self.0 += "</svg>\n";
         self.0
     }
