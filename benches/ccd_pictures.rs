@@ -17,6 +17,7 @@ use bevy_medial::{
     medial_axis::MedialAxis,
     pipeline::{Body, Shape, StaticBody, Statics, StepInput, step},
 };
+use bevy_medial_compare::tables::write;
 use plotters::{
     coord::{Shift, types::RangedCoordf32},
     prelude::*,
@@ -25,8 +26,11 @@ use plotters::{
 type Panel<'a> = DrawingArea<SVGBackend<'a>, Cartesian2d<RangedCoordf32, RangedCoordf32>>;
 type Drawn = Result<(), Box<dyn Error>>;
 
-/// Size of a figure of two panels, in pixels.
-const SIZE: (u32, u32) = (760, 250);
+/// Size of a figure of two panels, one above the other, in pixels.
+const SIZE: (u32, u32) = (380, 500);
+/// Colours on pages with dark colours.
+const DARK: &str = "<style>@media(prefers-color-scheme:dark){[fill='#FFFFFF']{fill:#0d1117}[fill='#222222']{fill:#e6edf3}\
+[stroke='#222222']{stroke:#e6edf3}}</style>";
 /// Size of a panel, in metres of the scene.
 const WIDTH: f32 = 3.8;
 const HEIGHT: f32 = 2.5;
@@ -113,11 +117,15 @@ fn label(panel: &Panel, place: (f32, f32), text: &str) -> Drawn {
 
 /// A figure of two panels.
 fn figure(file: PathBuf, draw: impl FnOnce([&DrawingArea<SVGBackend, Shift>; 2]) -> Drawn) -> Drawn {
-    let area = SVGBackend::new(&file, SIZE).into_drawing_area();
-    area.fill(&WHITE)?;
-    let (left, right) = area.split_horizontally(SIZE.0 / 2);
-    draw([&left, &right])?;
-    area.present().map_err(|error| format!("{}: {error}", file.display()).into())
+    let mut svg = String::new();
+    {
+        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        area.fill(&WHITE)?;
+        let (upper, lower) = area.split_vertically(SIZE.1 / 2);
+        draw([&upper, &lower])?;
+        area.present()?;
+    }
+    Ok(write(&file, &svg.replacen(">\n", &format!(">\n{DARK}\n"), 1))?)
 }
 
 /// A rod turns and flies at a wall of 10 cm.
@@ -127,12 +135,12 @@ fn sweep(file: PathBuf) -> Drawn {
         .map(|(x, angle)| Pose3::from_parts(Vec3::new(x, 1.4, 0.0), Quat::from_rotation_z(angle)));
     let scene = Scene::new(rod, start, end, Vec3::new(1.9, 1.4, 0.0), Vec3::new(0.05, 0.75, 1.0));
     let stop = scene.stop();
-    figure(file, |[left, right]| {
-        let ends = panel(left, "Ends of the step only", "Neither pose touches the wall: the rod is through.")?;
+    figure(file, |[upper, lower]| {
+        let ends = panel(upper, "Ends of the step only", "Neither pose touches the wall: the rod is through.")?;
         scene.draw_obstacle(&ends)?;
         scene.draw(&ends, start, BODY.filled())?;
         scene.draw(&ends, end, BODY.mix(0.45).filled())?;
-        let path = panel(right, "The path between them", "It meets the wall, and ends the step there.")?;
+        let path = panel(lower, "The path between them", "It meets the wall, and ends the step there.")?;
         for i in 1..12 {
             scene.draw(&path, scene.body.sweep.pose_at(i as f32 / 12.0), BODY.mix(0.35).stroke_width(1))?;
         }
@@ -152,10 +160,10 @@ fn sweep(file: PathBuf) -> Drawn {
 fn cores(file: PathBuf) -> Drawn {
     let (radius, depth, floor) = (0.4, 0.25, 0.93);
     let [start, end] = [1.8, 0.85].map(|y| Pose3::from_translation(Vec3::new(1.85, y, 0.0)));
-    figure(file, |[left, right]| {
+    figure(file, |[upper, lower]| {
         let panels = [
-            (left, "First touch of surfaces", "The solver has no overlap to work with.", 0.0),
-            (right, "First touch of cores", "The solver handles the overlap (exaggerated).", depth),
+            (upper, "First touch of surfaces", "The solver has no overlap to work with.", 0.0),
+            (lower, "First touch of cores", "The solver handles the overlap (exaggerated).", depth),
         ];
         for (area, title, sentence, core_depth) in panels {
             let half_extents = Vec3::new(1.65, 0.08, 1.0);
@@ -171,8 +179,9 @@ fn cores(file: PathBuf) -> Drawn {
             let core = MedialAxis::sphere(radius * (1.0 - core_depth))?;
             let core = Scene { body: Body::new(Shape { axis: core, scale: 1.0 }, scene.body.sweep), ..scene };
             core.draw(&panel, stop, INK.stroke_width(2))?;
-            for (pose, text) in [(start, "start"), (stop, "it stops here"), (end, "end")] {
-                label(&panel, (pose.translation.x + radius + 0.1, pose.translation.y), text)?;
+            // The end is labelled below the floor.
+            for (pose, text, offset) in [(start, "start", 0.0), (stop, "it stops here", 0.0), (end, "end", -0.16)] {
+                label(&panel, (pose.translation.x + radius + 0.1, pose.translation.y + offset), text)?;
             }
         }
         Ok(())
