@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn rims_that_touch_are_told_apart() {
+    fn rims_that_touch_are_separate_holes() {
         // A plate of four by four quads without three: two holes with a common corner, and a third at the outline.
         let at = |x: u32, y: u32| 5 * y + x;
         let mut triangles = vec![];

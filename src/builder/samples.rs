@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn patches_of_nothing_are_finite() {
+    fn patches_without_area_are_finite() {
         let point = Sphere::new(Vec3::ONE, 0.0);
         for patch in [Patch::Triangle([Vec3::ONE; 3]), Patch::Ball(point, vec![]), Patch::Mantle([point; 2], vec![])] {
             patch.sample(0.1, |at, weight| assert!(at.is_finite() && (weight == 0.0 || !weight.is_finite())));

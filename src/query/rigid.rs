@@ -174,7 +174,7 @@ mod tests {
     use crate::geometry::Pose3;
 
     #[test]
-    fn balls_meet_where_they_overlap_by_the_depth() {
+    fn the_impact_of_balls_is_at_the_given_depth_of_overlap() {
         // The balls are 1 cm apart, and the first one moves by 10 cm.
         let ball = [Sphere::new(Vec3::ZERO, 0.1)];
         let at = |x: f32| Pose3::from_translation(Vec3::X * x);

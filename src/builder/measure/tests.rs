@@ -172,7 +172,7 @@ fn known_errors_are_measured() {
 }
 
 #[test]
-fn each_direction_finds_what_the_other_is_blind_to() {
+fn each_direction_finds_faults_that_the_other_misses() {
     let at = |x: f32| Sphere::new(Vec3::new(x, 0.0, 0.0), 0.5);
     let of = |spheres: Vec<Sphere>| MedialAxis::new(spheres, vec![]).unwrap().0;
     let one = capsule(0.5, 0.0, 128);
@@ -260,7 +260,7 @@ fn far_from_the_origin_little_is_lost() {
 }
 
 #[test]
-fn vertices_know_their_side() {
+fn the_side_of_each_vertex_is_correct() {
     let mesh = capsule(1.0, 0.0, 128);
     let diagonal = mesh.diagonal();
     for radius in [0.8, 1.1f32] {

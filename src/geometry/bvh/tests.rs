@@ -14,7 +14,7 @@ fn boxes(count: u32, seed: u32) -> Vec<Aabb> {
 }
 
 #[test]
-fn visits_what_brute_force_finds() {
+fn visits_the_pairs_of_brute_force() {
     let mut found = 0;
     for count in [0, 1, 2, 3, 17, 200] {
         let items = boxes(count, count);
@@ -74,7 +74,7 @@ fn visits_each_overlap_among_the_items_once() {
 }
 
 #[test]
-fn a_tree_follows_its_boxes_until_they_have_gone_far() {
+fn a_tree_is_updated_until_its_boxes_have_moved_far() {
     let (mut kept, mut built) = (0, 0);
     let (mut bvh, mut room) = (Bvh::default(), Vec::new());
     let mut items = boxes(100, 5);

@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_that_meet_are_not_missed() {
+    fn every_pair_of_touching_boxes_is_found() {
         let mut random = Random(3);
         let (mut met, mut apart, mut apart_though_swept) = (0, 0, 0);
         for _ in 0..3000 {

@@ -76,7 +76,7 @@ fn told(app: &App) -> (Vec<MedialContactStarted>, Vec<MedialContactEnded>) {
 }
 
 #[test]
-fn a_body_that_is_moved_through_a_wall_is_told_of_and_goes_on() {
+fn a_body_moved_through_a_wall_is_reported_and_does_not_stop() {
     let mut app = app();
     let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
     app.update();
@@ -96,7 +96,7 @@ fn a_body_that_is_moved_through_a_wall_is_told_of_and_goes_on() {
 }
 
 #[test]
-fn a_level_of_detail_goes_with_the_shape() {
+fn a_level_of_detail_is_removed_with_the_shape() {
     let mut app = app();
     let ball = ball(&mut app, 0.0);
     let scale = |app: &mut App, scale: f32| {
@@ -127,7 +127,7 @@ fn a_level_of_detail_goes_with_the_shape() {
 }
 
 #[test]
-fn in_the_fixed_schedule_nobody_else_has_to_know_transforms() {
+fn the_fixed_schedule_needs_no_transform_plugin() {
     let mut app = App::new();
     let physics = MedialPhysicsPlugin { add_systems, ..default() }.in_fixed_schedule();
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), physics))
@@ -142,7 +142,7 @@ fn in_the_fixed_schedule_nobody_else_has_to_know_transforms() {
 }
 
 #[test]
-fn two_bodies_meet_even_if_one_of_them_is_not_to_stop() {
+fn a_touch_is_reported_without_continuous_collision() {
     for enabled in [true, false] {
         let mut app = app();
         let [one, other] = [-1.0, 1.0].map(|x| ball(&mut app, x));
@@ -157,7 +157,7 @@ fn two_bodies_meet_even_if_one_of_them_is_not_to_stop() {
 }
 
 #[test]
-fn in_the_fixed_schedule_each_step_sees_its_own_part_of_the_path() {
+fn each_fixed_step_sweeps_a_part_of_the_path() {
     let mut app = app_with(MedialPhysicsPlugin { add_systems, ..default() }.in_fixed_schedule());
     // Each update has two steps.
     app.insert_resource(Time::<Fixed>::from_hz(120.0));
@@ -178,7 +178,7 @@ fn in_the_fixed_schedule_each_step_sees_its_own_part_of_the_path() {
 }
 
 #[test]
-fn a_static_that_goes_while_another_loads_is_gone() {
+fn a_static_despawned_while_another_loads_stops_nothing() {
     let mut app = app();
     let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
     let handle = app.world().resource::<Assets<MedialAxis>>().reserve_handle();
@@ -200,7 +200,7 @@ fn a_static_that_goes_while_another_loads_is_gone() {
 struct Rarely;
 
 #[test]
-fn a_static_whose_shape_changes_while_a_schedule_of_its_own_rests_has_changed_when_that_goes_on() {
+fn a_shape_changed_between_runs_of_a_schedule_is_updated() {
     let mut app = app_with(MedialPhysicsPlugin { add_systems, ..default() }.in_schedule(Rarely));
     let fixed = ball(&mut app, 0.0);
     app.world_mut().entity_mut(fixed).insert(StaticObb::default());
@@ -237,7 +237,7 @@ fn an_invalid_transform_affects_no_other_body() {
 
 /// Hierarchies of transforms with uneven scales cause such rotations.
 #[test]
-fn a_wall_without_a_proper_rotation_is_a_wall() {
+fn a_sheared_wall_collides() {
     let mut app = app();
     let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
     app.world_mut().get_mut::<Transform>(wall).unwrap().rotation = Quat::from_rotation_x(0.3);
@@ -250,7 +250,7 @@ fn a_wall_without_a_proper_rotation_is_a_wall() {
 }
 
 #[test]
-fn a_wall_is_where_its_transform_says() {
+fn a_wall_follows_its_transform() {
     let mut app = app();
     let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
     app.update();
