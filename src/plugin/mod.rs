@@ -45,14 +45,10 @@ mod step;
 #[cfg(any(test, not(feature = "rapier")))]
 mod transforms;
 
-#[cfg(feature = "rapier")]
-use bevy::ecs::system::SystemParamItem;
 use bevy::{
     ecs::{intern::Interned, schedule::ScheduleLabel},
     prelude::*,
 };
-#[cfg(feature = "rapier")]
-use bevy_rapier3d::prelude::{BevyPhysicsHooks, NoUserData};
 
 use crate::{
     constants::{MAX_MAGNITUDE, SCALE_ROUNDING},
@@ -97,7 +93,8 @@ pub use step::{BodyInfo, MedialBackend, MedialSettings, MedialStep};
 #[derive(Clone, Copy, Debug)]
 pub struct MedialPhysicsPlugin {
     schedule: Interned<dyn ScheduleLabel>,
-    add_systems: fn(&mut App, Interned<dyn ScheduleLabel>),
+    /// Adds the systems that run a step.
+    pub(crate) add_systems: fn(&mut App, Interned<dyn ScheduleLabel>),
     /// Steps per second, if their length is fixed.
     #[cfg(feature = "rapier")]
     rate: Option<f32>,
@@ -107,7 +104,7 @@ impl Default for MedialPhysicsPlugin {
     /// Runs in `PostUpdate`, as rapier does by default.
     fn default() -> Self {
         #[cfg(feature = "rapier")]
-        let add_systems = crate::rapier::add_systems::<NoUserData>;
+        let add_systems = crate::rapier::add_systems_without_hooks;
         #[cfg(not(feature = "rapier"))]
         let add_systems = transforms::add_systems;
         Self {
@@ -145,18 +142,6 @@ impl MedialPhysicsPlugin {
     /// Runs in the given schedule.
     pub fn in_schedule(self, schedule: impl ScheduleLabel) -> Self {
         Self { schedule: schedule.intern(), ..self }
-    }
-
-    /// Uses rapier's hooks: no body stops at a collider that they filter out. They must be those of a `RapierPhysicsPlugin` that has been added before.
-    ///
-    /// They are also called after rapier's step, for each pair that may meet in it. They must not access [`MedialStep`].
-    #[cfg(feature = "rapier")]
-    pub fn with_hooks<Hooks>(self) -> Self
-    where
-        Hooks: 'static + BevyPhysicsHooks,
-        for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
-    {
-        Self { add_systems: crate::rapier::add_systems::<Hooks>, ..self }
     }
 }
 

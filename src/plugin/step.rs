@@ -5,8 +5,6 @@ use std::{mem, time::Duration};
 #[cfg(feature = "gpu")]
 use bevy::platform::time::Instant;
 use bevy::{prelude::*, tasks::ComputeTaskPool};
-#[cfg(feature = "rapier")]
-use bevy_rapier3d::rapier::geometry::ColliderHandle;
 
 #[cfg(feature = "gpu")]
 use super::{gpu::GpuBackend, pipelined::Answer};
@@ -78,9 +76,9 @@ pub struct BodyInfo {
     pub entity: Entity,
     /// Its rigid body, which may be the same entity. `None` for a collider without a rigid body.
     pub body: Option<Entity>,
-    /// Its collider.
+    /// The raw parts of the handle of its collider.
     #[cfg(feature = "rapier")]
-    pub collider: ColliderHandle,
+    pub(crate) collider: (u32, u32),
     /// True if it is a sensor, which has no response.
     pub sensor: bool,
     /// True if it is asleep.
@@ -100,7 +98,7 @@ impl BodyInfo {
             entity,
             body: None,
             #[cfg(feature = "rapier")]
-            collider: ColliderHandle::invalid(),
+            collider: (u32::MAX, u32::MAX),
             sensor: false,
             asleep: false,
             center: Vec3::ZERO,

@@ -7,14 +7,26 @@ use bevy_rapier3d::{
         SimulationToRenderTime,
     },
     prelude::RapierConfiguration,
-    rapier::{dynamics::RigidBody as RapierBody, geometry::Collider as RapierCollider},
+    rapier::{
+        dynamics::RigidBody as RapierBody,
+        geometry::{Collider as RapierCollider, ColliderHandle},
+    },
 };
 
 use super::shape::MedialShape;
 use crate::{
     geometry::Pose3,
     pipeline::{ContactMargin, Displacement},
+    plugin::BodyInfo,
 };
+
+impl BodyInfo {
+    /// Returns the handle of its collider.
+    pub fn collider(&self) -> ColliderHandle {
+        let (index, generation) = self.collider;
+        ColliderHandle::from_raw_parts(index, generation)
+    }
+}
 
 /// A rapier context: a world. Bodies of different worlds do not collide.
 #[derive(QueryData)]

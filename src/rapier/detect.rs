@@ -46,7 +46,7 @@ pub(super) fn detect<Hooks>(
     step.snapshot_time = rapier.snapshot.took + clock.elapsed();
     step.run(|step, first, second| {
         let Ok(context) = contexts.get(step.context(first)) else { return PairFilter::Apart };
-        let pair = [first, second].map(|side| step.info(side).collider);
+        let pair = [first, second].map(|side| step.info(side).collider());
         let narrow_phase = &context.simulation.narrow_phase;
         hooks::meeting(&hooks, pair, &context.bodies.bodies, &context.colliders.colliders, narrow_phase)
     });
@@ -63,7 +63,7 @@ pub(super) fn detect<Hooks>(
 
 /// Returns the impulse of the solver on the second side of a pair, along the normals of the contacts.
 fn impulse(step: &MedialStep, pair: &Pair, contexts: &Query<Context>) -> Vec3 {
-    let [first, second] = [pair.first, pair.second].map(|side| step.info(side).collider);
+    let [first, second] = [pair.first, pair.second].map(|side| step.info(side).collider());
     let context = contexts.get(step.context(pair.first)).ok();
     let contact = context.and_then(|context| context.simulation.narrow_phase.contact_pair(first, second));
     contact.map_or(Vec3::ZERO, |contact| {

@@ -108,7 +108,7 @@ impl Gather<'_, '_, '_> {
         for (info, body) in std::iter::zip(&step.infos, &step.input.bodies).filter(|(info, _)| info.asleep) {
             // The user may have replaced the resource, and new ones have no worlds.
             if let Some(sleepers) = sleepers.get_mut(body.world as usize) {
-                sleepers.insert(info.collider.0, body.sweep.end);
+                sleepers.insert(info.collider().0, body.sweep.end);
             }
         }
         let worlds = std::mem::take(&mut step.worlds);
@@ -238,7 +238,7 @@ impl Gather<'_, '_, '_> {
         self.step.infos.push(BodyInfo {
             entity,
             body: context.bodies.rigid_body_entity(parent),
-            collider: handle,
+            collider: handle.into_raw_parts(),
             sensor,
             // Bodies of a paused world are treated like sleeping bodies.
             asleep: !running || body.is_sleeping(),
@@ -308,7 +308,12 @@ fn set_statics(step: &mut MedialStep, fixed: &[Fixed]) {
             passes,
             sensor,
         });
-        step.static_infos.push(BodyInfo { body, collider, sensor, ..BodyInfo::at_rest(entity) });
+        step.static_infos.push(BodyInfo {
+            body,
+            collider: collider.into_raw_parts(),
+            sensor,
+            ..BodyInfo::at_rest(entity)
+        });
     }
     step.statics = Statics::new(bodies);
 }

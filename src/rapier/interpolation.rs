@@ -38,7 +38,7 @@ pub(super) fn show_stops(
         if stop.fraction * steps > steps - 1.0 {
             continue;
         }
-        let collider = context.colliders.colliders.get(step.info(side).collider);
+        let collider = context.colliders.colliders.get(step.info(side).collider());
         let Some(handle) = collider.and_then(Collider::parent) else { continue };
         if let Some(body) = context.bodies.bodies.get(handle)
             && let Some(entity) = context.bodies.rigid_body_entity(handle)

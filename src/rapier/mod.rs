@@ -74,11 +74,11 @@ use bevy::{
 use bevy_rapier3d::{
     parry::query::{DefaultQueryDispatcher, QueryDispatcher},
     plugin::{RapierTransformPropagateSet, context::RapierContextSimulation, systems::update_character_controls},
-    prelude::{BevyPhysicsHooks, CollisionEvent, PhysicsSet, RapierPhysicsPlugin, RigidBody},
+    prelude::{BevyPhysicsHooks, CollisionEvent, NoUserData, PhysicsSet, RapierPhysicsPlugin, RigidBody},
     rapier::geometry::NarrowPhase,
 };
 
-use crate::plugin::{MedialMesh, MedialStep, MedialSystems, StaticObb};
+use crate::plugin::{MedialMesh, MedialPhysicsPlugin, MedialStep, MedialSystems, StaticObb};
 
 pub use dispatcher::MedialDispatcher;
 pub(crate) use interpolation::fix_steps;
@@ -87,11 +87,31 @@ pub use query::MedialQueries;
 pub use shape::MedialShape;
 pub use table::ContactTable;
 
+impl MedialPhysicsPlugin {
+    /// Uses rapier's hooks: no body stops at a collider that they filter out. They must be those of a `RapierPhysicsPlugin` that has been added before.
+    ///
+    /// They are also called after rapier's step, for each pair that may meet in it. They must not access [`MedialStep`].
+    #[must_use]
+    pub fn with_hooks<Hooks>(mut self) -> Self
+    where
+        Hooks: 'static + BevyPhysicsHooks,
+        for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
+    {
+        self.add_systems = add_systems::<Hooks>;
+        self
+    }
+}
+
+/// [`add_systems`] for a rapier without hooks.
+pub(crate) fn add_systems_without_hooks(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
+    add_systems::<NoUserData>(app, schedule);
+}
+
 /// Adds `RapierPhysicsPlugin` unless the app has it, and the systems around rapier's step.
 ///
 /// # Panics
 /// If the app has a `RapierPhysicsPlugin` with other hooks.
-pub(crate) fn add_systems<Hooks>(app: &mut App, schedule: Interned<dyn ScheduleLabel>)
+fn add_systems<Hooks>(app: &mut App, schedule: Interned<dyn ScheduleLabel>)
 where
     Hooks: 'static + BevyPhysicsHooks,
     for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,

@@ -7,7 +7,7 @@ use super::context::ContextItem;
 use crate::{
     geometry::{Pose3, Sweep},
     pipeline::Stop,
-    plugin::{BodyInfo, MedialStep},
+    plugin::MedialStep,
 };
 
 /// Time that is owed to bodies that stopped at an impact. Their next step is longer by this time.
@@ -87,18 +87,18 @@ pub(super) fn stop_bodies(
         if std::mem::replace(&mut last, rigid_body) == rigid_body {
             continue;
         }
-        let BodyInfo { collider, asleep, .. } = step.infos[stop.body as usize];
+        let info = &step.infos[stop.body as usize];
         // Do not wake a sleeping body that does not move.
-        if asleep && stop.pose == step.input.bodies[stop.body as usize].sweep.start {
+        if info.asleep && stop.pose == step.input.bodies[stop.body as usize].sweep.start {
             continue;
         }
-        let Some(collider) = colliders.colliders.get(collider) else { continue };
+        let Some(collider) = colliders.colliders.get(info.collider()) else { continue };
         let local = collider.position_wrt_parent().copied().unwrap_or(Pose3::IDENTITY);
         let Some(parent) = collider.parent() else { continue };
         if let Some(body) = bodies.bodies.get_mut(parent) {
             body.set_position(stop.pose * local.inverse(), true);
             let known = before.get(entity, parent).copied().unwrap_or_default();
-            let gained = gained(body, step.infos[stop.body as usize].linear, configuration.gravity * dt);
+            let gained = gained(body, info.linear, configuration.gravity * dt);
             let left = Owed { seconds: dt + known.seconds, velocity: gained + known.velocity, is_full: false };
             let rest = left.times(1.0 - stop.fraction);
             body.set_linvel(body.linvel() + known.velocity - rest.velocity, true);

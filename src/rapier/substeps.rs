@@ -53,7 +53,7 @@ pub(super) fn refine(
         let substeps = ((displacement / SUBSTEP_DISPLACEMENT).ceil() as usize).min(MAX_SUBSTEPS);
         let additional = substeps.saturating_sub(context.simulation.integration_parameters.num_solver_iterations);
         for side in sides {
-            let collider = context.colliders.colliders.get(step.info(side).collider);
+            let collider = context.colliders.colliders.get(step.info(side).collider());
             let Some(handle) = collider.and_then(Collider::parent) else { continue };
             let Some(body) = context.bodies.bodies.get_mut(handle) else { continue };
             if body.is_dynamic() && additional > body.additional_solver_iterations() {

@@ -217,7 +217,7 @@ fn dynamic_bodies<'a>(
     bodies: &'a RapierRigidBodySet,
     colliders: &RapierContextColliders,
 ) -> Vec<(usize, &'a RapierBody)> {
-    let rigid = |info: &BodyInfo| bodies.bodies.get(colliders.colliders.get(info.collider)?.parent()?);
+    let rigid = |info: &BodyInfo| bodies.bodies.get(colliders.colliders.get(info.collider())?.parent()?);
     let all = step.infos.iter().enumerate();
     all.filter_map(|(index, info)| Some((index, rigid(info).filter(|rigid| rigid.is_dynamic())?))).collect()
 }

@@ -127,7 +127,7 @@ fn stop(
     }
     let (mut set, colliders) = contexts.into_inner();
     for ((body, info), fraction) in step.input.bodies.iter().zip(&step.infos).zip(stops) {
-        let parent = colliders.colliders.get(info.collider).and_then(|collider| collider.parent());
+        let parent = colliders.colliders.get(info.collider()).and_then(|collider| collider.parent());
         let rigid = parent.and_then(|parent| set.bodies.get_mut(parent));
         if let Some(rigid) = rigid.filter(|_| fraction < 1.0 && body.stops) {
             rigid.set_position(body.sweep.pose_at(fraction), true);

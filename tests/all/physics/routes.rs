@@ -136,11 +136,11 @@ impl Routes {
             assert!(physics.table.len() >= near.clone().count());
             for pair in near {
                 // Rapier passes the lower handle first.
-                let mut handles = [pair.first, pair.second].map(|side| physics.step.info(side).collider);
+                let mut handles = [pair.first, pair.second].map(|side| physics.step.info(side).collider());
                 handles.sort_by_key(|handle| handle.into_raw_parts());
                 let pose12 = physics.pose(handles[0]).inv_mul(&physics.pose(handles[1]));
                 let shapes = handles.map(|handle| physics.collider(handle).shape());
-                let sides = [pair.first, pair.second].map(|side| physics.step.info(side).collider);
+                let sides = [pair.first, pair.second].map(|side| physics.step.info(side).collider());
                 let from_first = sides.map(|handle| physics.collider(handle).shape());
                 let computed = |reach: f32| {
                     // Without a table the pair counts as resting, and the dispatcher uses a quarter of the prediction distance.

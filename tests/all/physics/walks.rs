@@ -464,7 +464,7 @@ impl Walk {
         assert!(moving + still == medial, "{moving} bodies and {still} statics, not {medial}");
         assert!(step.contacts().len() <= step.output.counts.body_pairs);
         for info in step.infos.iter().chain(&step.static_infos) {
-            assert_eq!(world.get::<RapierColliderHandle>(info.entity).map(|handle| handle.0), Some(info.collider));
+            assert_eq!(world.get::<RapierColliderHandle>(info.entity).map(|handle| handle.0), Some(info.collider()));
         }
         self.check_walls();
     }
