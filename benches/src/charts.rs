@@ -128,7 +128,8 @@ impl Scale {
         self.ends[0] + part * (self.ends[1] - self.ends[0])
     }
 
-    /// The numbers 1, 2 and 5 times powers of ten, or only the powers, or every other power, so that there are three to eight of them where possible.
+    /// On a logarithmic axis: the powers of ten, or, if there are fewer than three, also 2 and 5 times the powers. On a linear axis: up to eight equal
+    /// steps from zero.
     fn ticks(&self) -> Vec<Tick> {
         let powers = || (-12..=12).map(|power| (1, power));
         let fine = || powers().flat_map(|(_, power)| [1, 2, 5].map(|digit| (digit, power)));
@@ -137,9 +138,8 @@ impl Scale {
             (self.range.start <= value && value <= self.range.end * (1.0 + 1e-9)).then_some(Tick { digit, power })
         };
         if self.is_logarithmic {
-            let all = [fine().filter_map(inside).collect::<Vec<_>>(), powers().filter_map(inside).collect()];
-            let [fine, coarse] = all;
-            return if coarse.len() < 3 { fine } else { coarse };
+            let coarse: Vec<Tick> = powers().filter_map(inside).collect();
+            return if coarse.len() < 3 { fine().filter_map(inside).collect() } else { coarse };
         }
         // A linear axis starts at zero.
         let step = fine().map(|(digit, power)| Tick { digit, power }).find(|step| self.range.end / step.value() <= 7.0);
@@ -255,5 +255,33 @@ impl Bars<'_> {
             drawing.text(&numbers, [SIZE[0] - 12.0, y + 0.5 * row + 0.35 * FONT], FONT, "end");
         }
         drawing.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(range: Range<f64>, is_logarithmic: bool) -> Vec<String> {
+        Scale { is_logarithmic, range, ends: [0.0, 1.0] }.ticks().iter().map(Tick::label).collect()
+    }
+
+    #[test]
+    fn ticks_have_short_labels_without_rounding_errors() {
+        assert_eq!(labels(0.15..0.9, true), ["0.2", "0.5"]);
+        assert_eq!(labels(0.07..2.0, true), ["0.1", "0.2", "0.5", "1", "2"]);
+        assert_eq!(labels(0.004..3e6, true), ["0.01", "0.1", "1", "10", "100", "1 k", "10 k", "100 k", "1 M"]);
+        assert_eq!(labels(0.0..0.65, false), ["0.0", "0.1", "0.2", "0.3", "0.4", "0.5", "0.6"]);
+        assert_eq!(labels(0.0..599.0, false), ["0", "100", "200", "300", "400", "500"]);
+    }
+
+    #[test]
+    fn points_that_do_not_fit_are_left_out() {
+        let axis = Axis { label: "x", less_is_better: true, is_logarithmic: true };
+        let points = vec![[1.0, 1.0], [0.0, 1.0], [2.0, f64::NAN], [10.0, 100.0]];
+        let curves = vec![Curve { name: "a < b & c", points, level: Some(10.0) }];
+        let svg = Chart { title: "title", note: "", x: axis, y: axis, curves }.svg();
+        assert_eq!(svg.matches("<circle").count(), 2);
+        assert!(svg.contains("a &lt; b &amp; c") && svg.contains("← better · x") && !svg.contains("NaN"), "{svg}");
     }
 }

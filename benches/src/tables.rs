@@ -98,3 +98,23 @@ pub fn today() -> String {
     let (day, month) = (day - (153 * month + 2) / 5 + 1, if month < 10 { month + 3 } else { month - 9 });
     format!("{:04}-{month:02}-{day:02}", 400 * era + year + u64::from(month <= 2))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Serialize)]
+    struct Row {
+        name: &'static str,
+        value: f64,
+    }
+
+    #[test]
+    fn a_table_reads_the_text_that_was_written() {
+        let rows = [Row { name: "one, two", value: 0.25 }, Row { name: "", value: -3.0 }];
+        let table = Table::new(&csv(&rows));
+        assert_eq!(table.column("name").collect::<Vec<_>>(), ["one, two", ""]);
+        assert_eq!(table.column("value").collect::<Vec<_>>(), ["0.25", "-3.0"]);
+        assert_eq!(table.column("other").count(), 0);
+    }
+}
