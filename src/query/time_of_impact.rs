@@ -300,7 +300,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
             here = next;
             cleared = self.cleared_until(&here);
         }
-        self.try_steps(here, cleared, [extent, touching], rounds, max_fraction)
+        self.try_steps(here, cleared, [extent, touching], rounds, max_fraction, limit)
     }
 
     /// Continues the search of [`advance`](Self::advance) by trial steps. `extent`: that of the larger side. `touching`: distance of a touch.
@@ -311,6 +311,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         [extent, touching]: [f32; 2],
         mut rounds: u32,
         max_fraction: f32,
+        limit: f32,
     ) -> TimeOfImpact {
         let fastest = self.first.motion.iter().map(|&m| self.second.fastest(m)).fold(0.0, f32::max);
         let shortest = (TIME_TOLERANCE * extent / fastest).max(f32::EPSILON);
