@@ -150,7 +150,6 @@ mod pages {
         Shape: "../docs/choosing-a-shape.md",
         Budget: "../docs/choosing-a-budget.md",
         Step: "../docs/step.md",
-        BackEnds: "../docs/back-ends.md",
         Gpu: "../docs/gpu.md",
         Rapier: "../docs/rapier.md",
         Determinism: "../docs/determinism.md",
