@@ -33,6 +33,7 @@ pub use cleanup::CleanupReport;
 pub(crate) use cleanup::numbers_of_kept;
 pub use mass::MassProperties;
 pub(crate) use mass::{Chord, LINES, first_line, line_position};
+pub(crate) use skin::strongest;
 pub use skin::{JointPose, JointWeights, MAX_INFLUENCES, MAX_JOINTS, Skin, SkinError, SkinJoint};
 pub(crate) use surface::face_normals;
 #[cfg(feature = "debug")]
@@ -208,6 +209,22 @@ impl MedialAxis {
         }
         Arc::make_mut(&mut self.0).skin = Some(skin);
         Ok(self)
+    }
+
+    /// The shape in a pose of its joints, as a rigid shape; a shape without a skin does not change. The clean-up merges primitives that are degenerate in the
+    /// pose, so spheres may have other indices.
+    ///
+    /// # Errors
+    /// If a posed sphere is not finite or too far away.
+    ///
+    /// # Panics
+    /// If there are fewer poses than joints.
+    pub fn posed(&self, poses: &[JointPose]) -> Result<MedialAxis, MedialAxisError> {
+        let mut spheres = self.spheres().to_vec();
+        if let Some(skin) = self.skin() {
+            skin.pose(self.spheres(), poses, &mut spheres);
+        }
+        Ok(Self::new(spheres, self.primitives().to_vec())?.0)
     }
 
     /// The binding to the joints of a skeleton, with the weights of each sphere. `None` for a rigid shape.
