@@ -12,6 +12,7 @@ mod cleanup;
 pub mod ma;
 mod mass;
 pub mod packed;
+mod parts;
 mod shapes;
 mod skin;
 mod surface;
@@ -33,8 +34,9 @@ pub use cleanup::CleanupReport;
 pub(crate) use cleanup::numbers_of_kept;
 pub use mass::MassProperties;
 pub(crate) use mass::{Chord, LINES, first_line, line_position};
-pub(crate) use skin::strongest;
+pub use parts::SkinPart;
 pub use skin::{JointPose, JointWeights, MAX_INFLUENCES, MAX_JOINTS, Skin, SkinError, SkinJoint};
+pub(crate) use skin::{strongest, summed};
 pub(crate) use surface::face_normals;
 #[cfg(feature = "debug")]
 pub(crate) use surface::mantle_directions;
@@ -202,13 +204,18 @@ impl MedialAxis {
     ///
     /// # Errors
     /// If the skin does not have the weights of as many points as the shape has spheres.
-    pub fn with_skin(mut self, skin: Skin) -> Result<Self, SkinError> {
+    pub fn with_skin(self, skin: Skin) -> Result<Self, SkinError> {
         let (weights, points) = (skin.weights().len(), self.spheres().len());
         if weights != points {
             return Err(SkinError::Count { weights, points });
         }
+        Ok(self.bound(skin))
+    }
+
+    /// The same shape with a skin of as many points as spheres.
+    pub(crate) fn bound(mut self, skin: Skin) -> Self {
         Arc::make_mut(&mut self.0).skin = Some(skin);
-        Ok(self)
+        self
     }
 
     /// The shape in a pose of its joints, as a rigid shape; a shape without a skin does not change. The clean-up merges primitives that are degenerate in the

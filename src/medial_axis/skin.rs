@@ -277,7 +277,7 @@ pub(crate) fn strongest(weights: impl Iterator<Item = (u16, f64)>) -> Option<Joi
 }
 
 /// The sum of the weights of each joint, the largest first. Equal ones are in the order of the joints.
-fn summed(weights: impl Iterator<Item = (u16, f64)>) -> SmallVec<[(u16, f64); 3 * MAX_INFLUENCES]> {
+pub(crate) fn summed(weights: impl Iterator<Item = (u16, f64)>) -> SmallVec<[(u16, f64); 3 * MAX_INFLUENCES]> {
     let mut sums = SmallVec::<[(u16, f64); 3 * MAX_INFLUENCES]>::new();
     for (joint, weight) in weights {
         match sums.iter_mut().find(|sum| sum.0 == joint) {
