@@ -45,18 +45,18 @@ const ELBOW: Vec3 = Vec3::new(0.0, std::f32::consts::FRAC_1_SQRT_2, std::f32::co
 /// The right side; the left one is its mirror image, half a cycle later. Parents are joints of the trunk, or of the same side.
 const SIDE: [(&str, &str, &[Cone], fn(f32) -> Quat); 6] = [
     ("upper arm", "chest", &[[[0., 1.43, 0.2, 0.06], [0., 1.23, 0.4, 0.046]]], |phase| {
-        Quat::from_rotation_z(-0.7 * phase.sin()) * Quat::from_rotation_x(0.5)
+        Quat::from_rotation_z(-0.55 * phase.sin()) * Quat::from_rotation_x(0.35)
     }),
     ("forearm", "upper arm", &[[[0., 1.23, 0.4, 0.046], [0., 1.05, 0.58, 0.036]]], |phase| {
-        Quat::from_axis_angle(ELBOW, 1.3 - 0.3 * phase.sin())
+        Quat::from_axis_angle(ELBOW, 0.95 - 0.25 * phase.sin())
     }),
     ("hand", "forearm", &[[[0., 1.05, 0.58, 0.036], [0., 0.96, 0.67, 0.04]]], |_| Quat::IDENTITY),
     ("thigh", "hips", &[[[0., 0.9, 0.115, 0.082], [0.01, 0.5, 0.12, 0.06]]], |phase| {
-        Quat::from_rotation_z(0.35 + 0.75 * phase.sin())
+        Quat::from_rotation_z(0.15 + 0.7 * phase.sin())
     }),
     ("shin", "thigh", &[[[0.01, 0.5, 0.12, 0.06], [-0.02, 0.1, 0.12, 0.042]]], |phase| {
         let flexed = 0.5 + 0.5 * (phase + 0.2).cos();
-        Quat::from_rotation_z(-0.15 - 1.4 * flexed * flexed)
+        Quat::from_rotation_z(-0.1 - 1.0 * flexed * flexed)
     }),
     (
         "foot",
@@ -83,5 +83,5 @@ pub(super) fn biped() -> Character {
         }
     }
     let sway = |phase: f32| Vec3::Y * (0.035 + 0.03 * (2.0 * phase).cos());
-    Character { name: "biped", joints, period: 0.6, cell: 0.025, sway }
+    Character { name: "biped", joints, period: 0.5, cell: 0.025, sway }
 }

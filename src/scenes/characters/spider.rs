@@ -5,7 +5,7 @@ use glam::{Quat, Vec3};
 use super::{Character, CharacterJoint, Gait};
 
 const THORAX: [[[f32; 4]; 2]; 1] = [[[0.08, 0.24, 0., 0.095], [-0.08, 0.24, 0., 0.09]]];
-const ABDOMEN: [[[f32; 4]; 2]; 1] = [[[-0.18, 0.27, 0., 0.07], [-0.34, 0.31, 0., 0.12]]];
+const ABDOMEN: [[[f32; 4]; 2]; 1] = [[[-0.2, 0.27, 0., 0.06], [-0.36, 0.31, 0., 0.115]]];
 
 /// A leg that points along +x: name, parts, rotation. Rotations about z raise it, rotations about y swing it forwards on the right side.
 const LEG: [(&str, [[f32; 4]; 2], fn(f32) -> Quat); 3] = [
@@ -26,10 +26,10 @@ fn lift(phase: f32) -> f32 {
 
 /// The legs on the right side, from front to back: name, x of the base, heading in degrees, shift of the phase.
 const LEGS: [(&str, f32, f32, f32); 4] = [
-    ("first", 0.06, 36.0, 0.0),
-    ("second", 0.025, 68.0, PI),
-    ("third", -0.025, 104.0, 0.0),
-    ("fourth", -0.06, 136.0, PI),
+    ("first", 0.06, 40.0, 0.0),
+    ("second", 0.025, 70.0, PI),
+    ("third", -0.025, 98.0, 0.0),
+    ("fourth", -0.06, 128.0, PI),
 ];
 
 pub(super) fn spider() -> Character {

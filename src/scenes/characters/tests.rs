@@ -1,5 +1,10 @@
+use std::ops::ControlFlow;
+
 use super::*;
-use crate::{builder::MeshReport, medial_axis::JointPose};
+use crate::{
+    builder::{FitOptions, MeshReport, TwoSidedError, fit_skinned, measure_without_folds},
+    medial_axis::{JointPose, MedialAxis},
+};
 
 fn characters() -> [Character; 2] {
     [Character::biped(), Character::spider()]
@@ -64,5 +69,36 @@ fn the_gait_is_periodic_and_stays_above_the_ground() {
         println!("{}: lowest point {lowest} m, fastest point {fastest} m/s", character.name);
         assert!(lowest > -0.1 && (2.0..25.0).contains(&fastest), "{lowest} {fastest}");
         assert!(frames[0].iter().zip(&frames[60]).all(|(a, b)| a.distance(*b) < 1e-3));
+    }
+}
+
+/// Max and mean error of a medial mesh in metres, in either direction.
+fn error(mesh: &SkinnedTriangleMesh, poses: &[JointPose], axis: &MedialAxis) -> [f32; 2] {
+    let TwoSidedError { mesh_to_envelope: to, envelope_to_mesh: from, diagonal } =
+        measure_without_folds(&mesh.posed(poses), axis);
+    [to.max.max(from.max), to.mean.max(from.mean)].map(|percent| percent / 100.0 * diagonal)
+}
+
+#[test]
+fn posed_medial_meshes_are_nearly_as_exact_as_in_the_bind_pose() {
+    for character in characters() {
+        let mesh = character.mesh().unwrap();
+        let options = FitOptions { spheres: Some(60), ..FitOptions::default() };
+        let axis = fit_skinned(&mesh, &options, &|_| ControlFlow::Continue(())).unwrap().levels.remove(0).axis;
+        assert!((61..200).contains(&axis.spheres().len()), "the binding adds spheres: {}", axis.spheres().len());
+        let still = poses(&character, &mesh, &character.bind_pose());
+        let bind = error(&mesh, &still, &axis.posed(&still).unwrap());
+        for frame in 0..4 {
+            let time = (0.05 + 0.25 * frame as f32) * character.period;
+            let poses = poses(&character, &mesh, &character.pose(time));
+            let posed = error(&mesh, &poses, &axis.posed(&poses).unwrap());
+            let rigid = error(&mesh, &poses, &axis);
+            println!(
+                "{} at {time} s: {posed:?} m, in the bind pose {bind:?} m, without a pose {rigid:?} m",
+                character.name
+            );
+            assert!(posed[0] < 1.6 * bind[0] && posed[1] < 1.6 * bind[1], "{posed:?} {bind:?}");
+            assert!(rigid[0] > 4.0 * bind[0], "the pose differs from the bind pose: {rigid:?}");
+        }
     }
 }
