@@ -152,13 +152,13 @@ impl Solid {
 }
 
 /// True if the surroundings of a point are inside: the corners of a small tetrahedron, which lie on both sides of any plane through the point.
-fn is_within(whole: &TriangleTree, point: DVec3) -> bool {
+pub(super) fn is_within(whole: &TriangleTree, point: DVec3) -> bool {
     let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
     corners.into_iter().all(|corner| whole.is_inside(point + PROBE * DVec3::from_array(corner)))
 }
 
 /// Points near the corners of a triangle, its middle, and more of them for a larger triangle.
-fn probes([a, b, c]: [DVec3; 3]) -> impl Iterator<Item = DVec3> {
+pub(super) fn probes([a, b, c]: [DVec3; 3]) -> impl Iterator<Item = DVec3> {
     /// Distance between the points, as a part of the diagonal, and largest number along an edge.
     const SPACING: f64 = 0.02;
     const MOST: f64 = 60.0;

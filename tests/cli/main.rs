@@ -2,6 +2,7 @@
 
 mod arguments;
 mod outputs;
+mod skins;
 
 use std::{
     fs,

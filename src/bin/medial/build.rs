@@ -12,7 +12,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{
     Outcome,
-    files::{self, at, check_output, is_levels, load_mesh},
+    files::{self, at, check_output, is_levels, load_mesh, load_skinned_mesh},
     rows::{Row, json},
 };
 
@@ -32,6 +32,9 @@ pub struct Args {
     /// Error of the finest level above which the build fails.
     #[arg(long, value_name = "PERCENT", default_value_t = FitOptions::default().error_limit, allow_negative_numbers = true, value_parser = percent)]
     error_limit: f32,
+    /// Bind the medial mesh to the joints of a skinned glTF file, which is read in its bind pose. The output must be OUT.medial.
+    #[arg(long)]
+    skin: bool,
     /// Also write all levels of detail with their errors beside the finest level: OUT.medial.
     #[arg(long)]
     levels: bool,
@@ -75,6 +78,12 @@ impl<'a> Outputs<'a> {
         } else {
             Self { finest: Some(&args.output), levels: args.levels.then(|| beside(&args.output)) }
         };
+        if args.skin
+            && let Some(finest) = outputs.finest
+        {
+            let named = finest.with_extension("medial");
+            return Err(at(finest, format!("a .ma file has no joints; name it {}", named.display())));
+        }
         for output in outputs.finest.into_iter().chain(outputs.levels.as_deref()) {
             check_output(output)?;
             if is_same(output, &args.mesh) {
@@ -116,13 +125,17 @@ fn beside(output: &Path) -> PathBuf {
 }
 
 pub fn run(args: &Args) -> Outcome {
-    let mesh = load_mesh(&args.mesh)?;
+    let skinned = if args.skin { Some(load_skinned_mesh(&args.mesh)?) } else { None };
+    let mesh = skinned.as_ref().map_or_else(|| load_mesh(&args.mesh), |skinned| Ok(skinned.mesh().clone()))?;
     let outputs = Outputs::new(args)?;
     // Printed first, because a flaw may explain why the build fails.
     for flaw in MeshReport::new(&mesh).flaws() {
         eprintln!("warning: {}", at(&args.mesh, flaw));
     }
-    let chain = fitted(args, &mesh, outputs.levels.is_some())?;
+    let mut chain = fitted(args, &mesh, outputs.levels.is_some())?;
+    if let Some(skinned) = &skinned {
+        chain = chain.bound(skinned).map_err(|error| at(&args.mesh, error))?;
+    }
     if let (Some(finest), Some(asked)) = (chain.levels.first(), args.max_error)
         && finest.error.max() > asked
     {

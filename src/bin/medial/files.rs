@@ -5,7 +5,7 @@ use std::{
 
 use bevy_medial::{
     builder::{
-        Level, MedialLevels, MedialLevelsError, TriangleMesh,
+        Level, MedialLevels, MedialLevelsError, SkinnedTriangleMesh, TriangleMesh,
         load::{self, Loaded, MeshFormat},
     },
     medial_axis::{MedialAxis, ma},
@@ -44,7 +44,12 @@ pub fn load_mesh(path: &Path) -> Result<TriangleMesh, String> {
     Ok(with_warnings(path, load::read(path).map_err(|error| error.to_string())?))
 }
 
-fn with_warnings(path: &Path, Loaded { mesh, warnings }: Loaded) -> TriangleMesh {
+/// Reads a skinned triangle mesh in its bind pose and prints its warnings.
+pub fn load_skinned_mesh(path: &Path) -> Result<SkinnedTriangleMesh, String> {
+    Ok(with_warnings(path, load::read_skinned(path).map_err(|error| error.to_string())?))
+}
+
+fn with_warnings<M>(path: &Path, Loaded { mesh, warnings }: Loaded<M>) -> M {
     warnings.iter().for_each(|warning| eprintln!("warning: {}", at(path, warning)));
     mesh
 }

@@ -26,7 +26,9 @@ fn of_levels(path: &Path, levels: &[Level], as_json: bool) -> String {
     if as_json {
         return rows.map(|row| json(&row)).collect();
     }
-    let mut text = format!("{}: {} levels, finest first\n", path.display(), levels.len());
+    let joints = levels.first().and_then(|level| level.axis.skin()).map(|skin| skin.joints().len());
+    let joints = joints.map_or(String::new(), |joints| format!(", bound to {joints} joints"));
+    let mut text = format!("{}: {} levels, finest first{joints}\n", path.display(), levels.len());
     for (Row { spheres, cones, slabs, .. }, (number, level)) in rows.zip(levels.iter().enumerate()) {
         let _ = writeln!(text, "level {number}: {spheres} spheres, {cones} cones, {slabs} slabs; {}", level.error);
     }

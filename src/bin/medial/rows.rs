@@ -17,6 +17,9 @@ pub struct Row {
     pub spheres: usize,
     pub cones: usize,
     pub slabs: usize,
+    /// Number of joints of its skin.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub joints: Option<usize>,
     /// Diagonal of the bounding box of the triangle mesh.
     diagonal: f32,
     pub mesh_to_envelope: Percent,
@@ -40,6 +43,7 @@ impl Row {
             spheres: axis.spheres().len(),
             cones,
             slabs,
+            joints: axis.skin().map(|skin| skin.joints().len()),
             diagonal: error.diagonal,
             mesh_to_envelope: percent(error.mesh_to_envelope),
             envelope_to_mesh: percent(error.envelope_to_mesh),

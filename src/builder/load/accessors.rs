@@ -1,6 +1,5 @@
 //! Arrays of a glTF document.
 
-use glam::Vec3;
 use gltf::{
     Accessor,
     accessor::{DataType, Dimensions, sparse::IndexType},
@@ -10,11 +9,43 @@ use gltf::{
 use super::FormatError;
 use crate::builder::{MAX_MESH_SIZE, MeshError};
 
-/// The positions of a primitive: f32, or integers with `KHR_mesh_quantization`. Normalized integers stand for -1 to 1, or 0 to 1.
-pub(super) fn positions(accessor: &Accessor, buffers: &[Vec<u8>], place: &str) -> Result<Vec<Vec3>, FormatError> {
+/// Values of vertices or joints.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Values {
+    /// f32, or integers with `KHR_mesh_quantization`.
+    Positions,
+    /// Integers: four joints of a vertex.
+    Joints,
+    /// f32, or normalized integers: the weights of these joints.
+    Weights,
+    /// f32: matrices of 4 x 4.
+    InverseBinds,
+}
+
+impl Values {
+    /// Name, dimensions, and types of the numbers.
+    fn kind(self) -> (&'static str, Dimensions, &'static [DataType]) {
+        use DataType::{F32, I8, I16, U8, U16};
+        match self {
+            Self::Positions => ("positions", Dimensions::Vec3, &[F32, I8, U8, I16, U16]),
+            Self::Joints => ("joints", Dimensions::Vec4, &[U8, U16]),
+            Self::Weights => ("weights", Dimensions::Vec4, &[F32, U8, U16]),
+            Self::InverseBinds => ("inverse bind poses", Dimensions::Mat4, &[F32]),
+        }
+    }
+}
+
+/// The numbers of all elements. Normalized integers stand for -1 to 1, or 0 to 1.
+pub(super) fn values(
+    accessor: &Accessor,
+    buffers: &[Vec<u8>],
+    place: &str,
+    values: Values,
+) -> Result<Vec<f32>, FormatError> {
     let (kind, shape) = (accessor.data_type(), accessor.dimensions());
-    if shape != Dimensions::Vec3 || kind == DataType::U32 {
-        return Err(FormatError::damaged(place, format!("its positions are {kind:?} {shape:?}")));
+    let (name, dimensions, kinds) = values.kind();
+    if shape != dimensions || !kinds.contains(&kind) {
+        return Err(FormatError::damaged(place, format!("its {name} are {kind:?} {shape:?}")));
     }
     let scaled = |value: f32, largest: f32| if accessor.normalized() { (value / largest).max(-1.0) } else { value };
     let value = |bytes: &[u8]| {
@@ -27,8 +58,7 @@ pub(super) fn positions(accessor: &Accessor, buffers: &[Vec<u8>], place: &str) -
             DataType::U32 | DataType::F32 => f32::from_bits(bits),
         }
     };
-    let values: Vec<f32> = elements(accessor, buffers)?.chunks_exact(kind.size()).map(value).collect();
-    Ok(values.as_chunks().0.iter().copied().map(Vec3::from_array).collect())
+    Ok(elements(accessor, buffers)?.chunks_exact(kind.size()).map(value).collect())
 }
 
 /// The indices of a primitive.

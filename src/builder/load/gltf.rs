@@ -1,4 +1,5 @@
 use std::{
+    collections::HashMap,
     fs,
     io::{self, Read},
     path::Path,
@@ -9,11 +10,15 @@ use gltf::{Document, Gltf, Mesh, Node, Primitive, Semantic, buffer::Source, mesh
 
 use super::{
     FormatError,
-    accessors::{indices, positions},
+    accessors::{Values, indices, values},
+    skins::Skins,
 };
-use crate::builder::{
-    MAX_MESH_SIZE, MeshError, TriangleMesh,
-    mesh::{list, strip},
+use crate::{
+    builder::{
+        MAX_MESH_SIZE, MeshError, SkinnedTriangleMesh, TriangleMesh,
+        mesh::{list, strip},
+    },
+    medial_axis::SkinError,
 };
 
 /// Size of the header of a GLB file in bytes. The file's stated length includes it.
@@ -25,6 +30,64 @@ const KNOWN: [&str; 6] =
 
 /// Reads all meshes of the default scene, or of the first one if there is no default, transformed by their nodes.
 pub(super) fn parse(bytes: &[u8], folder: &Path, warnings: &mut Vec<String>) -> Result<TriangleMesh, FormatError> {
+    let file = read(bytes, folder, None, warnings)?;
+    Ok(TriangleMesh::new(file.positions, file.triangles)?)
+}
+
+/// Reads the same meshes in their bind poses. Each must have a skin.
+pub(super) fn parse_skinned(
+    bytes: &[u8],
+    folder: &Path,
+    warnings: &mut Vec<String>,
+) -> Result<SkinnedTriangleMesh, FormatError> {
+    let file = read(bytes, folder, Some(Skins::default()), warnings)?;
+    let Skins { joints, weights, .. } = file.skins.unwrap_or_default();
+    let mesh = TriangleMesh::new(file.positions, file.triangles)?;
+    let refused = |error: SkinError| {
+        let message = error.to_string();
+        let (problem, _) = message.split_once("; ").unwrap_or((&message, ""));
+        FormatError::new("the skin", problem, "correct the joints and export it again")
+    };
+    SkinnedTriangleMesh::new(mesh, joints, &weights).map_err(refused)
+}
+
+/// Reads meshes, with their skins if `skins` are given.
+fn read(bytes: &[u8], folder: &Path, skins: Option<Skins>, warnings: &mut Vec<String>) -> Result<File, FormatError> {
+    let (document, blob) = document(bytes)?;
+    let scene = document.default_scene().or_else(|| document.scenes().next());
+    let scene = scene.ok_or_else(|| {
+        FormatError::new("the glTF document", "it has no scene", "put the meshes into a scene and export it again")
+    })?;
+    let mut file = File { buffers: buffers(&document, blob, folder)?, skins, ..File::default() };
+    let mut poses: HashMap<usize, DMat4> = HashMap::new();
+    let mut open: Vec<(Node, DMat4)> = scene.nodes().map(|node| (node, DMat4::IDENTITY)).collect();
+    while let Some((node, parent)) = open.pop() {
+        let pose = parent * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
+        if poses.insert(node.index(), pose).is_some() {
+            let place = format!("node {}", node.index());
+            return Err(FormatError::damaged(place, "the scene reaches it twice, so its nodes are not a tree"));
+        }
+        if let Some(mesh) = node.mesh() {
+            file.add(&node, &mesh, &pose)?;
+        }
+        open.extend(node.children().map(|child| (child, pose)));
+    }
+    if let Some(skins) = &file.skins {
+        skins.check_scales(&poses)?;
+    }
+    if let (count, Some(first)) = &file.left_out {
+        let problem = format!("{count} primitives of lines or points, the first is {first}");
+        if file.triangles.is_empty() {
+            let problem = format!("it has no triangles, only {problem}");
+            return Err(FormatError::new("the glTF document", problem, "turn them into triangles"));
+        }
+        warnings.push(format!("left out: {problem}"));
+    }
+    Ok(file)
+}
+
+/// The document of a file, and the binary part of a GLB file.
+fn document(bytes: &[u8]) -> Result<(Document, Option<Vec<u8>>), FormatError> {
     let length = bytes.get(8..12).and_then(|length| length.try_into().ok()).map(u32::from_le_bytes);
     if bytes.starts_with(b"glTF") && length.is_none_or(|length| length < GLB_HEADER) {
         return Err(FormatError::damaged("the GLB header", "it is truncated, or states an impossible length"));
@@ -45,48 +108,16 @@ pub(super) fn parse(bytes: &[u8], folder: &Path, warnings: &mut Vec<String>) -> 
         let problem = format!("a mesh refers to accessor {accessor}, which does not exist");
         return Err(FormatError::damaged("the glTF document", problem));
     }
-    let document = Document::from_json(json).map_err(damaged)?;
-    let scene = document.default_scene().or_else(|| document.scenes().next());
-    let scene = scene.ok_or_else(|| {
-        FormatError::new("the glTF document", "it has no scene", "put the meshes into a scene and export it again")
-    })?;
-    let mut file = File { buffers: buffers(&document, blob, folder)?, ..File::default() };
-    let mut seen = vec![false; document.nodes().len()];
-    let mut open: Vec<(Node, DMat4)> = scene.nodes().map(|node| (node, DMat4::IDENTITY)).collect();
-    while let Some((node, parent)) = open.pop() {
-        if std::mem::replace(&mut seen[node.index()], true) {
-            let place = format!("node {}", node.index());
-            return Err(FormatError::damaged(place, "the scene reaches it twice, so its nodes are not a tree"));
-        }
-        let pose = parent * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
-        if let Some(mesh) = node.mesh() {
-            check_rigid(&node, &mesh)?;
-            file.add(&mesh, &pose)?;
-        }
-        open.extend(node.children().map(|child| (child, pose)));
-    }
-    if let (count, Some(first)) = &file.left_out {
-        let problem = format!("{count} primitives of lines or points, the first is {first}");
-        if file.triangles.is_empty() {
-            let problem = format!("it has no triangles, only {problem}");
-            return Err(FormatError::new("the glTF document", problem, "turn them into triangles"));
-        }
-        warnings.push(format!("left out: {problem}"));
-    }
-    Ok(TriangleMesh::new(file.positions, file.triangles)?)
+    Ok((Document::from_json(json).map_err(damaged)?, blob))
 }
 
-/// Returns an error for a mesh that its node deforms.
-fn check_rigid(node: &Node, mesh: &Mesh) -> Result<(), FormatError> {
-    let refused = |problem, remedy| Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
-    if let Some(skin) = node.skin() {
-        let problem = format!("it is deformed by skin {}, and its own transform does not count", skin.index());
-        return refused(problem, "apply the armature's pose and all transforms, and export it without");
-    }
+/// Returns an error for a mesh that morph targets deform.
+fn check_morph(node: &Node, mesh: &Mesh) -> Result<(), FormatError> {
     let mut weights = node.weights().or(mesh.weights()).into_iter().flatten();
     if weights.any(|&weight| weight != 0.0) && mesh.primitives().any(|p| p.morph_targets().len() > 0) {
         let problem = format!("mesh {} is deformed by its morph targets", mesh.index());
-        return refused(problem, "apply its shape keys and export it without, or set their weights to 0");
+        let remedy = "apply its shape keys and export it without, or set their weights to 0";
+        return Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
     }
     Ok(())
 }
@@ -153,11 +184,35 @@ struct File {
     triangles: Vec<[u32; 3]>,
     /// Number of primitives without a surface, and the place of the first.
     left_out: (usize, Option<String>),
+    /// The skins, if they are read.
+    skins: Option<Skins>,
 }
 
 impl File {
-    /// Adds the triangles of a mesh.
-    fn add(&mut self, mesh: &Mesh, pose: &DMat4) -> Result<(), FormatError> {
+    /// Adds the mesh of a node.
+    fn add(&mut self, node: &Node, mesh: &Mesh, pose: &DMat4) -> Result<(), FormatError> {
+        check_morph(node, mesh)?;
+        let refused = |problem, remedy| Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
+        match (&mut self.skins, node.skin()) {
+            (None, None) => self.add_triangles(mesh, pose, None),
+            (None, Some(skin)) => {
+                let problem = format!("it is deformed by skin {}, and its own transform does not count", skin.index());
+                refused(problem, "use `medial build --skin`, or apply the armature's pose and all transforms")
+            }
+            (Some(_), None) => {
+                let problem = format!("its mesh {} has no skin", mesh.index());
+                refused(problem, "bind it to a joint, or remove it")
+            }
+            (Some(skins), Some(skin)) => {
+                let joints = skins.add(&skin, &self.buffers)?;
+                // The transform of the node does not count.
+                self.add_triangles(mesh, &DMat4::IDENTITY, Some(&joints))
+            }
+        }
+    }
+
+    /// Adds the triangles of a mesh, and their weights if the joints of its skin are given.
+    fn add_triangles(&mut self, mesh: &Mesh, pose: &DMat4, joints: Option<&[u16]>) -> Result<(), FormatError> {
         for primitive in mesh.primitives() {
             let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
             if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
@@ -176,7 +231,8 @@ impl File {
             }
             let accessor = primitive.get(&Semantic::Positions);
             let accessor = accessor.ok_or_else(|| FormatError::damaged(place.clone(), "it has no positions"))?;
-            let local = positions(&accessor, &self.buffers, &place)?;
+            let local = values(&accessor, &self.buffers, &place, Values::Positions)?;
+            let local: Vec<Vec3> = local.as_chunks().0.iter().copied().map(Vec3::from_array).collect();
             let corners = self.corners(&primitive, local.len(), &place)?;
             if let Some(index) = corners.iter().flatten().find(|&&index| index as usize >= local.len()) {
                 let problem = format!("there is no vertex {index} among {}", local.len());
@@ -188,6 +244,9 @@ impl File {
                 if count > MAX_MESH_SIZE {
                     return Err(MeshError::TooLarge { what, count }.into());
                 }
+            }
+            if let (Some(skins), Some(joints)) = (&mut self.skins, joints) {
+                skins.add_weights(&primitive, joints, local.len(), &self.buffers, &place)?;
             }
             let first = self.positions.len() as u32;
             self.positions.extend(local.iter().map(|p| pose.transform_point3(p.as_dvec3()).as_vec3()));

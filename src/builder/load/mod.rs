@@ -12,6 +12,7 @@ mod gltf;
 mod obj;
 mod ply;
 mod polygon;
+mod skins;
 mod stl;
 
 use std::path::{Path, PathBuf};
@@ -20,7 +21,7 @@ use bevy::log::warn;
 use glam::Vec3;
 use thiserror::Error;
 
-use super::{MeshError, TriangleMesh};
+use super::{MeshError, SkinnedTriangleMesh, TriangleMesh};
 use crate::medial_axis::ma::without_mark;
 
 /// A format of mesh files.
@@ -65,9 +66,9 @@ pub enum LoadError {
 
 /// The mesh of a file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Loaded {
+pub struct Loaded<M = TriangleMesh> {
     /// The surface.
-    pub mesh: TriangleMesh,
+    pub mesh: M,
     /// Content that was left out, and assumptions about content that contradicts itself.
     pub warnings: Vec<String>,
 }
@@ -157,6 +158,20 @@ impl MeshFormat {
         }?;
         Ok(Loaded { mesh: mesh.welded(), warnings })
     }
+
+    /// Parses the bytes of a file with skinned meshes, in their bind poses. Only glTF files have skins.
+    ///
+    /// # Errors
+    /// The errors of [`parse`](Self::parse), those of a mesh without a skin or without weights, and those of a joint whose scale is not uniform.
+    pub fn parse_skinned(self, bytes: &[u8], folder: &Path) -> Result<Loaded<SkinnedTriangleMesh>, FormatError> {
+        if self != Self::Gltf {
+            let remedy = "build it without `--skin`, or export it as .glb";
+            return Err(FormatError::new("the file", format!("the format {self:?} has no skins"), remedy));
+        }
+        let mut warnings = Vec::new();
+        let mesh = gltf::parse_skinned(bytes, folder, &mut warnings)?;
+        Ok(Loaded { mesh: mesh.welded(), warnings })
+    }
 }
 
 /// Reads a mesh file and logs its warnings: see [`read`].
@@ -174,10 +189,25 @@ pub fn load(path: &Path) -> Result<TriangleMesh, LoadError> {
 /// # Errors
 /// The path of the file, the place in it, the reason and advice.
 pub fn read(path: &Path) -> Result<Loaded, LoadError> {
+    read_with(path, MeshFormat::parse)
+}
+
+/// Reads the skinned meshes of a glTF file in their bind poses.
+///
+/// # Errors
+/// The path of the file, the place in it, the reason and advice.
+pub fn read_skinned(path: &Path) -> Result<Loaded<SkinnedTriangleMesh>, LoadError> {
+    read_with(path, MeshFormat::parse_skinned)
+}
+
+fn read_with<M>(
+    path: &Path,
+    parse: impl Fn(MeshFormat, &[u8], &Path) -> Result<M, FormatError>,
+) -> Result<M, LoadError> {
     let bytes = std::fs::read(path).map_err(|source| LoadError::Io { path: path.into(), source })?;
     let format = MeshFormat::detect(&bytes, path).ok_or_else(|| LoadError::UnknownFormat { path: path.into() })?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    format.parse(&bytes, folder).map_err(|source| LoadError::Format { path: path.into(), source })
+    parse(format, &bytes, folder).map_err(|source| LoadError::Format { path: path.into(), source })
 }
 
 /// The lines of a text without its byte order mark. They end in LF, CR LF, or CR alone.

@@ -386,3 +386,4 @@ fn ply_strips_turn_to_and_fro_and_start_anew_at_negative_indices() {
 
 mod gltf;
 mod kinds;
+mod skins;

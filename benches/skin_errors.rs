@@ -1,0 +1,118 @@
+//! Errors of posed medial meshes over the gait of the animated characters: against the triangle mesh in the same pose, by linear blend skinning.
+//!
+//! ```text
+//! cargo run --release -p bevy_medial_compare --bin skin_errors -- [--spheres N] [--frames N] [--out FOLDER]
+//! ```
+//!
+//! Errors are two-sided, as in `medial measure`, and in millimetres. Folds of the skin, where it lies inside the body, do not count. With `--out` it writes `animated.csv`, a row for each frame, and `animated.svg`. Frame 0 of
+//! the table is the bind pose.
+
+use std::{error::Error, ops::ControlFlow, path::PathBuf, process::ExitCode};
+
+use bevy_medial::{
+    builder::{FitOptions, SkinnedTriangleMesh, TwoSidedError, fit_skinned, measure_without_folds},
+    medial_axis::MedialAxis,
+    scenes::characters::Character,
+};
+use bevy_medial_compare::{
+    charts::{Curve, over_frames},
+    outcome, tables,
+};
+use clap::Parser;
+use glam::Affine3A;
+use serde::Serialize;
+
+#[derive(Parser)]
+#[command(about = "Errors of posed medial meshes over the gait of animated characters")]
+struct Args {
+    /// Number of spheres of each character before the binding, which adds some at the joints.
+    #[arg(long, default_value_t = 60)]
+    spheres: usize,
+    /// Number of frames of a cycle.
+    #[arg(long, default_value_t = 60)]
+    frames: u32,
+    /// Folder for the table and the chart.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+/// Errors in millimetres.
+#[derive(Serialize)]
+struct Row {
+    character: &'static str,
+    /// 0 is the bind pose.
+    frame: u32,
+    max: f32,
+    mean: f32,
+}
+
+fn main() -> ExitCode {
+    outcome::of(run(&Args::parse()))
+}
+
+fn run(args: &Args) -> Result<(), Box<dyn Error>> {
+    println!(
+        "| character | spheres | primitives | bind pose: max | mean | clip: max | mean | max / bind | mean / bind | worst frame |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
+    let mut rows: Vec<Row> = vec![];
+    for character in [Character::biped(), Character::spider()] {
+        let mesh = character.mesh()?;
+        let options = FitOptions { spheres: Some(args.spheres), ..FitOptions::default() };
+        let chain = fit_skinned(&mesh, &options, &|_| ControlFlow::Continue(()))?;
+        let axis = &chain.levels.first().ok_or("the character has no level")?.axis;
+        let clip = (0..args.frames).map(|frame| character.pose(frame as f32 / args.frames as f32 * character.period));
+        let poses = std::iter::once(character.bind_pose()).chain(clip);
+        let first = rows.len();
+        for (frame, joints) in (0..).zip(poses) {
+            let (max, mean) = error(&mesh, axis, &joints)?;
+            rows.push(Row { character: character.name, frame, max, mean });
+        }
+        let [bind, clip @ ..] = &rows[first..] else { return Err("there are no frames".into()) };
+        let worst = clip.iter().max_by(|a, b| a.max.total_cmp(&b.max)).ok_or("there are no frames")?;
+        let mean = clip.iter().map(|row| row.mean).fold(0.0, f32::max);
+        println!(
+            "| {} | {} | {} | {:.2} | {:.3} | {:.2} | {mean:.3} | {:.2} | {:.2} | {} |",
+            character.name,
+            axis.spheres().len(),
+            axis.primitives().len(),
+            bind.max,
+            bind.mean,
+            worst.max,
+            worst.max / bind.max,
+            mean / bind.mean,
+            worst.frame
+        );
+    }
+    if let Some(folder) = &args.out {
+        tables::write(&folder.join("animated.csv"), &tables::csv(&rows))?;
+        tables::write(&folder.join("animated.svg"), &chart(&rows)?)?;
+    }
+    Ok(())
+}
+
+/// Max and mean error in a pose, in either direction, in millimetres.
+fn error(mesh: &SkinnedTriangleMesh, axis: &MedialAxis, joints: &[Affine3A]) -> Result<(f32, f32), Box<dyn Error>> {
+    let mut poses = vec![];
+    mesh.skin().joint_poses(joints, &mut poses);
+    let TwoSidedError { mesh_to_envelope: to, envelope_to_mesh: from, diagonal } =
+        measure_without_folds(&mesh.posed(&poses), &axis.posed(&poses)?);
+    let millimetres = |percent: f32| percent / 100.0 * diagonal * 1000.0;
+    Ok((millimetres(to.max.max(from.max)), millimetres(to.mean.max(from.mean))))
+}
+
+/// Curves over the frames of the clip. The dashes are the errors in the bind pose.
+fn chart(rows: &[Row]) -> Result<String, Box<dyn Error>> {
+    let curve = |name, character: &str, value: fn(&Row) -> f32| {
+        let own = rows.iter().filter(|row| row.character == character);
+        let points = own.clone().filter(|row| row.frame > 0).map(|row| (f64::from(row.frame), f64::from(value(row))));
+        Curve { name, points: points.collect(), level: own.clone().next().map(|bind| f64::from(value(bind))) }
+    };
+    let curves = [
+        curve("biped, max", "biped", |row| row.max),
+        curve("biped, mean", "biped", |row| row.mean),
+        curve("spider, max", "spider", |row| row.max),
+        curve("spider, mean", "spider", |row| row.mean),
+    ];
+    over_frames("Error of posed medial meshes", "mm; dashes: bind pose", &curves)
+}
