@@ -6,12 +6,14 @@
 //!
 //! All values are in the shape's own frame, in metres, at unit scale and unit density.
 
+mod bound;
 mod chord;
 mod cleanup;
 pub mod ma;
 mod mass;
 pub mod packed;
 mod shapes;
+mod skin;
 mod surface;
 
 #[cfg(test)]
@@ -22,15 +24,16 @@ use std::sync::Weak;
 use std::sync::{Arc, OnceLock};
 
 use bevy::{asset::Asset, reflect::Reflect};
-use glam::{DVec3, Vec3};
 use thiserror::Error;
 
 use crate::geometry::{Aabb, Bvh, Primitive, Sphere};
 
+use bound::bounding_sphere;
 pub use cleanup::CleanupReport;
 pub(crate) use cleanup::numbers_of_kept;
 pub use mass::MassProperties;
 pub(crate) use mass::{Chord, LINES, first_line, line_position};
+pub use skin::{JointPose, JointWeights, MAX_INFLUENCES, MAX_JOINTS, Skin, SkinError, SkinJoint};
 pub(crate) use surface::face_normals;
 #[cfg(feature = "debug")]
 pub(crate) use surface::mantle_directions;
@@ -67,6 +70,7 @@ struct Data {
     mass: OnceLock<MassProperties>,
     min_radius: f32,
     coarser: Vec<(MedialAxis, f32)>,
+    skin: Option<Skin>,
 }
 
 /// A weak reference to a medial axis.
@@ -174,6 +178,7 @@ impl MedialAxis {
             mass: OnceLock::new(),
             min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
             coarser: Vec::new(),
+            skin: None,
             spheres: spheres.into(),
             primitives: primitives.into(),
         }))
@@ -190,6 +195,24 @@ impl MedialAxis {
         }
         Arc::make_mut(&mut self.0).coarser = coarser;
         self
+    }
+
+    /// The same shape, bound to the joints of a skeleton. Its spheres are those of the bind pose. Coarser levels keep their own skins.
+    ///
+    /// # Errors
+    /// If the skin does not have the weights of as many points as the shape has spheres.
+    pub fn with_skin(mut self, skin: Skin) -> Result<Self, SkinError> {
+        let (weights, points) = (skin.weights().len(), self.spheres().len());
+        if weights != points {
+            return Err(SkinError::Count { weights, points });
+        }
+        Arc::make_mut(&mut self.0).skin = Some(skin);
+        Ok(self)
+    }
+
+    /// The binding to the joints of a skeleton, with the weights of each sphere. `None` for a rigid shape.
+    pub fn skin(&self) -> Option<&Skin> {
+        self.0.skin.as_ref()
     }
 
     /// The coarser levels of detail, finer levels first. Each has an error in metres: the distance between its surface and that of the original body.
@@ -210,9 +233,11 @@ impl MedialAxis {
 
     /// Memory of the shape and its coarser levels of detail, in bytes. Clones share it.
     pub fn memory(&self) -> usize {
-        let Data { spheres, primitives, bvh, coarser, .. } = &*self.0;
+        let Data { spheres, primitives, bvh, coarser, skin, .. } = &*self.0;
         let own = size_of::<Data>() + size_of_val::<[Sphere]>(spheres) + size_of_val::<[Primitive]>(primitives);
-        own + bvh.memory() + coarser.iter().map(|(level, _)| level.memory()).sum::<usize>()
+        own + bvh.memory()
+            + skin.as_ref().map_or(0, Skin::memory)
+            + coarser.iter().map(|(level, _)| level.memory()).sum::<usize>()
     }
 
     /// The medial spheres.
@@ -292,35 +317,11 @@ fn validate(spheres: &[Sphere], primitives: &[Primitive]) -> Result<(), MedialAx
     Ok(())
 }
 
-/// A small sphere around all spheres: its centre moves towards the sphere that sticks out most, in ever smaller steps.
-fn bounding_sphere(spheres: &[Sphere]) -> Sphere {
-    const ROUNDS: u32 = 256;
-    const SHRINK: f64 = 0.97;
-    let reach = |center: DVec3| {
-        let reaches = spheres.iter().map(|s| (center.distance(s.center.as_dvec3()) + f64::from(s.radius), s));
-        reaches.max_by(|a, b| a.0.total_cmp(&b.0))
-    };
-    let mut center = Aabb::from_spheres(spheres.iter().copied()).center().as_dvec3();
-    let (mut best, mut least) = (center, f64::INFINITY);
-    let mut step = 0.25;
-    for _ in 0..ROUNDS {
-        let Some((radius, farthest)) = reach(center) else { break };
-        if radius < least {
-            (best, least) = (center, radius);
-        }
-        center += (farthest.center.as_dvec3() - center).normalize_or_zero() * (radius * step);
-        step *= SHRINK;
-    }
-    // Radius measured from the rounded f32 centre, and rounded up.
-    let center: Vec3 = best.as_vec3();
-    let radius = reach(center.as_dvec3()).map_or(0.0, |(radius, _)| radius as f32);
-    Sphere::new(center, radius.next_up())
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
-    use crate::random::Random;
 
     fn ball(x: f32, y: f32, z: f32, radius: f32) -> Sphere {
         Sphere::new(Vec3::new(x, y, z), radius)
@@ -361,34 +362,5 @@ mod tests {
         assert_eq!(report.isolated_spheres, 1);
         assert_eq!(axis.min_radius(), 0.5);
         assert_eq!(axis.aabb(), Aabb { min: Vec3::splat(-1.0), max: Vec3::new(9.5, 1.0, 1.0) });
-    }
-
-    #[test]
-    fn bounding_sphere_is_least_where_that_is_known() {
-        let two = bounding_sphere(&[ball(0.0, 0.0, 0.0, 1.0), ball(4.0, 0.0, 0.0, 2.0)]);
-        assert!((two.radius - 3.5).abs() < 0.01, "{two:?}");
-        let one_inside = bounding_sphere(&[ball(1.0, 2.0, 3.0, 5.0), ball(2.0, 2.0, 3.0, 1.0)]);
-        assert!((one_inside.radius - 5.0).abs() < 0.01, "{one_inside:?}");
-        let corners: Vec<_> = (0..8)
-            .map(|i| ball((i & 1) as f32 * 2.0, (i >> 1 & 1) as f32 * 4.0, (i >> 2) as f32 * 6.0, 0.25))
-            .collect();
-        let cube = bounding_sphere(&corners);
-        assert!((cube.radius - (14f32.sqrt() + 0.25)).abs() < 0.02, "{cube:?}");
-        // A regular triangle, whose bounding box and bounding ball have different centres.
-        let triangle = [0.0, 120.0, 240f32].map(|a| ball(a.to_radians().cos(), a.to_radians().sin(), 0.0, 0.0));
-        assert!((bounding_sphere(&triangle).radius - 1.0).abs() < 0.005);
-    }
-
-    #[test]
-    fn bounding_sphere_holds_all() {
-        let mut random = Random(1);
-        for _ in 0..200 {
-            let offset = 1000.0 * random.signed();
-            let spheres: Vec<_> = (0..1 + random.below(40))
-                .map(|_| ball(random.signed() + offset, random.signed(), random.signed() * 0.1, random.unit() * 0.3))
-                .collect();
-            let bound = bounding_sphere(&spheres);
-            assert!(spheres.iter().all(|s| bound.contains(s)));
-        }
     }
 }
