@@ -1,0 +1,278 @@
+//! Poses the skinned shapes by the transforms of their joints.
+
+use std::{collections::HashMap, sync::Arc};
+
+use bevy::{
+    asset::LoadState,
+    ecs::system::SystemParam,
+    prelude::*,
+};
+
+use super::{
+    Detail,
+    importance::{DetailItem, Nearness},
+    is_bounded,
+    screw::Screw,
+    skinned::{SkinPose, SkinnedMedialMesh},
+};
+use crate::{
+    constants::{MAX_JOINT_TURN, MAX_SEGMENTS, TELEPORT},
+    geometry::{Aabb, Pose3, Sphere},
+    medial_axis::{JointPose, MedialAxis, Skin, SkinJoint},
+    pipeline::Deforming,
+};
+
+type Skinned = (
+    NameOrEntity,
+    &'static SkinnedMedialMesh,
+    Option<&'static mut SkinPose>,
+    Detail,
+    Option<&'static Nearness>,
+);
+
+/// All skinned shapes.
+#[derive(SystemParam)]
+pub(crate) struct Skeletons<'w, 's> {
+    commands: Commands<'w, 's>,
+    skinned: Query<'w, 's, Skinned>,
+    scene: Scene<'w, 's>,
+    /// The last error of each entity.
+    told: Local<'s, HashMap<Entity, String>>,
+}
+
+/// Assets and entities that determine the poses.
+#[derive(SystemParam)]
+struct Scene<'w, 's> {
+    axes: Res<'w, Assets<MedialAxis>>,
+    server: Option<Res<'w, AssetServer>>,
+    names: Query<'w, 's, &'static Name>,
+    children: Query<'w, 's, &'static Children>,
+    #[cfg(feature = "bevy_mesh")]
+    meshes: Query<'w, 's, &'static bevy::mesh::skinning::SkinnedMesh>,
+    transforms: Query<'w, 's, &'static GlobalTransform>,
+}
+
+/// Reasons why a shape is not placed.
+enum Unplaced {
+    /// The asset is not loaded, or the scene is not spawned.
+    Waiting,
+    Refused(String),
+}
+
+impl Skeletons<'_, '_> {
+    /// Places each shape in the pose of its joints. `frame_of`: the frame for the shape of an entity. `None` for a frame that the shape chooses.
+    pub fn pose(&mut self, is_running: impl Fn(Entity) -> bool, frame_of: impl Fn(Entity) -> Option<Pose3>) {
+        let Self { commands, skinned, scene, told } = self;
+        told.retain(|entity, _| skinned.contains(*entity));
+        for (name, mesh, pose, detail, nearness) in skinned.iter_mut().filter(|item| is_running(item.0.entity)) {
+            let entity = name.entity;
+            let known = pose.as_deref().map(|pose| (&pose.axis, &pose.joints[..]));
+            match scene.place(entity, mesh, &detail, known) {
+                Ok((axis, joints, poses)) => {
+                    told.remove(&entity);
+                    match (pose, joints) {
+                        (Some(mut pose), None) => {
+                            let is_far = nearness.is_none_or(Nearness::is_far);
+                            let interval = if is_far { mesh.interval } else { 1 };
+                            let jump = pose.advance(axis, poses, frame_of(entity), interval);
+                            if let Some(metres) = jump {
+                                warn!("{name}: its joints moved by {metres} m in one step, too far to be swept; call SkinPose::teleport where the animation jumps");
+                            }
+                        }
+                        (_, Some(joints)) => {
+                            let pose = SkinPose::new(axis, joints, poses, mesh, frame_of(entity));
+                            commands.entity(entity).try_insert(pose);
+                        }
+                        (None, None) => {}
+                    }
+                }
+                Err(Unplaced::Waiting) => {}
+                Err(Unplaced::Refused(reason)) => {
+                    if told.get(&entity) != Some(&reason) {
+                        error!("{name}: {reason}, so it collides with nothing");
+                    }
+                    told.insert(entity, reason);
+                    commands.entity(entity).try_remove::<SkinPose>();
+                }
+            }
+        }
+    }
+}
+
+/// The shape and its new joints, if they are not known, with the current poses of all joints.
+type Placed<'a> = (&'a MedialAxis, Option<Vec<Entity>>, Vec<JointPose>);
+
+impl Scene<'_, '_> {
+    /// Finds the shape of an entity and its joints. `known`: the shape and the joints so far.
+    fn place<'a>(
+        &'a self,
+        entity: Entity,
+        mesh: &SkinnedMedialMesh,
+        detail: &DetailItem,
+        known: Option<(&MedialAxis, &[Entity])>,
+    ) -> Result<Placed<'a>, Unplaced> {
+        let axis = self.axis(mesh, detail)?;
+        let missing = "its medial mesh has no skin; build the mesh with `medial build --skin`";
+        let skin = axis.skin().ok_or_else(|| Unplaced::Refused(missing.into()))?;
+        let known = known.filter(|(known, joints)| {
+            let is_same = known.skin().is_some_and(|known| known.joints() == skin.joints());
+            is_same && (mesh.joints.is_empty() || mesh.joints == *joints)
+        });
+        let new = if known.is_none() { Some(self.bind(entity, mesh, skin)?) } else { None };
+        let joints = new.as_deref().or(known.map(|(_, joints)| joints)).unwrap_or_default();
+        let poses = self.poses(skin, joints)?;
+        Ok((axis, new, poses))
+    }
+
+    /// Returns the loaded shape at its level of detail.
+    fn axis(&self, mesh: &SkinnedMedialMesh, detail: &DetailItem) -> Result<&MedialAxis, Unplaced> {
+        if let Some(finest) = self.axes.get(&mesh.mesh) {
+            return Ok(finest.level(detail.level(finest, 1.0)));
+        }
+        Err(match self.server.as_ref().and_then(|server| server.get_load_state(&mesh.mesh)) {
+            Some(LoadState::Failed(error)) => Unplaced::Refused(format!("its medial mesh did not load: {error}")),
+            _ => Unplaced::Waiting,
+        })
+    }
+
+    /// Returns the entities of the joints: those that the component lists, or those with the names of the joints among the joints of the entity's skinned meshes
+    /// and its descendants.
+    fn bind(&self, entity: Entity, mesh: &SkinnedMedialMesh, skin: &Skin) -> Result<Vec<Entity>, Unplaced> {
+        let count = skin.joints().len();
+        if !mesh.joints.is_empty() {
+            let listed = mesh.joints.len();
+            let wrong = || Unplaced::Refused(format!("it lists {listed} joints, its skin has {count}; list the joints of the skin"));
+            return if listed == count { Ok(mesh.joints.clone()) } else { Err(wrong()) };
+        }
+        let mut named: HashMap<&str, Entity> = HashMap::new();
+        for joint in self.candidates(entity) {
+            if let Ok(name) = self.names.get(joint) {
+                named.entry(name.as_str()).or_insert(joint);
+            }
+        }
+        let found: Vec<Option<Entity>> = skin.joints().iter().map(|joint| named.get(&*joint.name).copied()).collect();
+        if found.iter().all(Option::is_none) {
+            return Err(Unplaced::Waiting);
+        }
+        let unknown = std::iter::zip(skin.joints().iter(), &found).find(|(_, found)| found.is_none());
+        match unknown {
+            Some((joint, _)) => Err(Unplaced::Refused(format!(
+                "no entity has the name `{}` of a joint of its skin; use the scene from which the medial mesh was built, or list its joints",
+                joint.name
+            ))),
+            None => Ok(found.into_iter().flatten().collect()),
+        }
+    }
+
+    /// Returns the entities that may be joints.
+    fn candidates(&self, entity: Entity) -> impl Iterator<Item = Entity> {
+        let all = || std::iter::once(entity).chain(self.children.iter_descendants(entity));
+        #[cfg(feature = "bevy_mesh")]
+        let listed = all().filter_map(|entity| self.meshes.get(entity).ok()).flat_map(|mesh| mesh.joints.iter().copied());
+        #[cfg(not(feature = "bevy_mesh"))]
+        let listed = std::iter::empty();
+        listed.chain(all())
+    }
+
+    /// Returns the motion of each joint since the bind pose, in the world.
+    fn poses(&self, skin: &Skin, joints: &[Entity]) -> Result<Vec<JointPose>, Unplaced> {
+        let place = |(joint, &entity): (&SkinJoint, &Entity)| {
+            self.transforms.get(entity).map(GlobalTransform::affine).map_err(|_| {
+                Unplaced::Refused(format!(
+                    "its joint `{}` ({entity}) does not exist or has no GlobalTransform; keep the joints as long as the shape",
+                    joint.name
+                ))
+            })
+        };
+        let places = std::iter::zip(skin.joints().iter(), joints).map(place).collect::<Result<Vec<_>, _>>()?;
+        let mut poses = Vec::with_capacity(joints.len());
+        skin.joint_poses(&places, &mut poses);
+        let is_sound = |pose: &JointPose| {
+            is_bounded(pose.transform.translation.into()) && pose.transform.matrix3.is_finite() && pose.is_uniform()
+        };
+        match std::iter::zip(skin.joints().iter(), &poses).find(|(_, pose)| !is_sound(pose)) {
+            Some((joint, pose)) => Err(Unplaced::Refused(format!(
+                "its joint `{}` has the transform {:?}; give it and its ancestors finite values and a uniform scale",
+                joint.name, pose.transform
+            ))),
+            None => Ok(poses),
+        }
+    }
+}
+
+impl SkinPose {
+    /// Creates the pose of a shape that is placed for the first time.
+    fn new(
+        axis: &MedialAxis,
+        joints: Vec<Entity>,
+        poses: Vec<JointPose>,
+        mesh: &SkinnedMedialMesh,
+        frame: Option<Pose3>,
+    ) -> Self {
+        let names = axis.skin().map_or(&[][..], |skin| skin.joints());
+        let regions = names.iter().map(|joint| mesh.regions.get(&joint.name).cloned()).collect();
+        let spheres = posed(axis, &poses);
+        let frame = frame.unwrap_or_else(|| frame_around(&spheres));
+        let shape = Arc::new(Deforming::new(axis, vec![seen_from(&frame, spheres)]));
+        let [age, teleports, has_jumped] = [0, false, false];
+        Self { joints, regions, axis: axis.clone(), poses, shape, frame, age, teleports, has_jumped }
+    }
+
+    /// Moves the shape to the pose of its joints. Returns the displacement in metres if it is too long to be swept, for the first time.
+    ///
+    /// `interval`: number of steps between two updates.
+    fn advance(&mut self, axis: &MedialAxis, poses: Vec<JointPose>, frame: Option<Pose3>, interval: u32) -> Option<f32> {
+        self.age += 1;
+        let (before, teleports) = (self.poses.clone(), std::mem::take(&mut self.teleports));
+        if self.age >= interval || teleports {
+            (self.age, self.poses) = (0, poses);
+        }
+        let rests = self.poses == before
+            && axis.address() == self.axis.address()
+            && frame.is_none_or(|frame| frame == self.frame);
+        if rests && self.shape.path() == 0.0 {
+            return None;
+        }
+        let [start, end] = [&before, &self.poses].map(|poses| posed(axis, poses));
+        let displacement = std::iter::zip(&start, &end).map(|(a, b)| a.center.distance(b.center)).fold(0.0, f32::max);
+        let jumps = displacement > TELEPORT * self.shape.axis().bounding_sphere().radius;
+        let mut knots = if jumps || teleports { Vec::new() } else { between(axis, &before, &self.poses) };
+        self.frame = frame.unwrap_or_else(|| if rests { self.frame } else { frame_around(&end) });
+        if !jumps && !teleports {
+            knots.insert(0, start);
+        }
+        knots.push(end);
+        let knots = knots.into_iter().map(|knot| seen_from(&self.frame, knot)).collect();
+        self.shape = Arc::new(Deforming::new(axis, knots));
+        self.axis = axis.clone();
+        (jumps && !std::mem::replace(&mut self.has_jumped, jumps)).then_some(displacement)
+    }
+}
+
+fn posed(axis: &MedialAxis, poses: &[JointPose]) -> Vec<Sphere> {
+    let mut spheres = Vec::new();
+    if let Some(skin) = axis.skin() {
+        skin.pose(axis.spheres(), poses, &mut spheres);
+    }
+    spheres
+}
+
+/// Returns the spheres at equal fractions between two poses, so that no joint turns by more than [`MAX_JOINT_TURN`] from one to the next.
+fn between(axis: &MedialAxis, before: &[JointPose], now: &[JointPose]) -> Vec<Vec<Sphere>> {
+    let screws: Vec<Screw> = std::iter::zip(before, now).map(|(before, now)| Screw::new([*before, *now])).collect();
+    let turn = screws.iter().map(Screw::angle).fold(0.0, f32::max);
+    let segments = ((turn / MAX_JOINT_TURN).ceil() as usize).clamp(1, MAX_SEGMENTS);
+    let at = |fraction: f32| screws.iter().map(|screw| screw.at(fraction)).collect::<Vec<_>>();
+    (1..segments).map(|i| posed(axis, &at(i as f32 / segments as f32))).collect()
+}
+
+/// Returns a frame with the axes of the world in the middle of the spheres.
+fn frame_around(spheres: &[Sphere]) -> Pose3 {
+    Pose3::from_translation(Aabb::from_spheres(spheres.iter().copied()).center())
+}
+
+fn seen_from(frame: &Pose3, spheres: Vec<Sphere>) -> Vec<Sphere> {
+    let turn = frame.rotation.inverse();
+    let place = |s: Sphere| Sphere::new(turn * (s.center - frame.translation), s.radius);
+    spheres.into_iter().map(place).collect()
+}
