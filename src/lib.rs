@@ -134,7 +134,7 @@ pub mod prelude {
         plugin::{
             MedialBackend, MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialContacts,
             MedialFocus, MedialImportance, MedialLevel, MedialMesh, MedialPhysicsPlugin, MedialSettings, MedialStep,
-            MedialSystems, StaticObb, TouchPoint,
+            MedialSystems, SkinPose, SkinnedMedialMesh, StaticObb, TouchPoint,
         },
     };
 }
@@ -155,5 +155,6 @@ mod pages {
         Rapier: "../docs/rapier.md",
         Determinism: "../docs/determinism.md",
         Troubleshooting: "../docs/troubleshooting.md",
+        Animated: "../docs/animated.md",
     }
 }

@@ -102,9 +102,13 @@ mod tests {
     fn scales_are_mixed_and_a_vanished_joint_moves_on_a_line() {
         let [small, large] = [1.0, 3.0].map(|scale| JointPose::new(Affine3A::from_scale(Vec3::splat(scale))));
         let half = Screw::new([small, large]).at(0.5);
-        assert!((half.scale - 2.0).abs() < 1e-6 && half.transform.transform_point3(Vec3::X).distance(Vec3::X * 2.0) < 1e-6);
+        assert!(
+            (half.scale - 2.0).abs() < 1e-6 && half.transform.transform_point3(Vec3::X).distance(Vec3::X * 2.0) < 1e-6
+        );
         let gone = JointPose::new(Affine3A::from_scale_rotation_translation(Vec3::ZERO, Quat::IDENTITY, Vec3::X));
         let half = Screw::new([gone, small]).at(0.5);
-        assert!(half.transform.is_finite() && half.transform.transform_point3(Vec3::ZERO).distance(Vec3::X * 0.5) < 1e-6);
+        assert!(
+            half.transform.is_finite() && half.transform.transform_point3(Vec3::ZERO).distance(Vec3::X * 0.5) < 1e-6
+        );
     }
 }

@@ -2,18 +2,15 @@
 
 use std::{collections::HashMap, sync::Arc};
 
-use bevy::{
-    asset::LoadState,
-    ecs::system::SystemParam,
-    prelude::*,
-};
+use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*};
 
 use super::{
     Detail,
     importance::{DetailItem, Nearness},
     is_bounded,
     screw::Screw,
-    skinned::{SkinPose, SkinnedMedialMesh},
+    skinned::{Bound, SkinPose, SkinnedMedialMesh},
+    step::MedialStep,
 };
 use crate::{
     constants::{MAX_JOINT_TURN, MAX_SEGMENTS, TELEPORT},
@@ -22,13 +19,8 @@ use crate::{
     pipeline::Deforming,
 };
 
-type Skinned = (
-    NameOrEntity,
-    &'static SkinnedMedialMesh,
-    Option<&'static mut SkinPose>,
-    Detail,
-    Option<&'static Nearness>,
-);
+type Skinned =
+    (NameOrEntity, &'static SkinnedMedialMesh, Option<&'static mut SkinPose>, Detail, Option<&'static Nearness>);
 
 /// All skinned shapes.
 #[derive(SystemParam)]
@@ -36,6 +28,7 @@ pub(crate) struct Skeletons<'w, 's> {
     commands: Commands<'w, 's>,
     skinned: Query<'w, 's, Skinned>,
     scene: Scene<'w, 's>,
+    step: ResMut<'w, MedialStep>,
     /// The last error of each entity.
     told: Local<'s, HashMap<Entity, String>>,
 }
@@ -62,11 +55,11 @@ enum Unplaced {
 impl Skeletons<'_, '_> {
     /// Places each shape in the pose of its joints. `frame_of`: the frame for the shape of an entity. `None` for a frame that the shape chooses.
     pub fn pose(&mut self, is_running: impl Fn(Entity) -> bool, frame_of: impl Fn(Entity) -> Option<Pose3>) {
-        let Self { commands, skinned, scene, told } = self;
+        let Self { commands, skinned, scene, step, told } = self;
         told.retain(|entity, _| skinned.contains(*entity));
         for (name, mesh, pose, detail, nearness) in skinned.iter_mut().filter(|item| is_running(item.0.entity)) {
             let entity = name.entity;
-            let known = pose.as_deref().map(|pose| (&pose.axis, &pose.joints[..]));
+            let known = pose.as_deref().map(|pose| &pose.bound);
             match scene.place(entity, mesh, &detail, known) {
                 Ok((axis, joints, poses)) => {
                     told.remove(&entity);
@@ -76,7 +69,9 @@ impl Skeletons<'_, '_> {
                             let interval = if is_far { mesh.interval } else { 1 };
                             let jump = pose.advance(axis, poses, frame_of(entity), interval);
                             if let Some(metres) = jump {
-                                warn!("{name}: its joints moved by {metres} m in one step, too far to be swept; call SkinPose::teleport where the animation jumps");
+                                warn!(
+                                    "{name}: its joints moved by {metres} m in one step, too far to be swept; call SkinPose::teleport where the animation jumps"
+                                );
                             }
                         }
                         (_, Some(joints)) => {
@@ -96,6 +91,9 @@ impl Skeletons<'_, '_> {
                 }
             }
         }
+        let bound = skinned.iter().filter_map(|(name, _, pose, ..)| Some((name.entity, pose?.bound.clone())));
+        step.skins.clear();
+        step.skins.extend(bound);
     }
 }
 
@@ -109,17 +107,17 @@ impl Scene<'_, '_> {
         entity: Entity,
         mesh: &SkinnedMedialMesh,
         detail: &DetailItem,
-        known: Option<(&MedialAxis, &[Entity])>,
+        known: Option<&Bound>,
     ) -> Result<Placed<'a>, Unplaced> {
         let axis = self.axis(mesh, detail)?;
         let missing = "its medial mesh has no skin; build the mesh with `medial build --skin`";
         let skin = axis.skin().ok_or_else(|| Unplaced::Refused(missing.into()))?;
-        let known = known.filter(|(known, joints)| {
-            let is_same = known.skin().is_some_and(|known| known.joints() == skin.joints());
-            is_same && (mesh.joints.is_empty() || mesh.joints == *joints)
+        let known = known.filter(|known| {
+            let is_same = known.axis.skin().is_some_and(|known| known.joints() == skin.joints());
+            is_same && (mesh.joints.is_empty() || *mesh.joints == *known.joints)
         });
         let new = if known.is_none() { Some(self.bind(entity, mesh, skin)?) } else { None };
-        let joints = new.as_deref().or(known.map(|(_, joints)| joints)).unwrap_or_default();
+        let joints = new.as_deref().or(known.map(|known| &*known.joints)).unwrap_or_default();
         let poses = self.poses(skin, joints)?;
         Ok((axis, new, poses))
     }
@@ -141,7 +139,11 @@ impl Scene<'_, '_> {
         let count = skin.joints().len();
         if !mesh.joints.is_empty() {
             let listed = mesh.joints.len();
-            let wrong = || Unplaced::Refused(format!("it lists {listed} joints, its skin has {count}; list the joints of the skin"));
+            let wrong = || {
+                Unplaced::Refused(format!(
+                    "it lists {listed} joints, its skin has {count}; list the joints of the skin"
+                ))
+            };
             return if listed == count { Ok(mesh.joints.clone()) } else { Err(wrong()) };
         }
         let mut named: HashMap<&str, Entity> = HashMap::new();
@@ -168,7 +170,8 @@ impl Scene<'_, '_> {
     fn candidates(&self, entity: Entity) -> impl Iterator<Item = Entity> {
         let all = || std::iter::once(entity).chain(self.children.iter_descendants(entity));
         #[cfg(feature = "bevy_mesh")]
-        let listed = all().filter_map(|entity| self.meshes.get(entity).ok()).flat_map(|mesh| mesh.joints.iter().copied());
+        let listed =
+            all().filter_map(|entity| self.meshes.get(entity).ok()).flat_map(|mesh| mesh.joints.iter().copied());
         #[cfg(not(feature = "bevy_mesh"))]
         let listed = std::iter::empty();
         listed.chain(all())
@@ -209,26 +212,32 @@ impl SkinPose {
         mesh: &SkinnedMedialMesh,
         frame: Option<Pose3>,
     ) -> Self {
+        let bound = Bound { axis: axis.clone(), joints: joints.into() };
         let names = axis.skin().map_or(&[][..], |skin| skin.joints());
         let regions = names.iter().map(|joint| mesh.regions.get(&joint.name).cloned()).collect();
         let spheres = posed(axis, &poses);
         let frame = frame.unwrap_or_else(|| frame_around(&spheres));
         let shape = Arc::new(Deforming::new(axis, vec![seen_from(&frame, spheres)]));
-        let [age, teleports, has_jumped] = [0, false, false];
-        Self { joints, regions, axis: axis.clone(), poses, shape, frame, age, teleports, has_jumped }
+        Self { bound, regions, poses, shape, frame, age: 0, teleports: false, has_jumped: false }
     }
 
     /// Moves the shape to the pose of its joints. Returns the displacement in metres if it is too long to be swept, for the first time.
     ///
     /// `interval`: number of steps between two updates.
-    fn advance(&mut self, axis: &MedialAxis, poses: Vec<JointPose>, frame: Option<Pose3>, interval: u32) -> Option<f32> {
+    fn advance(
+        &mut self,
+        axis: &MedialAxis,
+        poses: Vec<JointPose>,
+        frame: Option<Pose3>,
+        interval: u32,
+    ) -> Option<f32> {
         self.age += 1;
         let (before, teleports) = (self.poses.clone(), std::mem::take(&mut self.teleports));
         if self.age >= interval || teleports {
             (self.age, self.poses) = (0, poses);
         }
         let rests = self.poses == before
-            && axis.address() == self.axis.address()
+            && axis.address() == self.bound.axis.address()
             && frame.is_none_or(|frame| frame == self.frame);
         if rests && self.shape.path() == 0.0 {
             return None;
@@ -244,7 +253,7 @@ impl SkinPose {
         knots.push(end);
         let knots = knots.into_iter().map(|knot| seen_from(&self.frame, knot)).collect();
         self.shape = Arc::new(Deforming::new(axis, knots));
-        self.axis = axis.clone();
+        self.bound.axis = axis.clone();
         (jumps && !std::mem::replace(&mut self.has_jumped, jumps)).then_some(displacement)
     }
 }

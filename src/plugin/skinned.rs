@@ -75,10 +75,8 @@ pub struct SkinHit {
 /// The pose of a [`SkinnedMedialMesh`] at the end of the last step, and its motion in that step. Written by the plugin only.
 #[derive(Component, Debug)]
 pub struct SkinPose {
-    pub(super) joints: Vec<Entity>,
+    pub(super) bound: Bound,
     pub(super) regions: Vec<Option<String>>,
-    /// The level of detail in the bind pose.
-    pub(super) axis: MedialAxis,
     /// Motion of the joints from the bind pose to their place in the world, at the last update.
     pub(super) poses: Vec<JointPose>,
     pub(super) shape: Arc<Deforming>,
@@ -90,10 +88,28 @@ pub struct SkinPose {
     pub(super) has_jumped: bool,
 }
 
+/// A shape and the joints that move it.
+#[derive(Clone, Debug)]
+pub(crate) struct Bound {
+    /// The level of detail in the bind pose.
+    pub axis: MedialAxis,
+    /// In the order of the skin.
+    pub joints: Arc<[Entity]>,
+}
+
+impl Bound {
+    /// Returns the joint with the largest weight at a point of a primitive, in the frame of the shape. `shape`: the shape in motion.
+    pub fn joint_at(&self, shape: &Deforming, primitive: u32, point: Vec3, fraction: f32) -> Option<Entity> {
+        let shares = shape.hull_at(primitive, fraction).shares(point);
+        let joint = self.axis.skin()?.joint_within(self.axis.primitives().get(primitive as usize)?, &shares);
+        self.joints.get(usize::from(joint)).copied()
+    }
+}
+
 impl SkinPose {
     /// Returns the entities of the joints, in the order of the skin.
     pub fn joints(&self) -> &[Entity] {
-        &self.joints
+        &self.bound.joints
     }
 
     /// Returns the shape and its motion in the last step, in the frame [`frame`](Self::frame).
@@ -114,14 +130,12 @@ impl SkinPose {
     /// Returns the joint with the largest weight at a point of a primitive. `point`: a point near the surface of the primitive, in the world. `fraction`: time
     /// of the point as a fraction of the last step.
     pub fn joint_at(&self, primitive: u32, point: Vec3, fraction: f32) -> Option<Entity> {
-        let shares = self.shape.hull_at(primitive, fraction).shares(self.frame.inverse_transform_point(point));
-        let joint = self.axis.skin()?.joint_within(self.axis.primitives().get(primitive as usize)?, &shares);
-        self.joints.get(usize::from(joint)).copied()
+        self.bound.joint_at(&self.shape, primitive, self.frame.inverse_transform_point(point), fraction)
     }
 
     /// Returns the hit region of a joint.
     pub fn region(&self, joint: Entity) -> Option<&str> {
-        let joint = self.joints.iter().position(|known| *known == joint)?;
+        let joint = self.bound.joints.iter().position(|known| *known == joint)?;
         self.regions[joint].as_deref()
     }
 

@@ -118,7 +118,7 @@ pub(super) fn attach_shapes(
 }
 
 /// Scale of medial colliders: the medial shape itself includes the scale.
-const UNSCALED: ColliderScale = ColliderScale::Absolute(Vec3::ONE);
+pub(super) const UNSCALED: ColliderScale = ColliderScale::Absolute(Vec3::ONE);
 
 /// Resets a `ColliderScale` that the user has set on a medial collider, because rapier would replace the medial shape by a compound of other shapes.
 pub(super) fn keep_unscaled(

@@ -39,6 +39,7 @@
 //! data of the contacts.
 
 mod attach;
+mod carry;
 mod context;
 mod detect;
 mod dispatcher;
@@ -57,11 +58,13 @@ pub mod query;
 mod rays;
 mod shape;
 mod shape_cast;
+mod skinned;
 mod snapshot;
 mod substeps;
 mod table;
 
 use bevy::{
+    app::AnimationSystems,
     ecs::{intern::Interned, schedule::ScheduleLabel, system::SystemParamItem},
     prelude::*,
     transform::{StaticTransformOptimizations, systems::mark_dirty_trees},
@@ -73,7 +76,7 @@ use bevy_rapier3d::{
     rapier::geometry::NarrowPhase,
 };
 
-use crate::plugin::{MedialMesh, MedialStep, MedialSystems, StaticObb};
+use crate::plugin::{MedialMesh, MedialStep, MedialSystems, SkinPose, SkinnedMedialMesh, StaticObb};
 
 pub use dispatcher::MedialDispatcher;
 pub(crate) use interpolation::fix_steps;
@@ -94,6 +97,7 @@ where
     add_rapier::<Hooks>(app, schedule);
     app.add_observer(attach::detach_shape)
         .add_observer(attach::detach_box)
+        .add_observer(skinned::detach_skin)
         .add_observer(attach::note_freed::<ChildOf>)
         .add_observer(attach::note_freed::<RigidBody>)
         .init_resource::<attach::Freed>()
@@ -121,6 +125,8 @@ where
         attach::keep_unscaled,
         attach::follow_bodies,
     );
+    // Joints have the transforms of this frame's animation.
+    app.configure_sets(schedule, RapierTransformPropagateSet.after(AnimationSystems));
     // Rapier propagates transforms without marking dirty trees. Changes to entities with children, such as those by character controllers, would be lost.
     let mark = mark_dirty_trees
         .run_if(resource_exists::<StaticTransformOptimizations>)
@@ -128,14 +134,24 @@ where
         .before(RapierTransformPropagateSet);
     let prepare = (
         hierarchy::place_colliders,
+        skinned::hold,
         attach::keep_contacts_fresh,
         attach::wake_attached,
         quarantine::release,
         (quarantine::isolate, snapshot::snapshot).chain().run_if(is_needed),
     );
-    let stop =
-        (detect::detect::<Hooks>, substeps::refine, interpolation::show_stops).chain().run_if(snapshot::has_stepped);
-    let detect = (quarantine::isolate_results, stop).chain().run_if(is_needed);
+    let stop = (
+        detect::detect::<Hooks>,
+        carry::carry.run_if(any_with_component::<SkinPose>),
+        substeps::refine,
+        interpolation::show_stops,
+    )
+        .chain()
+        .run_if(snapshot::has_stepped);
+    let pose = (skinned::follow_joints, skinned::replace_shapes)
+        .chain()
+        .run_if(any_with_component::<SkinnedMedialMesh>.and_then(snapshot::has_stepped));
+    let detect = (quarantine::isolate_results, pose, stop).chain().run_if(is_needed);
     app.add_systems(schedule, attach.chain().in_set(MedialSystems::Attach))
         .add_systems(schedule, mark.in_set(PhysicsSet::SyncBackend))
         .add_systems(schedule, prepare.chain().in_set(MedialSystems::Snapshot))
@@ -163,9 +179,12 @@ where
     }
 }
 
-/// Returns true if an entity has a medial mesh or a static box, or if the last step had bodies, because their contacts have to end. Otherwise the systems that
+/// Returns true if an entity has a medial mesh, a skinned one or a static box, or if the last step had bodies, because their contacts have to end. Otherwise the systems that
 /// loop over rapier's bodies do not run.
-fn is_needed(shapes: Query<(), Or<(With<MedialMesh>, With<StaticObb>)>>, step: Res<MedialStep>) -> bool {
+fn is_needed(
+    shapes: Query<(), Or<(With<MedialMesh>, With<SkinnedMedialMesh>, With<StaticObb>)>>,
+    step: Res<MedialStep>,
+) -> bool {
     !shapes.is_empty() || !step.input.bodies.is_empty()
 }
 
