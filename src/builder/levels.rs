@@ -1,29 +1,34 @@
 //! A chain of levels of detail in one compact file, `.medial`.
 //!
 //! ```text
-//! "medial"  version (u16)  checksum (u32, of all that follows)  levels (postcard)      numbers little endian
+//! "medial"  version (u16)  checksum (u32, of all that follows)  levels  skin (postcard)      numbers little endian
 //! ```
 //!
-//! The file has about a third of the size of `.ma` text and includes the errors. The checksum detects damage.
+//! The file has about a third of the size of `.ma` text and includes the errors. The checksum detects damage. Files of version 1 have no skin; they are still
+//! written for rigid shapes.
 
 use std::{
     fs,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Deviation, TwoSidedError};
 use crate::{
     geometry::Sphere,
-    medial_axis::{MedialAxis, MedialAxisError, ma::MaFile},
+    medial_axis::{JointWeights, MAX_INFLUENCES, MedialAxis, MedialAxisError, Skin, SkinError, SkinJoint, ma::MaFile},
     whole_file,
 };
 
 const MAGIC: [u8; 6] = *b"medial";
-const VERSION: u16 = 1;
+/// Version of files without a skin.
+const RIGID: u16 = 1;
+/// Version of files with a skin.
+const SKINNED: u16 = 2;
 /// Number of bytes before the levels.
 const HEADER: usize = 12;
 
@@ -50,7 +55,7 @@ pub enum MedialLevelsError {
     #[error("it is not a .medial file; write one with `medial build --levels`")]
     Magic,
     /// Another version of the crate wrote the file.
-    #[error("it has version {0} of the format, not {VERSION}; build it again")]
+    #[error("it has version {0} of the format, not {RIGID} or {SKINNED}; build it again")]
     Version(u16),
     /// The file was truncated or altered.
     #[error("it is damaged: {0}; copy or build it again")]
@@ -58,6 +63,14 @@ pub enum MedialLevelsError {
     /// There is no level.
     #[error("it has no levels; build it again")]
     Empty,
+    /// The joints, or the weights of a level, are not a skin.
+    #[error("level {level}: {error}; build it again")]
+    Skin {
+        /// Index of the level; the finest is 0.
+        level: usize,
+        /// The error of the skin. A point is a sphere.
+        error: SkinError,
+    },
     /// A level does not describe a shape.
     #[error("level {level}: {error}; build it again")]
     Shape {
@@ -100,6 +113,55 @@ struct Stored {
     error: [f32; 5],
 }
 
+/// The skin in the file, after the levels.
+#[derive(Serialize, Deserialize)]
+struct StoredSkin {
+    /// Names and inverse bind poses, by columns.
+    joints: Vec<(String, [f32; 12])>,
+    /// For each level and sphere, up to four joints and their weights.
+    weights: Vec<Vec<Vec<(u16, f32)>>>,
+}
+
+impl StoredSkin {
+    /// `None` unless all levels have a skin with the same joints.
+    fn of(levels: &[Level]) -> Option<Self> {
+        let joints = levels.first()?.axis.skin()?.joints();
+        let used = |weights: &JointWeights| weights.iter().copied().filter(|(_, weight)| *weight > 0.0).collect();
+        let weights = levels.iter().map(|level| {
+            let skin = level.axis.skin().filter(|skin| skin.joints() == joints)?;
+            Some(skin.weights().iter().map(used).collect())
+        });
+        Some(Self {
+            weights: weights.collect::<Option<_>>()?,
+            joints: joints.iter().map(|joint| (joint.name.clone(), joint.inverse_bind.to_cols_array())).collect(),
+        })
+    }
+
+    /// Gives each level its skin.
+    fn bind(self, levels: &mut [Level]) -> Result<(), MedialLevelsError> {
+        if self.weights.len() != levels.len() {
+            return Err(MedialLevelsError::Damaged("it has no weights for some level"));
+        }
+        let joint = |(name, columns): (String, [f32; 12])| SkinJoint {
+            name,
+            inverse_bind: Affine3A::from_cols_array(&columns),
+        };
+        let joints: Arc<[SkinJoint]> = self.joints.into_iter().map(joint).collect();
+        for (number, (level, weights)) in levels.iter_mut().zip(self.weights).enumerate() {
+            if weights.iter().any(|weights| weights.len() > MAX_INFLUENCES) {
+                return Err(MedialLevelsError::Damaged("a sphere has more than four weights"));
+            }
+            let padded =
+                |weights: &Vec<(u16, f32)>| std::array::from_fn(|at| weights.get(at).copied().unwrap_or_default());
+            let weights: Vec<JointWeights> = weights.iter().map(padded).collect();
+            let skin = Skin::new(joints.clone(), &weights);
+            let bound = skin.and_then(|skin| level.axis.clone().with_skin(skin));
+            level.axis = bound.map_err(|error| MedialLevelsError::Skin { level: number, error })?;
+        }
+        Ok(())
+    }
+}
+
 impl MedialLevels {
     /// The coarsest level with an error of at most `percent` of the diagonal in either direction, or the finest if no level is that accurate.
     /// `None` if there are no levels.
@@ -115,7 +177,7 @@ impl MedialLevels {
         Some(finest.axis.with_coarser(levels.map(|level| (level.axis, metres(level.error))).collect()))
     }
 
-    /// The content of a `.medial` file.
+    /// The content of a `.medial` file. It has a skin if all levels have one, with the same joints.
     pub fn to_bytes(&self) -> Vec<u8> {
         let stored: Vec<Stored> = self
             .levels
@@ -132,8 +194,11 @@ impl MedialLevels {
             })
             .collect();
         // Serialization of lists of numbers in memory cannot fail.
-        let body = postcard::to_allocvec(&stored).unwrap_or_default();
-        let header = MAGIC.into_iter().chain(VERSION.to_le_bytes()).chain(crc32fast::hash(&body).to_le_bytes());
+        let mut body = postcard::to_allocvec(&stored).unwrap_or_default();
+        let skin = StoredSkin::of(&self.levels);
+        let version = if skin.is_some() { SKINNED } else { RIGID };
+        body.extend(skin.map(|skin| postcard::to_allocvec(&skin).unwrap_or_default()).unwrap_or_default());
+        let header = MAGIC.into_iter().chain(version.to_le_bytes()).chain(crc32fast::hash(&body).to_le_bytes());
         header.chain(body.iter().copied()).collect()
     }
 
@@ -144,15 +209,21 @@ impl MedialLevels {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, MedialLevelsError> {
         let header = bytes.get(..HEADER).filter(|header| header.starts_with(&MAGIC)).ok_or(MedialLevelsError::Magic)?;
         let version = u16::from_le_bytes([header[6], header[7]]);
-        if version != VERSION {
+        if ![RIGID, SKINNED].contains(&version) {
             return Err(MedialLevelsError::Version(version));
         }
         let body = &bytes[HEADER..];
         if header[8..] != crc32fast::hash(body).to_le_bytes() {
             return Err(MedialLevelsError::Damaged("the checksum does not match"));
         }
-        let (stored, rest) = postcard::take_from_bytes::<Vec<Stored>>(body)
-            .map_err(|_| MedialLevelsError::Damaged("the lists do not have the expected length"))?;
+        let cut = |_| MedialLevelsError::Damaged("the lists do not have the expected length");
+        let (stored, rest) = postcard::take_from_bytes::<Vec<Stored>>(body).map_err(cut)?;
+        let (skin, rest) = match version {
+            SKINNED => {
+                postcard::take_from_bytes::<StoredSkin>(rest).map(|(skin, rest)| (Some(skin), rest)).map_err(cut)?
+            }
+            _ => (None, rest),
+        };
         if !rest.is_empty() {
             return Err(MedialLevelsError::Damaged("bytes follow the last level"));
         }
@@ -171,7 +242,11 @@ impl MedialLevels {
             };
             Ok(Level { axis, error })
         };
-        Ok(Self { levels: stored.into_iter().enumerate().map(level).collect::<Result<_, _>>()? })
+        let mut levels: Vec<Level> = stored.into_iter().enumerate().map(level).collect::<Result<_, _>>()?;
+        if let Some(skin) = skin {
+            skin.bind(&mut levels)?;
+        }
+        Ok(Self { levels })
     }
 
     /// Reads a `.medial` file.
@@ -194,90 +269,4 @@ impl MedialLevels {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::random::Random;
-
-    fn chain() -> MedialLevels {
-        let levels = [16, 8, 4].map(|segments| {
-            let deviation = Deviation { max: 8.0 / segments as f32, mean: 0.1 };
-            let error = TwoSidedError { mesh_to_envelope: deviation, envelope_to_mesh: deviation, diagonal: 3.0 };
-            Level { axis: MedialAxis::torus(1.0, 0.2, segments).unwrap(), error }
-        });
-        MedialLevels { levels: levels.into() }
-    }
-
-    /// Bytes with a matching checksum.
-    fn sealed(body: &[u8]) -> Vec<u8> {
-        let head = MAGIC.into_iter().chain(VERSION.to_le_bytes()).chain(crc32fast::hash(body).to_le_bytes());
-        head.chain(body.iter().copied()).collect()
-    }
-
-    #[test]
-    fn levels_survive_a_round_trip() {
-        let chain = chain();
-        let again = MedialLevels::from_bytes(&chain.to_bytes()).unwrap();
-        assert_eq!(again.levels.len(), 3);
-        for (a, b) in chain.levels.iter().zip(&again.levels) {
-            let lists = |level: &Level| (level.axis.spheres().to_vec(), level.axis.primitives().to_vec(), level.error);
-            assert_eq!(lists(a), lists(b));
-        }
-    }
-
-    #[test]
-    fn the_coarsest_level_within_a_budget_is_found() {
-        let chain = chain();
-        for (percent, spheres) in [(0.1, 16), (0.5, 16), (1.0, 8), (1.9, 8), (2.0, 4), (50.0, 4)] {
-            assert_eq!(chain.coarsest_within(percent).unwrap().axis.spheres().len(), spheres, "{percent} %");
-        }
-        assert!(MedialLevels::default().coarsest_within(1.0).is_none());
-    }
-
-    #[test]
-    fn errors_name_cause_and_remedy() {
-        let error = |bytes: &[u8]| MedialLevels::from_bytes(bytes).unwrap_err().to_string();
-        let good = chain().to_bytes();
-        let no_file = "it is not a .medial file; write one with `medial build --levels`";
-        assert_eq!((error(b""), error(b"2 1 0\nv 0 0 0 1\n")), (no_file.into(), no_file.into()));
-        let mut newer = good.clone();
-        newer[6] = 2;
-        assert_eq!(error(&newer), "it has version 2 of the format, not 1; build it again");
-        let damaged = "it is damaged: the checksum does not match; copy or build it again";
-        assert_eq!(error(&good[..good.len() - 1]), damaged);
-        assert_eq!(
-            error(&sealed(&[])),
-            "it is damaged: the lists do not have the expected length; copy or build it again"
-        );
-        let more: Vec<u8> = good[HEADER..].iter().copied().chain([0]).collect();
-        assert_eq!(error(&sealed(&more)), "it is damaged: bytes follow the last level; copy or build it again");
-        assert_eq!(error(&sealed(&[0])), "it has no levels; build it again");
-        let stored = |cones| Stored { spheres: vec![[0.0, 0.0, 0.0, 1.0]], cones, slabs: vec![], error: [0.0; 5] };
-        let wild = postcard::to_allocvec(&vec![stored(vec![]), stored(vec![[0, 7]])]).unwrap();
-        assert_eq!(error(&sealed(&wild)), "level 1: primitive 0: there is no sphere 7 among 1; build it again");
-        let missing = MedialLevels::load(Path::new("no such.medial")).unwrap_err().to_string();
-        assert!(missing.starts_with("no such.medial: "), "{missing}");
-    }
-
-    #[test]
-    fn damage_never_passes_for_a_shape() {
-        let good = chain().to_bytes();
-        let mut random = Random(3);
-        let mut passed = 0;
-        for round in 0..2000 {
-            let mut bytes = good.clone();
-            let at = random.below(bytes.len());
-            match round % 3 {
-                0 => bytes.truncate(at),
-                1 => bytes[at] ^= 1 << random.below(8),
-                _ => drop(bytes.drain(at..bytes.len().min(at + 1 + random.below(9)))),
-            }
-            assert!(MedialLevels::from_bytes(&bytes).is_err(), "round {round}");
-            // With a matching checksum, the same bytes must not cause a panic or an allocation beyond their size.
-            if round % 20 == 0 {
-                let body = bytes.get(HEADER..).unwrap_or_default();
-                passed += usize::from(MedialLevels::from_bytes(&sealed(body)).is_ok());
-            }
-        }
-        assert!(passed > 10, "only {passed} have passed the checksum");
-    }
-}
+mod tests;

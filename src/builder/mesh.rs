@@ -98,6 +98,12 @@ impl TriangleMesh {
     /// If it is not a triangle list or strip, has no f32 positions or is on the GPU only; otherwise the errors of [`new`](Self::new).
     #[cfg(feature = "bevy_mesh")]
     pub fn from_bevy(mesh: &bevy::mesh::Mesh) -> Result<Self, MeshError> {
+        Ok(Self::with_all_vertices(mesh)?.welded())
+    }
+
+    /// Converts a Bevy mesh with all of its vertices.
+    #[cfg(feature = "bevy_mesh")]
+    pub(super) fn with_all_vertices(mesh: &bevy::mesh::Mesh) -> Result<Self, MeshError> {
         use bevy::mesh::{Mesh, PrimitiveTopology};
 
         let refused = |why: &dyn std::fmt::Display| MeshError::Bevy(why.to_string());
@@ -113,7 +119,7 @@ impl TriangleMesh {
             PrimitiveTopology::TriangleStrip => strip(&indices),
             other => return Err(refused(&format!("it is a {other:?}"))),
         };
-        Ok(Self::new(positions.iter().copied().map(Vec3::from).collect(), triangles)?.welded())
+        Self::new(positions.iter().copied().map(Vec3::from).collect(), triangles)
     }
 
     /// Converts the triangles to a Bevy mesh, without normals.
@@ -153,20 +159,26 @@ impl TriangleMesh {
     /// The same triangles with one vertex per position and without unused vertices, in the order of first use.
     #[must_use]
     pub fn welded(&self) -> Self {
+        self.welded_vertices().0
+    }
+
+    /// The welded mesh, and for each of its vertices the first one at the same position.
+    pub(super) fn welded_vertices(&self) -> (Self, Vec<u32>) {
         let mut number = HashMap::with_capacity(self.positions.len());
-        let mut positions = Vec::new();
+        let mut sources = Vec::new();
         let triangles = self.triangles.iter().map(|triangle| {
-            self.corners(*triangle).map(|position| {
+            triangle.map(|vertex| {
                 // Adding 0 turns -0 into 0, so both get the same key.
-                let key = position.to_array().map(|x| (x + 0.0).to_bits());
+                let key = self.positions[vertex as usize].to_array().map(|x| (x + 0.0).to_bits());
                 *number.entry(key).or_insert_with(|| {
-                    positions.push(position);
-                    positions.len() as u32 - 1
+                    sources.push(vertex);
+                    sources.len() as u32 - 1
                 })
             })
         });
         let triangles = triangles.collect();
-        Self { positions, triangles }
+        let positions = sources.iter().map(|&vertex| self.positions[vertex as usize]).collect();
+        (Self { positions, triangles }, sources)
     }
 
     /// The triangles of each connected piece; pieces and triangles are in ascending order. Triangles are connected if they share a vertex of

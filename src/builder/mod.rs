@@ -11,10 +11,13 @@
 //!          refine: merge --> exchange, rejoin --> descent, repeated
 //!                     |
 //!                     +-- measure(mesh, axis) --> two-sided error of a medial mesh
+//!
+//! SkinnedTriangleMesh --fit_skinned: fit in the bind pose, bind each level to the joints--> MedialLevels with skins
 //! ```
 //!
 //! Within a build, the diagonal of the mesh's bounding box is 1. The same mesh and options give the same bytes, for any number of threads.
 
+mod bind;
 mod build;
 mod check;
 mod clean;
@@ -46,12 +49,14 @@ mod rejoin;
 mod report;
 mod samples;
 mod search;
+mod skinned;
 mod solid;
 mod surface_samples;
 mod target;
 mod tree;
 mod vectors;
 
+pub use bind::fit_skinned;
 pub use build::{BuildError, BuildOptions, BuildReport, Built, DEFAULT_SEED, build, build_levels};
 pub use fit::{FitOptions, fit};
 pub use levels::{Level, MedialFileError, MedialLevels, MedialLevelsError};
@@ -60,3 +65,4 @@ pub use mesh::{MAX_MESH_SIZE, MeshError, TriangleMesh};
 #[cfg(feature = "bevy_mesh")]
 pub(crate) use parallel::on_this_thread;
 pub use report::MeshReport;
+pub use skinned::{SkinnedMeshError, SkinnedTriangleMesh};

@@ -358,7 +358,7 @@ fn atan2<S: Simd>(y: f32x8<S>, x: f32x8<S>) -> f32x8<S> {
 }
 
 /// The nearest point of a triangle. The region of `p` decides: that of a corner, of an edge or of the inside.
-fn closest_on_triangle(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> DVec3 {
+pub(super) fn closest_on_triangle(p: DVec3, &[a, b, c]: &[DVec3; 3]) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {

@@ -34,6 +34,7 @@ pub use cleanup::CleanupReport;
 pub(crate) use cleanup::numbers_of_kept;
 pub use mass::MassProperties;
 pub(crate) use mass::{Chord, LINES, first_line, line_position};
+pub(crate) use skin::strongest;
 pub use skin::{JointPose, JointWeights, MAX_INFLUENCES, MAX_JOINTS, Skin, SkinError, SkinJoint};
 pub(crate) use surface::face_normals;
 #[cfg(feature = "debug")]
@@ -192,7 +193,7 @@ impl MedialAxis {
     /// # Panics
     /// If the number of spheres is another one.
     #[must_use]
-    pub fn posed(&self, spheres: Vec<Sphere>) -> Self {
+    pub fn with_spheres(&self, spheres: Vec<Sphere>) -> Self {
         let Data { primitives, bvh, mass, .. } = &*self.0;
         assert_eq!(spheres.len(), self.0.spheres.len());
         let boxes: Vec<Aabb> =
@@ -239,6 +240,22 @@ impl MedialAxis {
         }
         Arc::make_mut(&mut self.0).skin = Some(skin);
         Ok(self)
+    }
+
+    /// The shape in a pose of its joints, as a rigid shape; a shape without a skin does not change. The clean-up merges primitives that are degenerate in the
+    /// pose, so spheres may have other indices.
+    ///
+    /// # Errors
+    /// If a posed sphere is not finite or too far away.
+    ///
+    /// # Panics
+    /// If there are fewer poses than joints.
+    pub fn posed(&self, poses: &[JointPose]) -> Result<MedialAxis, MedialAxisError> {
+        let mut spheres = self.spheres().to_vec();
+        if let Some(skin) = self.skin() {
+            skin.pose(self.spheres(), poses, &mut spheres);
+        }
+        Ok(Self::new(spheres, self.primitives().to_vec())?.0)
     }
 
     /// The binding to the joints of a skeleton, with the weights of each sphere. `None` for a rigid shape.

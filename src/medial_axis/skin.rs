@@ -26,6 +26,9 @@ pub const MAX_JOINTS: usize = 1 << 16;
 /// joints, and changes a radius by less than 1 %.
 const UNIFORM: f32 = 0.01;
 
+/// Difference from 1 of the sum of weights that keep their bits. It is above the rounding of four f32, and below that of weights of 8 bits.
+const ROUNDING: f64 = 1.0e-6;
+
 /// The joints that move a point, and their weights. Unused entries have weight 0.
 pub type JointWeights = [(u16, f32); MAX_INFLUENCES];
 
@@ -159,6 +162,11 @@ impl Skin {
         Ok(Self { weights: weights.collect::<Result<_, _>>()?, joints })
     }
 
+    /// The same joints, with the weights of other points.
+    pub(crate) fn with_weights(&self, weights: Vec<JointWeights>) -> Self {
+        Self { joints: self.joints.clone(), weights: weights.into() }
+    }
+
     /// The joints. Skins of the levels of detail of one shape have the same ones.
     pub fn joints(&self) -> &Arc<[SkinJoint]> {
         &self.joints
@@ -257,13 +265,14 @@ fn validate(joints: &[SkinJoint]) -> Result<(), SkinError> {
     Ok(())
 }
 
-/// The largest weights, divided by their sum. `None` if there are no weights above 0.
-fn strongest(weights: impl Iterator<Item = (u16, f64)>) -> Option<JointWeights> {
+/// The largest weights, divided by their sum if that is not 1 up to rounding. `None` if there are no weights above 0.
+pub(crate) fn strongest(weights: impl Iterator<Item = (u16, f64)>) -> Option<JointWeights> {
     let mut sums = summed(weights.filter(|(_, weight)| *weight > 0.0));
     sums.truncate(MAX_INFLUENCES);
     let sum: f64 = sums.iter().map(|(_, weight)| weight).sum();
     let &(first, _) = sums.first()?;
-    let entry = |&(joint, weight): &(u16, f64)| (joint, (weight / sum) as f32);
+    let divisor = if (sum - 1.0).abs() <= ROUNDING { 1.0 } else { sum };
+    let entry = |&(joint, weight): &(u16, f64)| (joint, (weight / divisor) as f32);
     Some(std::array::from_fn(|at| sums.get(at).map_or((first, 0.0), entry)))
 }
 

@@ -53,7 +53,7 @@ impl Deforming {
             knots.push(axis.spheres().to_vec());
         }
         knots.dedup();
-        let end = axis.posed(knots[knots.len() - 1].clone());
+        let end = axis.with_spheres(knots[knots.len() - 1].clone());
         let boxes: Vec<Aabb> = end.primitives().iter().map(|primitive| swept_box(primitive, &knots)).collect();
         let swept = end.bvh().refitted(&boxes);
         let center = swept.aabb().center();

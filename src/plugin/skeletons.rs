@@ -2,7 +2,11 @@
 
 use std::{collections::HashMap, sync::Arc};
 
-use bevy::{asset::LoadState, ecs::system::SystemParam, prelude::*};
+use bevy::{
+    asset::LoadState,
+    ecs::{entity::EntityHashSet, system::SystemParam},
+    prelude::*,
+};
 
 use super::{
     Detail,
@@ -29,8 +33,8 @@ pub(crate) struct Skeletons<'w, 's> {
     skinned: Query<'w, 's, Skinned>,
     scene: Scene<'w, 's>,
     step: ResMut<'w, MedialStep>,
-    /// The last error of each entity.
-    told: Local<'s, HashMap<Entity, String>>,
+    /// Entities that cannot be placed. This has been logged.
+    told: Local<'s, EntityHashSet>,
 }
 
 /// Assets and entities that determine the poses.
@@ -56,7 +60,7 @@ impl Skeletons<'_, '_> {
     /// Places each shape in the pose of its joints. `frame_of`: the frame for the shape of an entity. `None` for a frame that the shape chooses.
     pub fn pose(&mut self, is_running: impl Fn(Entity) -> bool, frame_of: impl Fn(Entity) -> Option<Pose3>) {
         let Self { commands, skinned, scene, step, told } = self;
-        told.retain(|entity, _| skinned.contains(*entity));
+        told.retain(|entity| skinned.contains(*entity));
         for (name, mesh, pose, detail, nearness) in skinned.iter_mut().filter(|item| is_running(item.0.entity)) {
             let entity = name.entity;
             let known = pose.as_deref().map(|pose| &pose.bound);
@@ -83,10 +87,9 @@ impl Skeletons<'_, '_> {
                 }
                 Err(Unplaced::Waiting) => {}
                 Err(Unplaced::Refused(reason)) => {
-                    if told.get(&entity) != Some(&reason) {
+                    if told.insert(entity) {
                         error!("{name}: {reason}, so it collides with nothing");
                     }
-                    told.insert(entity, reason);
                     commands.entity(entity).try_remove::<SkinPose>();
                 }
             }

@@ -2,6 +2,7 @@
 //!
 //! [`SCENES`] lists them. [`Scene::spawn`] spawns their entities, and [`Monitor`] records each step. [`headless_app`] creates an app without a display.
 
+pub mod characters;
 mod models;
 mod monitor;
 
