@@ -215,7 +215,7 @@ impl<'a> MovingPart<'a> {
     pub fn first_corner(&self) -> Option<f32> {
         let [from, to] = self.times;
         let segments = (self.shape.knots.len() - 1) as f32;
-        // A corner at an end is none, even if the times are rounded.
+        // Times are rounded, so a corner near an end of the motion is at this end.
         let next = (from * segments + CORNER_ROUNDING).floor() + 1.0;
         let corner = next / segments;
         (next + CORNER_ROUNDING < to * segments).then(|| (corner - from) / (to - from))

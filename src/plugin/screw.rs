@@ -23,9 +23,14 @@ impl Screw {
         Self { ends, turn }
     }
 
+    /// Returns the rotation of the motion: axis times angle in radians.
+    pub fn turn(&self) -> Vec3 {
+        self.turn.unwrap_or_default()
+    }
+
     /// Returns the angle of the motion in radians.
     pub fn angle(&self) -> f32 {
-        self.turn.map_or(0.0, Vec3::length)
+        self.turn().length()
     }
 
     /// Returns the pose at a fraction of the motion.

@@ -1,6 +1,9 @@
 //! Poses the skinned shapes by the transforms of their joints.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{
+    collections::HashMap,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 use bevy::{
     asset::LoadState,
@@ -25,6 +28,16 @@ use crate::{
 
 type Skinned =
     (NameOrEntity, &'static SkinnedMedialMesh, Option<&'static mut SkinPose>, Detail, Option<&'static Nearness>);
+
+/// What happened to a shape, apart from moving with its joints.
+enum Event {
+    /// It was placed for the first time.
+    Placed(SkinPose),
+    /// Its joints moved by this distance in metres, for the first time too far to be swept.
+    Jumped(f32),
+    /// It cannot be placed, for this reason.
+    Refused(String),
+}
 
 /// All skinned shapes.
 #[derive(SystemParam)]
@@ -58,35 +71,34 @@ enum Unplaced {
 
 impl Skeletons<'_, '_> {
     /// Places each shape in the pose of its joints. `frame_of`: the frame for the shape of an entity. `None` for a frame that the shape chooses.
-    pub fn pose(&mut self, is_running: impl Fn(Entity) -> bool, frame_of: impl Fn(Entity) -> Option<Pose3>) {
+    pub fn pose(
+        &mut self,
+        is_running: impl Fn(Entity) -> bool + Sync,
+        frame_of: impl Fn(Entity) -> Option<Pose3> + Sync,
+    ) {
         let Self { commands, skinned, scene, step, told } = self;
         told.retain(|entity| skinned.contains(*entity));
-        for (name, mesh, pose, detail, nearness) in skinned.iter_mut().filter(|item| is_running(item.0.entity)) {
+        let events = Mutex::new(Vec::new());
+        skinned.par_iter_mut().for_each(|(name, mesh, mut pose, detail, nearness)| {
             let entity = name.entity;
-            let known = pose.as_deref().map(|pose| &pose.bound);
-            match scene.place(entity, mesh, &detail, known) {
-                Ok((axis, joints, poses)) => {
+            if is_running(entity)
+                && let Some(event) = scene.advance(entity, mesh, &mut pose, &detail, nearness, frame_of(entity))
+            {
+                events.lock().unwrap_or_else(PoisonError::into_inner).push((entity, name.to_string(), event));
+            }
+        });
+        let mut events = events.into_inner().unwrap_or_else(PoisonError::into_inner);
+        events.sort_by_key(|(entity, ..)| *entity);
+        for (entity, name, event) in events {
+            match event {
+                Event::Placed(pose) => {
                     told.remove(&entity);
-                    match (pose, joints) {
-                        (Some(mut pose), None) => {
-                            let is_far = nearness.is_none_or(Nearness::is_far);
-                            let interval = if is_far { mesh.interval } else { 1 };
-                            let jump = pose.advance(axis, poses, frame_of(entity), interval);
-                            if let Some(metres) = jump {
-                                warn!(
-                                    "{name}: its joints moved by {metres} m in one step, too far to be swept; call SkinPose::teleport where the animation jumps"
-                                );
-                            }
-                        }
-                        (_, Some(joints)) => {
-                            let pose = SkinPose::new(axis, joints, poses, mesh, frame_of(entity));
-                            commands.entity(entity).try_insert(pose);
-                        }
-                        (None, None) => {}
-                    }
+                    commands.entity(entity).try_insert(pose);
                 }
-                Err(Unplaced::Waiting) => {}
-                Err(Unplaced::Refused(reason)) => {
+                Event::Jumped(metres) => warn!(
+                    "{name}: its joints moved by {metres} m in one step, too far to be swept; call SkinPose::teleport where the animation jumps"
+                ),
+                Event::Refused(reason) => {
                     if told.insert(entity) {
                         error!("{name}: {reason}, so it collides with nothing");
                     }
@@ -104,6 +116,29 @@ impl Skeletons<'_, '_> {
 type Placed<'a> = (&'a MedialAxis, Option<Vec<Entity>>, Vec<JointPose>);
 
 impl Scene<'_, '_> {
+    /// Moves a shape with its joints, or places it for the first time.
+    fn advance(
+        &self,
+        entity: Entity,
+        mesh: &SkinnedMedialMesh,
+        pose: &mut Option<Mut<SkinPose>>,
+        detail: &DetailItem,
+        nearness: Option<&Nearness>,
+        frame: Option<Pose3>,
+    ) -> Option<Event> {
+        match (self.place(entity, mesh, detail, pose.as_deref().map(|pose| &pose.bound)), pose) {
+            (Ok((axis, None, poses)), Some(pose)) => {
+                let is_far = nearness.is_none_or(Nearness::is_far);
+                pose.advance(axis, poses, frame, if is_far { mesh.interval } else { 1 }).map(Event::Jumped)
+            }
+            (Ok((axis, joints, poses)), _) => {
+                Some(Event::Placed(SkinPose::new(axis, joints.unwrap_or_default(), poses, mesh, frame)))
+            }
+            (Err(Unplaced::Waiting), _) => None,
+            (Err(Unplaced::Refused(reason)), _) => Some(Event::Refused(reason)),
+        }
+    }
+
     /// Finds the shape of an entity and its joints. `known`: the shape and the joints so far.
     fn place<'a>(
         &'a self,
@@ -116,7 +151,10 @@ impl Scene<'_, '_> {
         let missing = "its medial mesh has no skin; build the mesh with `medial build --skin`";
         let skin = axis.skin().ok_or_else(|| Unplaced::Refused(missing.into()))?;
         let known = known.filter(|known| {
-            let is_same = known.axis.skin().is_some_and(|known| known.joints() == skin.joints());
+            let is_same = known
+                .axis
+                .skin()
+                .is_some_and(|known| Arc::ptr_eq(known.joints(), skin.joints()) || known.joints() == skin.joints());
             is_same && (mesh.joints.is_empty() || *mesh.joints == *known.joints)
         });
         let new = if known.is_none() { Some(self.bind(entity, mesh, skin)?) } else { None };
@@ -221,7 +259,7 @@ impl SkinPose {
         let spheres = posed(axis, &poses);
         let frame = frame.unwrap_or_else(|| frame_around(&spheres));
         let shape = Arc::new(Deforming::new(axis, vec![seen_from(&frame, spheres)]));
-        Self { bound, regions, poses, shape, frame, age: 0, teleports: false, has_jumped: false }
+        Self { bound, regions, before: poses.clone(), poses, shape, frame, age: 0, teleports: false, has_jumped: false }
     }
 
     /// Moves the shape to the pose of its joints. Returns the displacement in metres if it is too long to be swept, for the first time.
@@ -235,20 +273,21 @@ impl SkinPose {
         interval: u32,
     ) -> Option<f32> {
         self.age += 1;
-        let (before, teleports) = (self.poses.clone(), std::mem::take(&mut self.teleports));
+        let teleports = std::mem::take(&mut self.teleports);
+        self.before.clone_from(&self.poses);
         if self.age >= interval || teleports {
             (self.age, self.poses) = (0, poses);
         }
-        let rests = self.poses == before
+        let rests = self.poses == self.before
             && axis.address() == self.bound.axis.address()
             && frame.is_none_or(|frame| frame == self.frame);
         if rests && self.shape.path() == 0.0 {
             return None;
         }
-        let [start, end] = [&before, &self.poses].map(|poses| posed(axis, poses));
+        let [start, end] = [&self.before, &self.poses].map(|poses| posed(axis, poses));
         let displacement = std::iter::zip(&start, &end).map(|(a, b)| a.center.distance(b.center)).fold(0.0, f32::max);
         let jumps = displacement > TELEPORT * self.shape.axis().bounding_sphere().radius;
-        let mut knots = if jumps || teleports { Vec::new() } else { between(axis, &before, &self.poses) };
+        let mut knots = if jumps || teleports { Vec::new() } else { between(axis, &self.before, &self.poses) };
         self.frame = frame.unwrap_or_else(|| if rests { self.frame } else { frame_around(&end) });
         if !jumps && !teleports {
             knots.insert(0, start);
@@ -257,7 +296,9 @@ impl SkinPose {
         let knots = knots.into_iter().map(|knot| seen_from(&self.frame, knot)).collect();
         self.shape = Arc::new(Deforming::new(axis, knots));
         self.bound.axis = axis.clone();
-        (jumps && !std::mem::replace(&mut self.has_jumped, jumps)).then_some(displacement)
+        let is_new = jumps && !teleports && !self.has_jumped;
+        self.has_jumped |= is_new;
+        is_new.then_some(displacement)
     }
 }
 

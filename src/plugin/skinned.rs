@@ -2,6 +2,8 @@ use std::{collections::HashMap, sync::Arc};
 
 use bevy::prelude::*;
 
+#[cfg(feature = "rapier")]
+use super::screw::Screw;
 use crate::{
     geometry::Pose3,
     medial_axis::{JointPose, MedialAxis},
@@ -77,7 +79,8 @@ pub struct SkinHit {
 pub struct SkinPose {
     pub(super) bound: Bound,
     pub(super) regions: Vec<Option<String>>,
-    /// Motion of the joints from the bind pose to their place in the world, at the last update.
+    /// Motion of the joints from the bind pose to their place in the world, before the last step and after it.
+    pub(super) before: Vec<JointPose>,
     pub(super) poses: Vec<JointPose>,
     pub(super) shape: Arc<Deforming>,
     pub(super) frame: Pose3,
@@ -131,6 +134,20 @@ impl SkinPose {
     /// of the point as a fraction of the last step.
     pub fn joint_at(&self, primitive: u32, point: Vec3, fraction: f32) -> Option<Entity> {
         self.bound.joint_at(&self.shape, primitive, self.frame.inverse_transform_point(point), fraction)
+    }
+
+    /// Returns the level of detail in the bind pose.
+    #[cfg(feature = "rapier")]
+    pub(crate) fn axis(&self) -> &MedialAxis {
+        &self.bound.axis
+    }
+
+    /// Returns the displacement of a point in the last step if it has moved with a joint, and the rotation of the joint in radians. `point`: in the world.
+    #[cfg(feature = "rapier")]
+    pub(crate) fn moved_with(&self, joint: usize, point: Vec3) -> [Vec3; 2] {
+        let [before, now] = [self.before[joint], self.poses[joint]];
+        let start = (before.transform * now.transform.inverse()).transform_point3(point);
+        [if start.is_finite() { point - start } else { Vec3::ZERO }, Screw::new([before, now]).turn()]
     }
 
     /// Returns the hit region of a joint.

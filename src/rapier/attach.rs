@@ -21,7 +21,7 @@ use crate::{
     constants::SCALE_ROUNDING,
     medial_axis::MedialAxis,
     pipeline::Shape,
-    plugin::{Detail, MedialLevel, MedialMesh, StaticObb, is_uniform},
+    plugin::{Detail, MedialLevel, MedialMesh, SkinnedMedialMesh, StaticObb, is_uniform},
 };
 
 /// The shape and scale from which the collider of an entity was made. Present as well if no collider could be made.
@@ -232,7 +232,7 @@ pub(super) fn follow_bodies(
     bodies: Query<Option<&RapierRigidBodyHandle>, With<RigidBody>>,
     shapes: Query<
         (&RapierColliderHandle, &RapierContextEntityLink),
-        (With<Collider>, Or<(With<MedialMesh>, With<StaticObb>)>),
+        (With<Collider>, Or<(With<MedialMesh>, With<SkinnedMedialMesh>, With<StaticObb>)>),
     >,
     contexts: Query<&RapierContextColliders>,
 ) {

@@ -2,7 +2,8 @@
 //!
 //! Rapier has one velocity per rigid body, but the surface of a skinned shape moves differently at each point. So rapier solves its contacts as if the
 //! surface were at rest in the frame of its collider. After the step, a body in touch with a surface that moves faster towards it gets the impulse that
-//! gives the point of contact the velocity of the surface along the normal. The impact is inelastic, and friction is that of a surface at rest.
+//! gives the point of contact the velocity of the surface along the normal, and half of the velocity that would end an overlap in a step. The impact is
+//! inelastic, and friction is that of a surface at rest.
 
 use bevy::prelude::*;
 use bevy_rapier3d::rapier::dynamics::RigidBody;
@@ -15,34 +16,46 @@ use crate::{
 };
 
 /// Gives bodies the velocity of the skinned surfaces that push them.
-pub(super) fn carry(step: Res<MedialStep>, mut contexts: Query<Context>) {
-    for pair in step.output.pairs.iter().filter(|pair| pushes(&step, pair)) {
+pub(super) fn carry(step: &MedialStep, contexts: &mut Query<Context>) {
+    for pair in step.output.pairs.iter().filter(|pair| pushes(step, pair)) {
         let Ok(context) = contexts.get_mut(step.context(pair.first)) else { continue };
         let bodies = context.bodies.into_inner();
         let collider = context.colliders.colliders.get(step.info(pair.first).collider);
         let Some(parent) = collider.and_then(|collider| collider.parent()) else { continue };
         let Some(body) = bodies.bodies.get_mut(parent) else { continue };
-        for (point, normal, surface) in touches(&step, pair) {
-            push(body, point, normal, surface.dot(normal));
+        for Touch { point, normal, surface, depth } in touches(step, pair) {
+            push(body, point, normal, surface.dot(normal) - 0.5 * depth / step.dt);
         }
     }
 }
 
-/// Returns the touches of a pair: points and normals, and the velocities of the surface there, at the end of the step in the world. A body that has an impact is
-/// pushed along, so it may end the step just off the surface.
-fn touches<'a>(step: &'a MedialStep, pair: &'a Pair) -> impl Iterator<Item = (Vec3, Vec3, Vec3)> + use<'a> {
+/// A touch of a body and a surface in motion, at the end of the step in the world.
+struct Touch {
+    point: Vec3,
+    /// From the body to the surface.
+    normal: Vec3,
+    /// Velocity of the surface in metres per second.
+    surface: Vec3,
+    /// Depth of the overlap beyond the one that the solver leaves, in metres.
+    depth: f32,
+}
+
+/// Returns the touches of a pair. A body that has an impact is pushed along, so it may end the step just off the surface.
+fn touches<'a>(step: &'a MedialStep, pair: &'a Pair) -> impl Iterator<Item = Touch> + use<'a> {
     let pose = step.final_pose(pair.first);
     let impact = pair.impact.map(|Impact { fraction, point, normal, primitive2, .. }| {
         let then = step.input.bodies[pair.first.body()? as usize].sweep.pose_at(fraction);
         let surface = step.velocity_at(pair.second, primitive2, point, fraction);
-        Some((pose.transform_point(then.inverse_transform_point(point)), normal, surface))
+        Some(Touch { point: pose.transform_point(then.inverse_transform_point(point)), normal, surface, depth: 0.0 })
     });
     let touch = LINEAR_SLOP * step.input.length_unit;
     let contacts = step.output.manifolds[pair.manifolds.clone()].iter().filter_map(move |manifold| {
         let deepest = manifold.contacts().iter().min_by(|a, b| a.distance.total_cmp(&b.distance))?;
-        let &Contact { point1, normal1, primitive2, .. } = Some(deepest).filter(|contact| contact.distance <= touch)?;
+        let &Contact { point1, normal1, primitive2, distance, .. } =
+            Some(deepest).filter(|contact| contact.distance <= touch)?;
         let point = pose.transform_point(point1);
-        Some((point, pose.rotation * normal1, step.velocity_at(pair.second, primitive2, point, 1.0)))
+        let surface = step.velocity_at(pair.second, primitive2, point, 1.0);
+        Some(Touch { point, normal: pose.rotation * normal1, surface, depth: (-distance - touch).max(0.0) })
     });
     impact.flatten().into_iter().chain(contacts)
 }

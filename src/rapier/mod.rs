@@ -55,6 +55,7 @@ mod points;
 mod primitive;
 mod quarantine;
 pub mod query;
+mod ragdoll;
 mod rays;
 mod shape;
 mod shape_cast;
@@ -76,12 +77,13 @@ use bevy_rapier3d::{
     rapier::geometry::NarrowPhase,
 };
 
-use crate::plugin::{MedialMesh, MedialStep, MedialSystems, SkinPose, SkinnedMedialMesh, StaticObb};
+use crate::plugin::{MedialMesh, MedialStep, MedialSystems, SkinnedMedialMesh, StaticObb};
 
 pub use dispatcher::MedialDispatcher;
 pub(crate) use interpolation::fix_steps;
 pub use owed::OwedTime;
 pub use query::MedialQueries;
+pub use ragdoll::MedialRagdoll;
 pub use shape::MedialShape;
 pub use table::ContactTable;
 
@@ -140,15 +142,9 @@ where
         quarantine::release,
         (quarantine::isolate, snapshot::snapshot).chain().run_if(is_needed),
     );
-    let stop = (
-        detect::detect::<Hooks>,
-        carry::carry.run_if(any_with_component::<SkinPose>),
-        substeps::refine,
-        interpolation::show_stops,
-    )
-        .chain()
-        .run_if(snapshot::has_stepped);
-    let pose = (skinned::follow_joints, skinned::replace_shapes)
+    let stop =
+        (detect::detect::<Hooks>, substeps::refine, interpolation::show_stops).chain().run_if(snapshot::has_stepped);
+    let pose = (skinned::follow_joints, skinned::replace_shapes, skinned::check_bodies)
         .chain()
         .run_if(any_with_component::<SkinnedMedialMesh>.and_then(snapshot::has_stepped));
     let detect = (quarantine::isolate_results, pose, stop).chain().run_if(is_needed);

@@ -1,7 +1,7 @@
 //! Colliders of skinned shapes. The shape of such a collider is replaced after each step of rapier. So rapier solves contacts with the pose at the start of
 //! the step, as for a body, and the step sweeps the shape to the next pose.
 
-use bevy::prelude::*;
+use bevy::{ecs::entity::EntityHashSet, prelude::*};
 use bevy_rapier3d::{
     parry::shape::SharedShape,
     plugin::context::{RapierContextColliders, RapierContextEntityLink, RapierContextSimulation, RapierRigidBodySet},
@@ -68,6 +68,25 @@ pub(super) fn replace_shapes(
             }
             let RapierContextSimulation { broad_phase, integration_parameters, .. } = &mut *simulation;
             broad_phase.set_aabb(integration_parameters, handle.0, aabb);
+        }
+    }
+}
+
+/// Logs once that a skinned shape has a dynamic body.
+pub(super) fn check_bodies(
+    poses: Query<(NameOrEntity, &RapierColliderHandle, &RapierContextEntityLink), With<SkinPose>>,
+    contexts: Query<(&RapierRigidBodySet, &RapierContextColliders)>,
+    mut told: Local<EntityHashSet>,
+) {
+    told.retain(|entity| poses.contains(*entity));
+    for (name, handle, link) in &poses {
+        let Ok((bodies, colliders)) = contexts.get(link.0) else { continue };
+        let parent = colliders.colliders.get(handle.0).and_then(RapierCollider::parent);
+        let is_dynamic = parent.and_then(|parent| bodies.bodies.get(parent)).is_some_and(|body| body.is_dynamic());
+        if is_dynamic && told.insert(name.entity) {
+            error!(
+                "{name}: its joints place it, but its RigidBody is dynamic; make it RigidBody::KinematicPositionBased, or remove it"
+            );
         }
     }
 }
