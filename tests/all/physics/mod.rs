@@ -33,6 +33,8 @@ mod scaled;
 mod scenes;
 mod seams;
 mod settling;
+pub mod skeletons;
+pub mod skinned;
 mod solver;
 mod spins;
 mod statics;
