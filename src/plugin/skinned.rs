@@ -5,10 +5,10 @@ use bevy::prelude::*;
 #[cfg(feature = "rapier")]
 use super::screw::Screw;
 use crate::{
-    geometry::Pose3,
+    geometry::{Aabb, Pose3, Sphere},
     medial_axis::{JointPose, MedialAxis},
     pipeline::{Deforming, with_spheres},
-    query::ray_cast,
+    query::{ray_cast, separation},
 };
 
 /// Makes an entity collide with a medial mesh that follows the joints of a skeleton, such as those of an animated character.
@@ -140,6 +140,23 @@ impl SkinPose {
     #[cfg(feature = "rapier")]
     pub(crate) fn axis(&self) -> &MedialAxis {
         &self.bound.axis
+    }
+
+    /// Returns the joint with the largest weight at the point of the surface that is nearest to a point in the world, in the current pose. Use it for results
+    /// without a primitive, such as those of shape casts.
+    pub fn joint_near(&self, point: Vec3) -> Option<Entity> {
+        let local = self.frame.inverse_transform_point(point);
+        let to_point = |primitive| {
+            let hull = self.shape.hull_at(primitive, 1.0);
+            with_spheres!(&hull, |spheres| separation(spheres, &[Sphere::new(local, 0.0)], 0).distance)
+        };
+        // A box around the point may hold a primitive that contains the point more deeply than any other.
+        let bound = |aabb: &Aabb| match aabb.distance(local) {
+            0.0 => f32::NEG_INFINITY,
+            distance => distance,
+        };
+        let (primitive, _) = self.shape.axis().bvh().least(bound, to_point)?;
+        self.joint_at(primitive, point, 1.0)
     }
 
     /// Returns the displacement of a point in the last step if it has moved with a joint, and the rotation of the joint in radians. `point`: in the world.

@@ -1,14 +1,67 @@
-//! Skeletons: bad input, jumps, lower rates, equal bits, ragdolls.
+//! Skinned shapes: rays, bad skeletons, jumps, lower rates, equal bits, ragdolls.
 
 use bevy::{
+    ecs::system::RunSystemOnce,
     prelude::*,
     tasks::{TaskPool, TaskPoolBuilder},
 };
-use bevy_medial::{medial_axis::MedialAxis, pipeline::step, prelude::*, rapier::MedialRagdoll};
+use bevy_medial::{
+    geometry::Sphere, medial_axis::MedialAxis, pipeline::step, prelude::*, query::ray_cast, rapier::MedialRagdoll,
+};
 use bevy_rapier3d::prelude::*;
 
 use super::skinned::{LENGTH, Puppet, Shot, cpu_app, volley};
 use crate::{common::*, log};
+
+fn cast(app: &mut App, origin: Vec3, direction: Vec3) -> Option<(Entity, f32)> {
+    let ask = move |rapier: ReadRapierContext| {
+        let filter = QueryFilter::default();
+        rapier.single().unwrap().with_medial_queries(filter, |queries| queries.cast_ray(origin, direction, 9.0, true))
+    };
+    app.world_mut().run_system_once(ask).unwrap()
+}
+
+#[test]
+fn rays_hit_the_pose_of_the_frame() {
+    let mut random = Random(52);
+    let mut app = cpu_app();
+    let mut tentacle = Puppet::tentacle(&mut app);
+    let (mut hits, mut before, mut same_joints) = (0, 0, 0);
+    for _ in 0..30 {
+        tentacle.step(&mut app);
+        if tentacle.steps < 4 {
+            continue;
+        }
+        for _ in 0..20 {
+            let target = tentacle.spheres_at(tentacle.time())[random.below(7)].center + random.in_ball() * 0.15;
+            let direction = random.direction().as_vec3();
+            let origin = target - direction * 3.0;
+            let spheres = tentacle.spheres_at(tentacle.time());
+            let nearest = |spheres: &[Sphere]| {
+                let cones = tentacle.axis.primitives().iter().map(|p| p.indices());
+                let cones = cones.map(|i| [spheres[i[0] as usize], spheres[i[1] as usize]]);
+                let hits = cones.filter_map(|cone| ray_cast(&cone, origin, direction, 9.0));
+                hits.map(|hit| hit.time).fold(f32::INFINITY, f32::min)
+            };
+            let expected = nearest(&spheres);
+            let found = cast(&mut app, origin, direction);
+            assert_eq!(found.is_some(), expected.is_finite());
+            let Some((entity, time)) = found else { continue };
+            assert!(entity == tentacle.entity && (time - expected).abs() < 1e-4, "{time} instead of {expected}");
+            let hit = tentacle.pose(&app).cast_ray(origin, direction, 9.0, 1.0).unwrap();
+            assert!((hit.time - expected).abs() < 1e-4 && tentacle.joints.contains(&hit.joint));
+            let near = tentacle.pose(&app).joint_near(origin + direction * (time - 0.01));
+            same_joints += usize::from(near == Some(hit.joint));
+            hits += 1;
+            // At the start of the step, the shape had the pose of the frame before.
+            let earlier = nearest(&tentacle.spheres_at(tentacle.time() - DT));
+            let hit = tentacle.pose(&app).cast_ray(origin, direction, 9.0, 0.0);
+            assert!(hit.map_or(f32::INFINITY, |hit| hit.time) == earlier || (hit.unwrap().time - earlier).abs() < 1e-4);
+            before += usize::from((earlier - expected).abs() > 1e-3);
+        }
+    }
+    assert!(hits > 150 && before > 50 && same_joints * 100 > 95 * hits, "{hits} {before} {same_joints}");
+}
 
 /// Spawns a tentacle with another setting and runs some steps. Returns whether it has a shape then.
 fn is_posed(change: impl FnOnce(&mut App, &mut Puppet)) -> bool {
@@ -89,7 +142,7 @@ fn a_jump_is_not_swept_and_a_requested_one_is_not_told_of() {
         let tentacle = Puppet::tentacle(&mut app);
         app.world_mut().entity_mut(tentacle.entity).insert(Name::new(name));
         (0..3).for_each(|_| app.update());
-        // Two balls: one on the way of the jump, one on the way of the walk after it.
+        // One ball lies on the path of the jump, another one on the path after it.
         let ball = |app: &mut App, x: f32| {
             spawn_flying(app, MedialAxis::sphere(0.1).unwrap(), Transform::from_xyz(x, 0.0, 0.0), Velocity::zero())
         };

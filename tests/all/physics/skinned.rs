@@ -1,13 +1,13 @@
 //! Skinned shapes: a waving tentacle and a running biped, and the bodies and rays that hit them.
 
-use bevy::{ecs::system::RunSystemOnce, math::Affine3A, prelude::*};
+use bevy::{math::Affine3A, prelude::*};
 use bevy_medial::{
     builder::{FitOptions, fit_skinned},
     geometry::{Primitive, Sphere},
     medial_axis::{JointWeights, MedialAxis, Skin, SkinJoint},
     pipeline::Hull,
     prelude::*,
-    query::{ray_cast, separation},
+    query::separation,
     scenes::{Bullet, characters::Character},
 };
 use bevy_rapier3d::prelude::*;
@@ -321,54 +321,6 @@ fn shots_hit_a_running_biped_as_in_fine_steps() {
     (0..4).for_each(|_| biped.step(&mut app));
     (0..4).for_each(|_| score.shoot(&mut app, &mut biped, &mut random));
     score.check(40);
-}
-
-fn cast(app: &mut App, origin: Vec3, direction: Vec3) -> Option<(Entity, f32)> {
-    let ask = move |rapier: ReadRapierContext| {
-        let filter = QueryFilter::default();
-        rapier.single().unwrap().with_medial_queries(filter, |queries| queries.cast_ray(origin, direction, 9.0, true))
-    };
-    app.world_mut().run_system_once(ask).unwrap()
-}
-
-#[test]
-fn rays_hit_the_pose_of_the_frame() {
-    let mut random = Random(52);
-    let mut app = cpu_app();
-    let mut tentacle = Puppet::tentacle(&mut app);
-    let (mut hits, mut before) = (0, 0);
-    for _ in 0..30 {
-        tentacle.step(&mut app);
-        if tentacle.steps < 4 {
-            continue;
-        }
-        for _ in 0..20 {
-            let target = tentacle.spheres_at(tentacle.time())[random.below(7)].center + random.in_ball() * 0.15;
-            let direction = random.direction().as_vec3();
-            let origin = target - direction * 3.0;
-            let spheres = tentacle.spheres_at(tentacle.time());
-            let nearest = |spheres: &[Sphere]| {
-                let cones = tentacle.axis.primitives().iter().map(|p| p.indices());
-                let cones = cones.map(|i| [spheres[i[0] as usize], spheres[i[1] as usize]]);
-                let hits = cones.filter_map(|cone| ray_cast(&cone, origin, direction, 9.0));
-                hits.map(|hit| hit.time).fold(f32::INFINITY, f32::min)
-            };
-            let expected = nearest(&spheres);
-            let found = cast(&mut app, origin, direction);
-            assert_eq!(found.is_some(), expected.is_finite());
-            let Some((entity, time)) = found else { continue };
-            assert!(entity == tentacle.entity && (time - expected).abs() < 1e-4, "{time} instead of {expected}");
-            let hit = tentacle.pose(&app).cast_ray(origin, direction, 9.0, 1.0).unwrap();
-            assert!((hit.time - expected).abs() < 1e-4 && tentacle.joints.contains(&hit.joint));
-            hits += 1;
-            // At the start of the step, the shape had the pose of the frame before.
-            let earlier = nearest(&tentacle.spheres_at(tentacle.time() - DT));
-            let hit = tentacle.pose(&app).cast_ray(origin, direction, 9.0, 0.0);
-            assert!(hit.map_or(f32::INFINITY, |hit| hit.time) == earlier || (hit.unwrap().time - earlier).abs() < 1e-4);
-            before += usize::from((earlier - expected).abs() > 1e-3);
-        }
-    }
-    assert!(hits > 150 && before > 50, "{hits} {before}");
 }
 
 #[test]
