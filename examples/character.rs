@@ -12,7 +12,9 @@ use std::{error::Error, ops::ControlFlow, path::PathBuf, time::Duration};
 use bevy::{
     asset::RenderAssetUsages,
     camera::RenderTarget,
+    diagnostic::DiagnosticsPlugin,
     light::GlobalAmbientLight,
+    log::LogPlugin,
     math::Affine3A,
     mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes},
     prelude::*,
@@ -100,7 +102,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let frames = options.frames.unwrap_or(120);
     let Some(file) = options.screenshot else {
         let mut app = App::new();
-        app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, bevy::diagnostic::DiagnosticsPlugin));
+        let log = LogPlugin { filter: "warn".into(), ..default() };
+        app.add_plugins((MinimalPlugins, log, AssetPlugin::default(), TransformPlugin, DiagnosticsPlugin));
         simulate(&mut app, cast);
         app.finish();
         app.cleanup();
@@ -158,7 +161,8 @@ fn spawn_character(mut commands: Commands, cast: Res<Cast>, mut axes: ResMut<Ass
     for (index, joint) in cast.character.joints.iter().enumerate() {
         let parent = joint.parent.map_or(root, |parent| joints[parent]);
         let name = Name::new(joint.name.clone());
-        joints.push(commands.spawn((name, Joint(index), Visibility::default(), ChildOf(parent))).id());
+        let place = (Transform::default(), Visibility::default(), ChildOf(parent));
+        joints.push(commands.spawn((name, Joint(index), place)).id());
     }
     commands.spawn((StaticObb::new(6.0, 0.5, 6.0), Transform::from_xyz(0.0, -0.55, 0.0)));
 }

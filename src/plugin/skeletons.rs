@@ -29,7 +29,7 @@ use crate::{
 type Skinned =
     (NameOrEntity, &'static SkinnedMedialMesh, Option<&'static mut SkinPose>, Detail, Option<&'static Nearness>);
 
-/// What happened to a shape, apart from moving with its joints.
+/// Events of a shape, other than moving with its joints.
 enum Event {
     /// It was placed for the first time.
     Placed(SkinPose),
