@@ -32,7 +32,11 @@ fn draw() -> Result<(), String> {
     accuracy.extend(figures::batches(&table("docs/speed_accuracy/batches.csv")?));
     write_all(&out.join("speed_accuracy"), accuracy)?;
     write_all(&out.join("paper"), figures::paper(&table("docs/paper/frames.csv")?))?;
-    write_all(&out.join("images"), vec![figures::stability(&table("benches/results/stability.csv")?)])
+    let own = vec![
+        figures::stability(&table("benches/results/stability.csv")?),
+        figures::animated(&table("benches/results/animated.csv")?),
+    ];
+    write_all(&out.join("images"), own)
 }
 
 fn write_all(folder: &Path, figures: Vec<Figure>) -> Result<(), String> {

@@ -15,8 +15,8 @@ use bevy_medial::{
     scenes::characters::Character,
 };
 use bevy_medial_compare::{
-    charts::{Curve, over_frames},
-    outcome, tables,
+    figures, outcome,
+    tables::{self, Table},
 };
 use clap::Parser;
 use glam::Affine3A;
@@ -85,8 +85,10 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
         );
     }
     if let Some(folder) = &args.out {
-        tables::write(&folder.join("animated.csv"), &tables::csv(&rows))?;
-        tables::write(&folder.join("animated.svg"), &chart(&rows)?)?;
+        let table = tables::csv(&rows);
+        tables::write(&folder.join("animated.csv"), &table)?;
+        let (name, chart) = figures::animated(&Table::new(&table));
+        tables::write(&folder.join(name + ".svg"), &chart)?;
     }
     Ok(())
 }
@@ -99,20 +101,4 @@ fn error(mesh: &SkinnedTriangleMesh, axis: &MedialAxis, joints: &[Affine3A]) -> 
         measure_without_folds(&mesh.posed(&poses), &axis.posed(&poses)?);
     let millimetres = |percent: f32| percent / 100.0 * diagonal * 1000.0;
     Ok((millimetres(to.max.max(from.max)), millimetres(to.mean.max(from.mean))))
-}
-
-/// Curves over the frames of the clip. The dashes are the errors in the bind pose.
-fn chart(rows: &[Row]) -> Result<String, Box<dyn Error>> {
-    let curve = |name, character: &str, value: fn(&Row) -> f32| {
-        let own = rows.iter().filter(|row| row.character == character);
-        let points = own.clone().filter(|row| row.frame > 0).map(|row| (f64::from(row.frame), f64::from(value(row))));
-        Curve { name, points: points.collect(), level: own.clone().next().map(|bind| f64::from(value(bind))) }
-    };
-    let curves = [
-        curve("biped, max", "biped", |row| row.max),
-        curve("biped, mean", "biped", |row| row.mean),
-        curve("spider, max", "spider", |row| row.max),
-        curve("spider, mean", "spider", |row| row.mean),
-    ];
-    over_frames("Error of posed medial meshes", "mm; dashes: bind pose", &curves)
 }

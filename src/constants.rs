@@ -180,6 +180,18 @@ pub const MAX_SUBSTEPS: usize = 1000;
 /// powers, which are finite up to this limit.
 pub const MAX_MAGNITUDE: f32 = 1.0e9;
 
+/// Largest rotation of a joint between two poses that spheres reach on lines, in radians. Between the poses of longer rotations the joint is posed in between.
+/// With a larger value, limbs cut corners within a step; with a smaller one, fast animations cost more time. Lines stray from the arc of a sphere by less than
+/// a hundredth of its distance from the axis.
+pub const MAX_JOINT_TURN: f32 = 0.25;
+
+/// Largest number of lines of a sphere within a step.
+pub const MAX_SEGMENTS: usize = 16;
+
+/// Largest displacement of a sphere of a skinned shape within a step that is swept, in bounding radii of the shape. A longer displacement is a jump, such as
+/// one to another place of the level.
+pub const TELEPORT: f32 = 2.0;
+
 /// Relative rounding error of scales that went through a rotation.
 pub const SCALE_ROUNDING: f32 = 1.0e-4;
 

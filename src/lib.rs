@@ -26,7 +26,7 @@
 //!
 //! | | stage | file | from | to |
 //! |---|---|---|---|---|
-//! | 1 | snapshot | `rapier/gather.rs` | rapier's poses before and after its step | [`StepInput`](pipeline::StepInput) |
+//! | 1 | snapshot | `rapier/gather.rs`, `plugin/skeletons.rs` | rapier's poses before and after its step | [`StepInput`](pipeline::StepInput) |
 //! | 2 | broad | `pipeline/broad/` | swept bounding spheres, BVH of static boxes | body pairs |
 //! | 3 | mid | `pipeline/sweep/mid_phase.rs` | primitive BVH against primitive BVH or box | candidate primitive pairs |
 //! | 4 | narrow | `pipeline/sweep/`, `respond/` | time of impact, distance | impacts, stops, raw contacts |
@@ -134,7 +134,7 @@ pub mod prelude {
         plugin::{
             MedialBackend, MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialContacts,
             MedialFocus, MedialImportance, MedialLevel, MedialMesh, MedialPhysicsPlugin, MedialSettings, MedialStep,
-            MedialSystems, StaticObb, TouchPoint,
+            MedialSystems, SkinPose, SkinnedMedialMesh, StaticObb, TouchPoint,
         },
     };
 }
@@ -154,5 +154,6 @@ mod pages {
         Rapier: "../docs/rapier.md",
         Determinism: "../docs/determinism.md",
         Troubleshooting: "../docs/troubleshooting.md",
+        Animated: "../docs/animated.md",
     }
 }

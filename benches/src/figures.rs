@@ -153,6 +153,28 @@ pub fn paper(table: &Table) -> Vec<Figure> {
     scenes.map(chart).collect()
 }
 
+/// Errors of posed medial meshes over the frames of a gait: `animated.csv`. Its first frame is the bind pose.
+pub fn animated(table: &Table) -> Figure {
+    let of = |name, character: &str, column| {
+        let mut all = curve(table, name, &[("character", character)], ["frame", column]);
+        let level = all.points.first().map(|point| point[1]);
+        Curve { points: all.points.split_off(1.min(all.points.len())), level, ..all }
+    };
+    let chart = Chart {
+        title: "Error of posed medial meshes",
+        note: "dashes: bind pose",
+        x: Axis { label: "frame", less_is_better: false, is_logarithmic: false },
+        y: Axis { label: "mm", less_is_better: true, is_logarithmic: false },
+        curves: vec![
+            of("biped, max", "biped", "max"),
+            of("biped, mean", "biped", "mean"),
+            of("spider, max", "spider", "max"),
+            of("spider, mean", "spider", "mean"),
+        ],
+    };
+    ("animated".into(), chart.svg())
+}
+
 /// Seeds that each method passes: `stability.csv`.
 pub fn stability(table: &Table) -> Figure {
     let mut rows: Vec<(&str, [usize; 2])> = Vec::new();

@@ -71,6 +71,13 @@ impl Bvh {
         }
     }
 
+    /// The same tree over other boxes of the same items. It is built again if they are too far from their neighbours.
+    pub(crate) fn refitted(&self, boxes: &[Aabb]) -> Self {
+        let mut bvh = self.clone();
+        bvh.update(boxes, &mut Vec::new());
+        bvh
+    }
+
     fn rebuild(&mut self, boxes: &[Aabb], items: &mut Vec<Item>) {
         items.clear();
         items.extend((0..).zip(boxes).map(|(index, aabb)| Item { center: aabb.center(), index }));

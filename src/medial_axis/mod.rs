@@ -13,6 +13,7 @@ pub mod ma;
 mod mass;
 pub mod packed;
 mod parts;
+mod posed;
 mod shapes;
 mod skin;
 mod surface;

@@ -106,7 +106,8 @@ impl Body {
     /// Returns an upper bound of the path length of any point of the body. A kinematic body pushes other bodies at most that far, in metres.
     pub(super) fn push_reach(&self) -> f32 {
         let radius = self.solid.bounding_sphere().farthest(self.sweep.local_center);
-        self.sweep.reach(radius)
+        // A body in a fold between two primitives is pushed by both in turn.
+        self.sweep.reach(radius) + self.solid.deforming().map_or(0.0, |shape| 2.0 * shape.path())
     }
 
     /// Returns the displacement without its components along locked axes, in metres.

@@ -16,6 +16,7 @@
 
 mod broad;
 pub mod contacts;
+mod deforming;
 mod directions;
 mod input;
 mod joint_islands;
@@ -26,6 +27,7 @@ pub(crate) mod parallel;
 mod parts;
 mod respond;
 mod shape;
+mod shares;
 mod solid;
 mod sweep;
 mod tolerances;
@@ -42,6 +44,7 @@ pub(crate) use broad::{KinematicReach, near_sides};
 use workspace::TaskScratch;
 
 pub use contacts::{CachedPair, Contact, ContactCache, ContactMargin, Displacement, Manifold, OtherShape};
+pub use deforming::Deforming;
 pub use input::{Body, Culling, Groups, PairFilter, Side, StaticBody, Statics, StepInput, relative_pose};
 pub use output::{BoundedPair, Candidates, Counts, Impact, Pair, Primitives, StepOutput, Stop, Times};
 pub use parts::{ConvexParts, Core, Part, Parts};

@@ -37,7 +37,7 @@ pub(super) fn impacts(
     parallel::map(pool, tasks, pairs, 4, impacts, |scratch, i, pair| {
         let known = known.get(i).unwrap_or(&Primitives::Unknown);
         let gap = gap_at_start(input, statics, pair, cache);
-        let mut motions = PairMotion::all(input, statics, pair, |body| input.bodies[body as usize].sweep);
+        let mut motions = PairMotion::all(input, statics, pair, 0.0, |body| input.bodies[body as usize].sweep);
         motions.retain(|motion| motion.path() + motion.reach() >= gap);
         let times = [Some([0.0, 1.0]); 2];
         let question = Question { input, statics, pair, known, times, normal: Vec3::ZERO };

@@ -79,11 +79,7 @@ impl Shape {
     pub fn hull(&self, primitive: u32) -> Hull {
         let spheres = self.axis.spheres();
         let sphere = |i: u32| spheres[i as usize].scaled(self.scale);
-        match self.axis.primitives()[primitive as usize] {
-            Primitive::Sphere(index) => Hull::Sphere(index.map(sphere)),
-            Primitive::Cone(index) => Hull::Cone(index.map(sphere)),
-            Primitive::Slab(index) => Hull::Slab(index.map(sphere)),
-        }
+        Hull::new(self.axis.primitives()[primitive as usize], sphere)
     }
 
     /// Returns the first hit of the ray `origin + time * direction` for times from 0 to `max_time`, and the primitive that is hit. A ray that starts inside
@@ -131,6 +127,15 @@ pub enum Hull {
 }
 
 impl Hull {
+    /// Creates the hull of a primitive.
+    pub(super) fn new(primitive: Primitive, sphere: impl Fn(u32) -> Sphere) -> Self {
+        match primitive {
+            Primitive::Sphere(index) => Hull::Sphere(index.map(sphere)),
+            Primitive::Cone(index) => Hull::Cone(index.map(sphere)),
+            Primitive::Slab(index) => Hull::Slab(index.map(sphere)),
+        }
+    }
+
     /// Transforms the primitive to the frame in which its own frame has the given placement.
     pub fn placed(self, placement: &Placement) -> Self {
         let place = |s: Sphere| Sphere::new(placement.point(s.center), s.radius);

@@ -2,7 +2,7 @@
 
 use std::{fmt, sync::Arc};
 
-use super::{ConvexParts, OtherShape, Shape};
+use super::{ConvexParts, Deforming, OtherShape, Shape};
 use crate::geometry::{Aabb, Sphere};
 
 /// The shape of a body.
@@ -20,6 +20,14 @@ impl Solid {
         match self {
             Solid::Medial(shape) => Some(shape),
             Solid::Parts(_) => None,
+        }
+    }
+
+    /// Returns the motion of the parts within the step, if they move in the body's frame.
+    pub fn deforming(&self) -> Option<&Deforming> {
+        match self {
+            Solid::Medial(_) => None,
+            Solid::Parts(parts) => parts.deforming(),
         }
     }
 

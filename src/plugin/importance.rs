@@ -1,6 +1,6 @@
 use bevy::{ecs::query::QueryData, prelude::*};
 
-use super::{MedialBudget, MedialMesh, StaticObb};
+use super::{MedialBudget, MedialMesh, SkinnedMedialMesh, StaticObb};
 use crate::medial_axis::MedialAxis;
 
 /// Accuracy of an entity's shape relative to others with the same budget: its error may be [`MedialBudget`] divided by this value.
@@ -40,6 +40,13 @@ impl Default for MedialFocus {
 #[derive(Component, Clone, Copy, Debug)]
 pub(crate) struct Nearness(f32);
 
+impl Nearness {
+    /// Returns true for a body that is farther than the distance `near` from every point of interest.
+    pub fn is_far(&self) -> bool {
+        self.0 < 1.0
+    }
+}
+
 /// Smallest ratio between two values of [`Nearness`] that counts as a change.
 const HYSTERESIS: f32 = 1.2;
 
@@ -65,7 +72,10 @@ impl DetailItem<'_, '_> {
 pub(crate) fn look_from_focuses(
     mut commands: Commands,
     focuses: Query<(Entity, &MedialFocus)>,
-    bodies: Query<(Entity, &GlobalTransform, Option<&Nearness>, Has<StaticObb>), With<MedialMesh>>,
+    bodies: Query<
+        (Entity, &GlobalTransform, Option<&Nearness>, Has<StaticObb>),
+        Or<(With<MedialMesh>, With<SkinnedMedialMesh>)>,
+    >,
     hierarchy: TransformHelper,
 ) {
     // The `GlobalTransform` of a new entity has not been propagated yet.

@@ -20,12 +20,18 @@ pub struct TouchPoint {
     /// Index of the touching primitive of the second entity's shape. For a collider that is not medial it is the index of the part, such as a
     /// triangle, or 0 for a single part.
     pub primitive2: u32,
+    /// The joint with the largest weight at the point, if the first entity has a [`SkinnedMedialMesh`](super::SkinnedMedialMesh).
+    pub joint1: Option<Entity>,
+    /// The same for the second entity.
+    pub joint2: Option<Entity>,
 }
 
 impl TouchPoint {
     /// The same touch from the second entity's side.
     pub(crate) fn swapped(self) -> Self {
-        Self { normal: -self.normal, primitive1: self.primitive2, primitive2: self.primitive1, ..self }
+        let Self { primitive1, primitive2, joint1, joint2, .. } = self;
+        let (primitive1, primitive2, joint1, joint2) = (primitive2, primitive1, joint2, joint1);
+        Self { normal: -self.normal, primitive1, primitive2, joint1, joint2, ..self }
     }
 }
 

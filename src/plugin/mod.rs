@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`MedialPhysicsPlugin`] | adds collision, and rapier's plugin unless the app has added it before |
 //! | [`MedialMesh`] | component: shape with which the entity collides |
+//! | [`SkinnedMedialMesh`], [`SkinPose`] | components: shape that follows the joints of a skeleton; its pose in the last step |
 //! | [`StaticObb`] | component: a static box; beside a medial mesh it makes that mesh static |
 //! | [`MedialCcd`] | component: whether a body stops at its first impact |
 //! | [`MedialBudget`], [`MedialLevel`] | components: the error that a shape may have; the level of detail in use |
@@ -41,6 +42,9 @@ mod picking;
 #[cfg(feature = "gpu")]
 mod pipelined;
 mod report;
+mod screw;
+mod skeletons;
+mod skinned;
 mod step;
 #[cfg(any(test, not(feature = "rapier")))]
 mod transforms;
@@ -74,6 +78,8 @@ pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
 #[cfg(feature = "picking")]
 pub use picking::{MedialPickingCamera, MedialPickingPlugin, MedialPickingSettings};
+pub(crate) use skeletons::Skeletons;
+pub use skinned::{SkinHit, SkinPose, SkinnedMedialMesh};
 pub use step::{BodyInfo, MedialBackend, MedialSettings, MedialStep};
 
 /// Collision of medial meshes, in the schedule in which rapier steps.
@@ -191,6 +197,7 @@ impl Plugin for MedialPhysicsPlugin {
     fn build(&self, app: &mut App) {
         init_medial_axis(app);
         app.register_type::<MedialMesh>()
+            .register_type::<SkinnedMedialMesh>()
             .register_type::<StaticObb>()
             .register_type::<MedialCcd>()
             .register_type::<MedialBudget>()
@@ -203,6 +210,7 @@ impl Plugin for MedialPhysicsPlugin {
             .register_type::<MedialContactStarted>()
             .register_type::<MedialContactEnded>()
             .init_resource::<MedialSettings>()
+            .add_observer(skinned::forget_pose)
             .init_resource::<MedialStep>()
             .add_message::<MedialContactStarted>()
             .add_message::<MedialContactEnded>()

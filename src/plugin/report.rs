@@ -81,8 +81,7 @@ pub(super) fn tell_contacts(
 /// Returns the first impact of the pair, or else its deepest contact.
 fn touch_point(step: &MedialStep, pair: &Pair) -> Option<TouchPoint> {
     if let Some(Impact { fraction, point, normal, primitive1, primitive2 }) = pair.impact {
-        let approach_speed = approach_speed(step, pair, point, normal);
-        return Some(TouchPoint { fraction, point, normal, separation: 0.0, approach_speed, primitive1, primitive2 });
+        return Some(touch(step, pair, [fraction, 0.0], [point, normal], [primitive1, primitive2]));
     }
     contact_points(step, pair).min_by(|a, b| a.separation.total_cmp(&b.separation))
 }
@@ -95,13 +94,21 @@ pub(super) fn contact_points(step: &MedialStep, pair: &Pair) -> impl Iterator<It
         let &Contact { normal1, distance: separation, primitive1, primitive2, .. } = contact;
         let point = end.transform_point(contact.point1 + normal1 * (0.5 * separation));
         let normal = end.rotation * normal1;
-        let approach_speed = approach_speed(step, pair, point, normal);
-        TouchPoint { fraction: 1.0, point, normal, separation, approach_speed, primitive1, primitive2 }
+        touch(step, pair, [1.0, separation], [point, normal], [primitive1, primitive2])
     })
 }
 
-/// Returns the approach speed of a pair along a normal at a point, before the step, in metres per second.
-fn approach_speed(step: &MedialStep, pair: &Pair, point: Vec3, normal: Vec3) -> f32 {
-    let [velocity1, velocity2] = [pair.first, pair.second].map(|side| step.info(side).velocity_at(point));
-    (velocity1 - velocity2).dot(normal)
+/// Returns a touch of two primitives at a point with a normal, both in the world.
+fn touch(
+    step: &MedialStep,
+    pair: &Pair,
+    [fraction, separation]: [f32; 2],
+    [point, normal]: [Vec3; 2],
+    [primitive1, primitive2]: [u32; 2],
+) -> TouchPoint {
+    let sides = [(pair.first, primitive1), (pair.second, primitive2)];
+    let [velocity1, velocity2] = sides.map(|(side, primitive)| step.velocity_at(side, primitive, point, fraction));
+    let [joint1, joint2] = sides.map(|(side, primitive)| step.joint_at(side, primitive, point, fraction));
+    let approach_speed = (velocity1 - velocity2).dot(normal);
+    TouchPoint { fraction, point, normal, separation, approach_speed, primitive1, primitive2, joint1, joint2 }
 }

@@ -4,8 +4,9 @@ use std::{mem, time::Duration};
 
 #[cfg(feature = "gpu")]
 use bevy::platform::time::Instant;
-use bevy::{prelude::*, tasks::ComputeTaskPool};
+use bevy::{ecs::entity::EntityHashMap, prelude::*, tasks::ComputeTaskPool};
 
+use super::skinned::Bound;
 #[cfg(feature = "gpu")]
 use super::{gpu::GpuBackend, pipelined::Answer};
 #[cfg(feature = "gpu")]
@@ -147,6 +148,9 @@ pub struct MedialStep {
     /// Entity of each static.
     #[reflect(ignore)]
     pub static_infos: Vec<BodyInfo>,
+    /// Shape and joints of each skinned body.
+    #[reflect(ignore)]
+    pub(super) skins: EntityHashMap<Bound>,
     /// The rapier context of each world.
     #[cfg(feature = "rapier")]
     #[reflect(ignore)]
@@ -203,6 +207,22 @@ impl MedialStep {
             Side::Body(body) => &self.input.bodies[body as usize].solid,
             Side::Static(body) => &self.statics.bodies()[body as usize].solid,
         }
+    }
+
+    /// Returns the velocity of a point of a primitive, in metres per second: the velocity of its body before the step, and of its spheres in the step. `fraction`:
+    /// the time at which the point, in the world, is on the primitive.
+    pub(crate) fn velocity_at(&self, side: Side, primitive: u32, point: Vec3, fraction: f32) -> Vec3 {
+        let of_body = self.info(side).velocity_at(point);
+        let Some(shape) = self.solid(side).deforming().filter(|_| self.dt > 0.0) else { return of_body };
+        let pose = self.final_pose(side);
+        of_body + pose.rotation * shape.displacement(primitive, pose.inverse_transform_point(point), fraction) / self.dt
+    }
+
+    /// Returns the joint of a skinned body with the largest weight at a point of a primitive, in the world.
+    pub(super) fn joint_at(&self, side: Side, primitive: u32, point: Vec3, fraction: f32) -> Option<Entity> {
+        let shape = self.solid(side).deforming()?;
+        let point = self.final_pose(side).inverse_transform_point(point);
+        self.skins.get(&self.info(side).entity)?.joint_at(shape, primitive, point, fraction)
     }
 
     /// Returns the rapier context of a side of a pair.

@@ -13,13 +13,13 @@ use bevy::{
 
 use super::{
     BodyInfo, Detail, DetailItem, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep, MedialSystems,
-    StaticObb, is_bounded, is_sound_pose, is_uniform,
+    Skeletons, SkinPose, StaticObb, is_bounded, is_sound_pose, is_uniform,
 };
 use crate::{
     constants::DEFAULT_PREDICTION,
     geometry::{Obb, Pose3, Sweep},
     medial_axis::MedialAxis,
-    pipeline::{Body, PairFilter, Shape, StaticBody, Statics},
+    pipeline::{Body, PairFilter, Shape, Solid, StaticBody, Statics},
 };
 
 pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
@@ -27,7 +27,7 @@ pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) 
         schedule,
         (MedialSystems::Detect, MedialSystems::Report).chain().after(TransformSystems::Propagate),
     )
-    .add_systems(schedule, (gather_statics, detect).chain().in_set(MedialSystems::Detect))
+    .add_systems(schedule, (pose_skins, gather_statics, detect).chain().in_set(MedialSystems::Detect))
     .add_observer(forget_level);
     // In other schedules, transforms have not been propagated yet.
     if schedule != PostUpdate.intern() {
@@ -168,6 +168,11 @@ fn gather_statics(
     *known = found;
 }
 
+/// Poses all skinned shapes by their joints.
+fn pose_skins(mut skeletons: Skeletons) {
+    skeletons.pose(|_| true, |_| None);
+}
+
 fn detect(
     mut commands: Commands,
     mut step: ResMut<MedialStep>,
@@ -175,6 +180,7 @@ fn detect(
     time: Res<Time>,
     axes: Res<Assets<MedialAxis>>,
     bodies: Query<(NameOrEntity, &MedialMesh, Told, &GlobalTransform, Option<&MedialCcd>), Without<StaticObb>>,
+    skins: Query<(Entity, &SkinPose, Option<&MedialCcd>)>,
     mut poses: Local<HashMap<Entity, Pose3>>,
     mut refused: Local<Refused>,
 ) {
@@ -204,6 +210,12 @@ fn detect(
         });
         let passes = ccd.is_some_and(|ccd| !ccd.enabled);
         step.input.bodies.push(Body { stops: false, passes, ..Body::new(shape, sweep) });
+    }
+    for (entity, pose, ccd) in skins.iter().sort::<Entity>() {
+        step.infos.push(BodyInfo { body: Some(entity), ..BodyInfo::at_rest(entity) });
+        let passes = ccd.is_some_and(|ccd| !ccd.enabled);
+        let solid = Solid::Parts(pose.shape().clone());
+        step.input.bodies.push(Body { stops: false, passes, ..Body::new(solid, Sweep::at_rest(pose.frame())) });
     }
     step.run(|_, _, _| PairFilter::Stopping);
 }

@@ -63,6 +63,11 @@ impl Chord {
         self.deviation
     }
 
+    /// The same motion of bodies whose points also move by up to `path` metres within the second body.
+    pub fn with_inner_path(self, path: f32) -> Self {
+        Self { path: self.path + path, ..self }
+    }
+
     /// The motion of two primitives, with the first enlarged by the deviation.
     #[inline]
     fn along<const N: usize, B: Rigid>(&self, first: &[Sphere; N], second: &B) -> (Moving<N>, B::Moving) {
@@ -73,13 +78,19 @@ impl Chord {
     }
 }
 
-/// The second side of a rigid pair.
+/// The second side of a pair: a rigid shape, or spheres that move on lines within their body.
 pub trait Rigid {
     /// The shape in linear motion.
     type Moving: MovingConvex;
 
     /// The shape in linear motion from one placement to the next.
     fn along(&self, chord: [&Placement; 2]) -> Self::Moving;
+
+    /// The shape at rest at the end of the motion.
+    #[inline]
+    fn at_end(&self, end: &Placement) -> Self::Moving {
+        self.along([end; 2])
+    }
 }
 
 impl<const N: usize> Rigid for [Sphere; N] {
@@ -90,6 +101,24 @@ impl<const N: usize> Rigid for [Sphere; N] {
         let placed: [Sphere; N] = self.map(|s| Sphere::new(start.point(s.center), s.radius));
         let motion: [Vec3; N] = std::array::from_fn(|i| end.point(self[i].center) - placed[i].center);
         Moving { start: placed, motion }
+    }
+}
+
+/// Spheres that move on lines of their own in the frame of the body.
+impl<const N: usize> Rigid for Moving<N> {
+    type Moving = Moving<N>;
+
+    #[inline]
+    fn along(&self, [start, end]: [&Placement; 2]) -> Moving<N> {
+        let placed: [Sphere; N] = self.start.map(|s| Sphere::new(start.point(s.center), s.radius));
+        let motion = std::array::from_fn(|i| end.point(self.start[i].center + self.motion[i]) - placed[i].center);
+        Moving { start: placed, motion }
+    }
+
+    #[inline]
+    fn at_end(&self, end: &Placement) -> Moving<N> {
+        let at = |i: usize| Sphere::new(self.start[i].center + self.motion[i], self.start[i].radius);
+        std::array::from_fn(at).along([end; 2])
     }
 }
 
@@ -165,7 +194,7 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
 /// Distance of two primitives of rigid bodies at the end of their chord, in metres; negative for an overlap.
 pub fn rigid_end<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chord: &Chord) -> f32 {
     let [_, [end1, end2]] = &chord.ends;
-    start(&first.along([end1; 2]), &second.along([end2; 2])).0.distance
+    start(&first.along([end1; 2]), &second.at_end(end2)).0.distance
 }
 
 #[cfg(test)]

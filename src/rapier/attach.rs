@@ -21,7 +21,7 @@ use crate::{
     constants::SCALE_ROUNDING,
     medial_axis::MedialAxis,
     pipeline::Shape,
-    plugin::{Detail, MedialLevel, MedialMesh, StaticObb, is_uniform},
+    plugin::{Detail, MedialLevel, MedialMesh, SkinnedMedialMesh, StaticObb, is_uniform},
 };
 
 /// The shape and scale from which the collider of an entity was made. Present as well if no collider could be made.
@@ -118,7 +118,7 @@ pub(super) fn attach_shapes(
 }
 
 /// Scale of medial colliders: the medial shape itself includes the scale.
-const UNSCALED: ColliderScale = ColliderScale::Absolute(Vec3::ONE);
+pub(super) const UNSCALED: ColliderScale = ColliderScale::Absolute(Vec3::ONE);
 
 /// Resets a `ColliderScale` that the user has set on a medial collider, because rapier would replace the medial shape by a compound of other shapes.
 pub(super) fn keep_unscaled(
@@ -232,7 +232,7 @@ pub(super) fn follow_bodies(
     bodies: Query<Option<&RapierRigidBodyHandle>, With<RigidBody>>,
     shapes: Query<
         (&RapierColliderHandle, &RapierContextEntityLink),
-        (With<Collider>, Or<(With<MedialMesh>, With<StaticObb>)>),
+        (With<Collider>, Or<(With<MedialMesh>, With<SkinnedMedialMesh>, With<StaticObb>)>),
     >,
     contexts: Query<&RapierContextColliders>,
 ) {

@@ -1,5 +1,7 @@
 //! Rapier's worlds and their colliders, as the systems around rapier's step read them.
 
+use std::sync::Arc;
+
 use bevy::{ecs::query::QueryData, prelude::*};
 use bevy_rapier3d::{
     plugin::context::{
@@ -16,7 +18,7 @@ use bevy_rapier3d::{
 use super::shape::MedialShape;
 use crate::{
     geometry::Pose3,
-    pipeline::{ContactMargin, Displacement},
+    pipeline::{ContactMargin, Deforming, Displacement},
     plugin::BodyInfo,
 };
 
@@ -72,6 +74,11 @@ pub(super) fn rigid(pose: Pose3) -> Pose3 {
         return pose;
     }
     Pose3::from_parts(pose.translation, pose.rotation / length)
+}
+
+/// Returns the motion of a skinned shape.
+pub(super) fn skin(collider: &RapierCollider) -> Option<&Arc<Deforming>> {
+    medial(collider)?.skin.as_ref()
 }
 
 fn medial(collider: &RapierCollider) -> Option<&MedialShape> {

@@ -8,6 +8,7 @@ use bevy::{
 use bevy_rapier3d::prelude::BevyPhysicsHooks;
 
 use super::{
+    carry::carry,
     context::Context,
     gather::{Fixed, Gather, Gathered},
     hooks,
@@ -58,6 +59,7 @@ pub(super) fn detect<Hooks>(
             stop_bodies(step, &astray, world, *dt, context, &before, &mut owed);
         }
     }
+    carry(step, &mut contexts);
     step.move_time = clock.elapsed();
 }
 

@@ -33,7 +33,7 @@ pub struct MedialDispatcher {
     pub table: ContactTable,
 }
 
-/// A pair with the medial shape first.
+/// A pair with the medial shape first. Of two medial shapes, a skinned one is the second, as in the pipeline's pairs.
 struct Pair<'a> {
     first: &'a MedialShape,
     other: &'a dyn ParryShape,
@@ -47,6 +47,9 @@ impl<'a> Pair<'a> {
     fn new(pose12: &Pose, shape1: &'a dyn ParryShape, shape2: &'a dyn ParryShape) -> Result<Self, Unsupported> {
         let pose12 = rigid(*pose12);
         let pair = match (shape1.as_shape::<MedialShape>(), shape2.as_shape::<MedialShape>()) {
+            (Some(skinned), Some(first)) if skinned.skin.is_some() && first.skin.is_none() => {
+                Self { first, other: shape1, pose12: pose12.inverse(), swapped: true }
+            }
             (Some(first), _) => Self { first, other: shape2, pose12, swapped: false },
             (None, Some(first)) => Self { first, other: shape1, pose12: pose12.inverse(), swapped: true },
             (None, None) => return Err(Unsupported),
@@ -57,7 +60,7 @@ impl<'a> Pair<'a> {
     /// Puts the moving shape first if only one of two medial shapes moves, as in the pipeline's pairs.
     fn moving_first(self, table: &ContactTable) -> Self {
         match self.other.as_shape::<MedialShape>() {
-            Some(other) if table.moves(other.key) && !table.moves(self.first.key) => {
+            Some(other) if other.skin.is_none() && table.moves(other.key) && !table.moves(self.first.key) => {
                 Self { first: other, other: self.first, pose12: self.pose12.inverse(), swapped: !self.swapped }
             }
             _ => self,
@@ -67,6 +70,7 @@ impl<'a> Pair<'a> {
     /// Calls `function` with the medial shape and the other side.
     fn with_sides<R>(&self, function: impl FnOnce(&Shape, OtherShape) -> R) -> R {
         match self.other.as_shape::<MedialShape>() {
+            Some(MedialShape { skin: Some(skin), .. }) => function(&self.first.shape, OtherShape::Parts(&**skin)),
             Some(other) => function(&self.first.shape, OtherShape::Shape(&other.shape)),
             None => function(&self.first.shape, OtherShape::Parts(&RapierShape(self.other))),
         }

@@ -13,7 +13,7 @@ use bevy_rapier3d::{
 };
 
 use super::{
-    context::{Context, ContextReadOnlyItem, collider_pose, displacement},
+    context::{Context, ContextReadOnlyItem, collider_pose, displacement, skin},
     joints::{joint_islands, kept_apart},
     motion::motion,
     owed::OwedTime,
@@ -22,7 +22,7 @@ use super::{
 };
 use crate::{
     geometry::{Pose3, Sweep},
-    pipeline::{Body, ContactMargin, Groups, StaticBody, Statics},
+    pipeline::{Body, ContactMargin, Deforming, Displacement, Groups, Solid, StaticBody, Statics},
     plugin::{BodyInfo, MedialCcd, MedialStep},
 };
 
@@ -155,6 +155,10 @@ impl Gather<'_, '_, '_> {
         for (handle, collider) in context.colliders.colliders.iter().filter(|(_, collider)| collider.is_enabled()) {
             let Some(entity) = context.colliders.collider_entity(handle) else { continue };
             let body = context.body(collider);
+            if let Some(skin) = skin(collider) {
+                self.add_skin(world, entity, (handle, collider), skin);
+                continue;
+            }
             match body.zip(collider.parent()).filter(|(body, _)| !body.is_fixed()) {
                 Some((body, parent)) => {
                     self.add_body(world, entity, (handle, collider), (parent, body), gathered);
@@ -245,6 +249,45 @@ impl Gather<'_, '_, '_> {
             center: start.pose.transform_point(sweep.local_center),
             linear,
             angular,
+        });
+    }
+
+    /// Adds a skinned shape. Its spheres move in the frame of its collider, which is at rest within the step.
+    fn add_skin(
+        &mut self,
+        world: &World,
+        entity: Entity,
+        (handle, collider): (ColliderHandle, &RapierCollider),
+        skin: &Arc<Deforming>,
+    ) {
+        let World { index, context, running, sleepers, .. } = *world;
+        let body = context.body(collider);
+        let (pose, moves) = (collider_pose(collider, body), skin.path() > 0.0);
+        let is_known = sleepers.and_then(|known| known.get(handle.0)) == Some(&pose);
+        let next_dt = to_come(&self.rapier.mode, &self.rapier.time);
+        let next = body.map(|body| displacement(collider, body, context.configuration.gravity, next_dt));
+        let [groups, stop_groups] = groups(collider);
+        self.step.input.bodies.push(Body {
+            order: order(handle),
+            id: Some(entity.to_bits()),
+            groups,
+            types: types(collider, body),
+            stop_groups,
+            rigid_body: collider.parent().map(|parent| rigid_body_id(index, parent)),
+            world: index,
+            active: running && (moves || !is_known),
+            stops: false,
+            passes: self.passes(entity, collider),
+            sensor: collider.is_sensor(),
+            next_displacement: Some(next.unwrap_or(Displacement::REST)),
+            ..Body::new(Solid::Parts(skin.clone()), Sweep::at_rest(pose))
+        });
+        self.step.infos.push(BodyInfo {
+            body: collider.parent().and_then(|parent| context.bodies.rigid_body_entity(parent)),
+            collider: handle.into_raw_parts(),
+            sensor: collider.is_sensor(),
+            asleep: !running || !moves,
+            ..BodyInfo::at_rest(entity)
         });
     }
 

@@ -39,6 +39,7 @@
 //! data of the contacts.
 
 mod attach;
+mod carry;
 mod context;
 mod detect;
 mod dispatcher;
@@ -54,15 +55,18 @@ mod points;
 mod primitive;
 mod quarantine;
 pub mod query;
+mod ragdoll;
 mod rays;
 mod shape;
 mod shape_cast;
+mod skinned;
 mod snapshot;
 mod substeps;
 mod table;
 mod waiting;
 
 use bevy::{
+    app::AnimationSystems,
     ecs::{
         intern::Interned,
         schedule::{ScheduleConfigs, ScheduleLabel},
@@ -78,12 +82,13 @@ use bevy_rapier3d::{
     rapier::geometry::NarrowPhase,
 };
 
-use crate::plugin::{MedialMesh, MedialPhysicsPlugin, MedialStep, MedialSystems, StaticObb};
+use crate::plugin::{MedialMesh, MedialPhysicsPlugin, MedialStep, MedialSystems, SkinnedMedialMesh, StaticObb};
 
 pub use dispatcher::MedialDispatcher;
 pub(crate) use interpolation::fix_steps;
 pub use owed::OwedTime;
 pub use query::MedialQueries;
+pub use ragdoll::MedialRagdoll;
 pub use shape::MedialShape;
 pub use table::ContactTable;
 
@@ -119,6 +124,7 @@ where
     add_rapier::<Hooks>(app, schedule);
     app.add_observer(attach::detach_shape)
         .add_observer(attach::detach_box)
+        .add_observer(skinned::detach_skin)
         .add_observer(attach::note_freed::<ChildOf>)
         .add_observer(attach::note_freed::<RigidBody>)
         .init_resource::<attach::Freed>()
@@ -150,8 +156,11 @@ where
         waiting::find,
         waiting::hold_impulses,
     );
+    // Joints have the transforms of this frame's animation.
+    app.configure_sets(schedule, RapierTransformPropagateSet.after(AnimationSystems));
     let prepare = (
         hierarchy::place_colliders,
+        skinned::hold,
         attach::keep_contacts_fresh,
         attach::wake_attached,
         waiting::release,
@@ -160,7 +169,10 @@ where
     );
     let stop =
         (detect::detect::<Hooks>, substeps::refine, interpolation::show_stops).chain().run_if(snapshot::has_stepped);
-    let detect = (quarantine::isolate_results, stop).chain().run_if(is_needed);
+    let pose = (skinned::follow_joints, skinned::replace_shapes, skinned::check_bodies)
+        .chain()
+        .run_if(any_with_component::<SkinnedMedialMesh>.and_then(snapshot::has_stepped));
+    let detect = (quarantine::isolate_results, pose, stop).chain().run_if(is_needed);
     app.add_systems(schedule, attach.chain().in_set(MedialSystems::Attach))
         .add_systems(schedule, mark_moved_trees().in_set(PhysicsSet::SyncBackend))
         .add_systems(schedule, prepare.chain().in_set(MedialSystems::Snapshot))
@@ -196,9 +208,12 @@ where
     }
 }
 
-/// Returns true if an entity has a medial mesh or a static box, or if the last step had bodies, because their contacts have to end. Otherwise the systems that
+/// Returns true if an entity has a medial mesh, a skinned one or a static box, or if the last step had bodies, because their contacts have to end. Otherwise the systems that
 /// loop over rapier's bodies do not run.
-fn is_needed(shapes: Query<(), Or<(With<MedialMesh>, With<StaticObb>)>>, step: Res<MedialStep>) -> bool {
+fn is_needed(
+    shapes: Query<(), Or<(With<MedialMesh>, With<SkinnedMedialMesh>, With<StaticObb>)>>,
+    step: Res<MedialStep>,
+) -> bool {
     !shapes.is_empty() || !step.input.bodies.is_empty()
 }
 

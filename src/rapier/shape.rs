@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use bevy_rapier3d::parry::{
     bounding_volume::{Aabb as ParryAabb, BoundingSphere},
     mass_properties::MassProperties,
@@ -6,7 +8,7 @@ use bevy_rapier3d::parry::{
 };
 
 use super::primitive::{Primitives, compound};
-use crate::pipeline::Shape;
+use crate::pipeline::{ConvexParts, Deforming, Shape, ShapeId};
 
 /// A medial shape as a collider's shape. See [`query`](super::query) for its support in rapier's queries and views.
 #[derive(Clone)]
@@ -15,8 +17,13 @@ pub struct MedialShape {
     pub shape: Shape,
     /// Key of this collider's contacts in the contact table. Unique among all colliders ever made.
     pub key: u64,
+    /// The motion of a skinned shape within the last step. The shape is its pose at the end.
+    pub(super) skin: Option<Arc<Deforming>>,
     primitives: Primitives,
 }
+
+/// A bit that only the keys of skinned shapes have.
+const SKINNED: u64 = 1 << 63;
 
 impl MedialShape {
     /// Creates a shape with the key of its collider.
@@ -26,7 +33,18 @@ impl MedialShape {
 
     /// Creates a shape that shares its compound with colliders of the same shape and scale.
     pub(super) fn sharing(shape: Shape, key: u64, primitives: Primitives) -> Self {
-        Self { shape, key, primitives }
+        Self { shape, key, primitives, skin: None }
+    }
+
+    /// Creates the shape of a skinned collider.
+    pub(super) fn deforming(skin: Arc<Deforming>) -> Self {
+        let key = SKINNED | skin.address() as u64;
+        Self { skin: Some(skin.clone()), ..Self::new(Shape::new(skin.axis().clone()), key) }
+    }
+
+    /// Returns the identity of the shape in the pipeline.
+    pub(super) fn id(&self) -> ShapeId {
+        self.skin.as_ref().map_or_else(|| ShapeId::from(&self.shape), |skin| ShapeId::of_parts(&**skin))
     }
 
     fn compound(&self) -> &Compound {

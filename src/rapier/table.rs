@@ -83,7 +83,7 @@ fn key(pair: &CachedPair, colliders: &RapierContextColliders) -> Option<PairKey>
         let collider = colliders.colliders.get(*colliders.entity2collider().get(&entity)?)?;
         let shape = collider.shared_shape();
         let id = match shape.as_shape::<MedialShape>() {
-            Some(medial) => ShapeId::from(&medial.shape),
+            Some(medial) => medial.id(),
             None => ShapeId::of_parts(shape),
         };
         (id == pair.shapes[side]).then_some(&**shape)

@@ -3,12 +3,8 @@
 use std::cell::Cell;
 
 use crate::{
-    geometry::{Aabb, Placement, Pose3},
-    pipeline::{
-        OtherShape, Part, Shape,
-        sweep::motion::{OtherPart, with_sides},
-        with_spheres,
-    },
+    geometry::{Aabb, Placement, Pose3, Sphere},
+    pipeline::{OtherShape, Part, Shape, sweep::motion::with_core, with_spheres},
     query::separation,
 };
 
@@ -42,11 +38,14 @@ fn of_shapes(shape1: &Shape, shape2: &Shape, pose12: &Pose3, max: f32) -> f32 {
 
 fn of_part(shape1: &Shape, part: Part, pose12: &Pose3, max: f32) -> f32 {
     let to_part = Placement::from((*pose12 * part.pose).inverse());
-    let (target, part) = (part.aabb(), OtherPart::Part(part));
+    let target = part.aabb();
     let bound = |aabb: &Aabb| to_part.aabb(&aabb.scaled(shape1.scale)).distance_to(&target);
     let distance = |primitive| {
         let hull = shape1.hull(primitive).placed(&to_part);
-        with_sides!(part, hull, primitive, |first, second| separation(&first, second, 0).distance)
+        with_spheres!(hull, |first| {
+            let first = first.map(|s| Sphere::new(s.center, s.radius + part.rounding));
+            with_core!(part, |second| separation(&first, second, 0).distance)
+        })
     };
     if bound(&shape1.bvh().aabb()) >= max {
         return max;

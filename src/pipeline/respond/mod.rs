@@ -169,8 +169,14 @@ fn respond(
     let sides = [(pair.first, pair.second, -impact.normal), (pair.second, pair.first, impact.normal)];
     for (side, other, away) in sides {
         let Some(body) = side.body().filter(|&body| input.is_stopping(body)) else { continue };
-        let advance =
-            |body: u32| displacement_at(&trajectories.sweep_from(input, body, fraction), impact.point).dot(away);
+        let advance = |body: u32| {
+            let sweep = trajectories.sweep_from(input, body, fraction);
+            let within = match input.bodies[body as usize].solid.deforming() {
+                Some(shape) => shape.displacement_from(impact.primitive2, &sweep, impact.point, fraction),
+                None => Vec3::ZERO,
+            };
+            (displacement_at(&sweep, impact.point) + within).dot(away)
+        };
         let pusher = |other: u32| Obstacle::Pusher {
             approach: advance(other) - advance(body),
             exhausted: trajectories.pushed(body) >= trajectories.push_reach(input, other),
@@ -232,7 +238,8 @@ fn impact_from(
     before: &ImpactResult,
     scratch: &mut TaskScratch,
 ) -> Option<Impact> {
-    let motions = PairMotion::all(input, statics, pair, |body| trajectories.sweep_from(input, body, fraction));
+    let motions =
+        PairMotion::all(input, statics, pair, fraction, |body| trajectories.sweep_from(input, body, fraction));
     let times = [pair.first, pair.second].map(|side| trajectories.times(side, fraction));
     let question = Question { input, statics, pair, known: &Primitives::Unknown, times, normal: before.normal };
     // The time of searches after impacts is not split between stages.

@@ -8,13 +8,12 @@ use smallvec::SmallVec;
 
 use crate::{
     constants::{FEW_PRIMITIVES, SHORTEST_INTERVAL},
-    geometry::Sweep,
     pipeline::{
         Impact, Primitives, Statics, StepInput, TaskScratch,
         pairs::{BodyPair, PrimitivePair},
         sweep::{
             mid_phase::{self, Candidates, OwnBoxes},
-            motion::{Motions, OtherPart, PairMotion, with_sides},
+            motion::{Motions, PairMotion, Paths, with_sides},
             moving_boxes::{BoxCache, TimedBoxes},
             separating_axis::{SeparatingAxis, SphereBuffers},
         },
@@ -141,10 +140,7 @@ struct Graze {
 fn in_world(motion: &PairMotion, [primitive1, second]: PrimitivePair, toi: &TimeOfImpact, times: [f32; 2]) -> Impact {
     let frame = motion.frame_at(toi.fraction);
     let normal = frame.rotation * toi.contact.normal;
-    let primitive2 = match &motion.other {
-        OtherPart::Shape(_) => second,
-        OtherPart::Part(part) => part.id,
-    };
+    let primitive2 = motion.other.id(second);
     let middle = frame.transform_point((toi.contact.point1 + toi.contact.point2) * 0.5);
     let point = middle - normal * motion.other.rounding();
     let fraction = in_steps(toi.fraction, times);
@@ -168,9 +164,9 @@ struct Search<'b, L> {
 }
 
 impl<L: FnMut() -> Duration> Search<'_, L> {
-    /// Searches an interval of the step, given in steps. An interval that is too long for one search is halved unless culling clears it. The second half
+    /// Searches an interval of the step, given in steps. An interval that is too long for one search is split unless culling clears it. The second part
     /// is skipped after an impact in the first.
-    fn interval(&mut self, motions: &mut [PairMotion], times: [f32; 2]) {
+    fn interval<'a>(&mut self, motions: &mut [PairMotion<'a>], times: [f32; 2]) {
         self.buffers.chords.clear();
         self.buffers.chords.extend(motions.iter().map(PairMotion::chord));
         let mut all = motions.iter().zip(&self.buffers.chords);
@@ -186,12 +182,12 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
             self.laps[1] += (self.lap)();
             return;
         }
-        let whole: SmallVec<[[Sweep; 2]; 1]> = motions.iter().map(|motion| [motion.sweep1, motion.sweep2]).collect();
-        let middle = times[0].midpoint(times[1]);
-        for (half, of_step) in [([0.0, 0.5], [times[0], middle]), ([0.5, 1.0], [middle, times[1]])] {
-            for (motion, sweeps) in motions.iter_mut().zip(&whole) {
-                [motion.sweep1, motion.sweep2] = sweeps.map(|sweep| sweep.part(half));
-            }
+        let whole: SmallVec<[Paths<'a>; 1]> = motions.iter().map(PairMotion::paths).collect();
+        // Primitives of one body have their corners at the same times.
+        let split = motions.first().map_or(0.5, PairMotion::split);
+        let middle = times[0] + split * (times[1] - times[0]);
+        for (part, of_step) in [([0.0, split], [times[0], middle]), ([split, 1.0], [middle, times[1]])] {
+            motions.iter_mut().zip(&whole).for_each(|(motion, paths)| motion.follow(paths, part));
             self.interval(motions, of_step);
             if self.result.impact.is_some() {
                 return;
@@ -392,7 +388,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        geometry::Pose3,
+        geometry::{Pose3, Sweep},
         medial_axis::MedialAxis,
         pipeline::{Body, Shape, step},
     };

@@ -14,7 +14,7 @@ use crate::{
     constants::CONTACT_ROUNDING,
     geometry::{Aabb, Sweep},
     pipeline::{
-        Culling, Part, Shape,
+        Culling, Shape,
         pairs::PrimitivePair,
         sweep::{
             motion::{OtherPart, PairMotion},
@@ -33,7 +33,7 @@ pub(in crate::pipeline) type OwnBoxes = [MovingBoxes; 2];
 pub(in crate::pipeline) fn of_motion(motion: &PairMotion, [first, second]: [u32; 2]) -> Option<PrimitivePair> {
     match &motion.other {
         OtherPart::Shape(_) => Some([first, second]),
-        OtherPart::Part(part) => (second == part.id).then_some([first, 0]),
+        part => (second == part.id(0)).then_some([first, 0]),
     }
 }
 
@@ -50,33 +50,35 @@ pub(in crate::pipeline) fn candidates(
     found: &mut Candidates,
 ) {
     if culling == Culling::None {
-        let count2 = if let OtherPart::Shape(shape2) = &motion.other { shape2.len() } else { 1 };
-        return found.extend(all(motion.shape1.len(), count2));
+        return found.extend(all(motion.shape1.len(), motion.other.len()));
     }
     match &motion.other {
         OtherPart::Shape(shape2) => of_shapes(motion, shape2, boxes, reach, max, own, found),
-        OtherPart::Part(part) => of_part(motion, part, boxes[0], reach, own, found),
+        OtherPart::Part(part) => of_part(motion, [part.aabb(); 2], boxes[0], reach, own, found),
+        OtherPart::Moving(part) => of_part(motion, part.boxes(), boxes[0], reach, own, found),
     }
 }
 
-/// Adds the primitives of a shape whose boxes come within `reach` metres of the box of a part.
+/// Adds the primitives of a shape whose boxes come within `reach` metres of the box of a part. `parts`: boxes of the part in its frame, at the start and at the
+/// end.
 fn of_part(
     motion: &PairMotion,
-    part: &Part,
+    parts: [Aabb; 2],
     boxes: Option<TimedBoxes>,
     reach: f32,
     own: &mut OwnBoxes,
     found: &mut Candidates,
 ) {
-    let [start, end] = [motion.sweep2.start, motion.sweep2.end];
-    let target = MovingBox::new([start, end].map(|pose| part.aabb().transformed(&pose, 1.0)));
+    let [start, end] = parts;
+    let target = [start.transformed(&motion.sweep2.start, 1.0), end.transformed(&motion.sweep2.end, 1.0)];
+    let target = MovingBox::new(target);
     let margin = reach + motion.sagitta_of_second();
     // Cached boxes have the world's axes. They are usable if the part has the same axes.
     let (boxes, offset) = match (boxes, motion.world_offset()) {
         (Some(boxes), Some(frame)) => (boxes, Vec3A::from(frame) - boxes.origin()),
         _ => {
             let [own, _] = own;
-            let seen = view(motion.shape1, &motion.sweep1, &motion.sweep2, &part.aabb(), reach);
+            let seen = view(motion.shape1, &motion.sweep1, &motion.sweep2, &start.merge(end), reach);
             own.place(motion.shape1, &motion.sweep1, Vec3::ZERO, &seen);
             (own.whole(), Vec3A::ZERO)
         }
@@ -161,7 +163,7 @@ mod tests {
             let input = StepInput { bodies, ..Default::default() };
             for (second, count) in [(Side::Body(1), shape.len()), (Side::Static(0), 1)] {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
-                for motion in PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep) {
+                for motion in PairMotion::all(&input, &statics, &pair, 0.0, |body| input.bodies[body as usize].sweep) {
                     let (mut own, mut found) = (OwnBoxes::default(), Candidates::new());
                     candidates(&motion, Culling::Hybrid, 0.01, usize::MAX, [None; 2], &mut own, &mut found);
                     for pair in all(shape.len(), count) {

@@ -8,6 +8,7 @@ use crate::{
     geometry::{Aabb, Pose3, Sphere, Sweep},
     pipeline::{
         OtherShape, Part, Side, Statics, StepInput,
+        deforming::MovingPart,
         pairs::{BodyPair, PrimitivePair},
         shape::Shape,
         tolerances::Tolerances,
@@ -21,20 +22,59 @@ pub(in crate::pipeline) enum OtherPart<'a> {
     Shape(&'a Shape),
     /// A convex part of any other body.
     Part(Part<'a>),
+    /// A primitive whose spheres move within its body.
+    Moving(MovingPart<'a>),
 }
 
 impl OtherPart<'_> {
     /// Returns the distance of a part's surface from its core, in metres; 0 for a medial mesh.
     pub fn rounding(&self) -> f32 {
         match self {
-            OtherPart::Shape(_) => 0.0,
+            OtherPart::Shape(_) | OtherPart::Moving(_) => 0.0,
             OtherPart::Part(part) => part.rounding,
         }
     }
+
+    /// Returns the number of primitives.
+    pub fn len(&self) -> usize {
+        if let OtherPart::Shape(shape) = self { shape.len() } else { 1 }
+    }
+
+    /// Returns the index of a primitive in its body.
+    pub fn id(&self, primitive: u32) -> u32 {
+        match self {
+            OtherPart::Shape(_) => primitive,
+            OtherPart::Part(part) => part.id,
+            OtherPart::Moving(part) => part.id,
+        }
+    }
+
+    /// Returns the largest path of a point within its body, in metres.
+    fn inner_path(&self) -> f32 {
+        if let OtherPart::Moving(part) = self { part.path() } else { 0.0 }
+    }
 }
 
-/// Runs an expression with a primitive of the first side and one of the second: a primitive of a medial mesh, or the core of a part. The rounding of a part is
-/// added to the radii of the first primitive.
+/// Runs an expression with the core of a part.
+macro_rules! with_core {
+    ($part:expr, |$second:ident| $body:expr) => {
+        match &$part.core {
+            $crate::pipeline::Core::Cuboid(half) => {
+                let $second = &$crate::query::Cuboid { half: *half };
+                $body
+            }
+            $crate::pipeline::Core::Support(shape) => {
+                let $second = &$crate::query::Support(&**shape);
+                $body
+            }
+            $crate::pipeline::Core::Hull(hull) => $crate::pipeline::with_spheres!(hull, |$second| $body),
+        }
+    };
+}
+pub(in crate::pipeline) use with_core;
+
+/// Runs an expression with a primitive of the first side and one of the second: a primitive of a medial mesh, the core of a part, or moving spheres. The
+/// rounding of a part is added to the radii of the first primitive.
 macro_rules! with_sides {
     ($other:expr, $hull:expr, $primitive2:expr, |$first:ident, $second:ident| $body:expr) => {
         $crate::pipeline::with_spheres!($hull, |$first| match &$other {
@@ -43,17 +83,10 @@ macro_rules! with_sides {
             }
             $crate::pipeline::sweep::motion::OtherPart::Part(part) => {
                 let $first = $first.map(|s| $crate::geometry::Sphere::new(s.center, s.radius + part.rounding));
-                match &part.core {
-                    $crate::pipeline::Core::Cuboid(half) => {
-                        let $second = &$crate::query::Cuboid { half: *half };
-                        $body
-                    }
-                    $crate::pipeline::Core::Support(shape) => {
-                        let $second = &$crate::query::Support(&**shape);
-                        $body
-                    }
-                    $crate::pipeline::Core::Hull(hull) => $crate::pipeline::with_spheres!(hull, |$second| $body),
-                }
+                $crate::pipeline::sweep::motion::with_core!(part, |$second| $body)
+            }
+            $crate::pipeline::sweep::motion::OtherPart::Moving(part) => {
+                $crate::pipeline::deforming::with_moving!(&part.hull, |$second| $body)
             }
         })
     };
@@ -77,17 +110,24 @@ pub(in crate::pipeline) struct PairMotion<'a> {
     pub tolerances: Tolerances,
 }
 
+/// The paths of both sides of a pair motion.
+pub(in crate::pipeline) struct Paths<'a> {
+    sweeps: [Sweep; 2],
+    moving: Option<MovingPart<'a>>,
+}
+
 /// The motions of a pair. Most pairs have one.
 pub(in crate::pipeline) type Motions<'a> = SmallVec<[PairMotion<'a>; 1]>;
 
 impl<'a> PairMotion<'a> {
     /// Creates the motions of a pair: one for a medial second side, or one for each part of another collider that is in reach.
     ///
-    /// `sweep_of`: the motion of a body over the whole step, or over the rest of the step.
+    /// `sweep_of`: the motion of a body over the rest of the step, which begins at the fraction `from`.
     pub fn all(
         input: &'a StepInput,
         statics: &'a Statics,
         pair: &BodyPair,
+        from: f32,
         sweep_of: impl Fn(u32) -> Sweep,
     ) -> Motions<'a> {
         let side = |side: Side| {
@@ -116,12 +156,12 @@ impl<'a> PairMotion<'a> {
                 let arm2 = bound.farthest(sweep2.local_center);
                 let arms = [shape1.arm(sweep1.local_center), arm2];
                 let tolerances = tolerances(radius1.min(bound.radius));
-                let motion = |part: Part<'a>| {
-                    let frame = sweep2.start * part.pose;
-                    let sweep2 = sweep2.of_part(&part.pose);
+                let motion = |pose: Pose3, other: OtherPart<'a>| {
+                    let frame = sweep2.start * pose;
+                    let sweep2 = sweep2.of_part(&pose);
                     Self {
                         shape1,
-                        other: OtherPart::Part(part),
+                        other,
                         sweep1: sweep1.seen_from(&frame),
                         sweep2: sweep2.seen_from(&frame),
                         frame,
@@ -129,7 +169,17 @@ impl<'a> PairMotion<'a> {
                         tolerances,
                     }
                 };
-                parts.within(&reach(shape1, &sweep1, &sweep2, arm2)).into_iter().map(motion).collect()
+                let reach = reach(shape1, &sweep1, &sweep2, arm2);
+                match parts.deforming() {
+                    Some(shape2) => {
+                        let parts = shape2.moving_within(&reach, from);
+                        parts.map(|part| motion(Pose3::IDENTITY, OtherPart::Moving(part))).collect()
+                    }
+                    None => {
+                        let parts = parts.within(&reach).into_iter();
+                        parts.map(|part| motion(part.pose, OtherPart::Part(part))).collect()
+                    }
+                }
             }
         }
     }
@@ -140,15 +190,37 @@ impl<'a> PairMotion<'a> {
         let sweeps = [&self.sweep1, &self.sweep2];
         match self.other {
             OtherPart::Part(_) if !self.sweep2.is_at_rest() => Chord::in_frame_of_second(sweeps, self.arms[0]),
-            _ => Chord::new(sweeps, self.arms),
+            _ => Chord::new(sweeps, self.arms).with_inner_path(self.other.inner_path()),
         }
+    }
+
+    /// Returns the paths of both sides.
+    pub fn paths(&self) -> Paths<'a> {
+        let moving = if let OtherPart::Moving(moving) = &self.other { Some(*moving) } else { None };
+        Paths { sweeps: [self.sweep1, self.sweep2], moving }
+    }
+
+    /// Replaces the motion by a part of the given paths, between two fractions of them.
+    pub fn follow(&mut self, Paths { sweeps, moving }: &Paths<'a>, part: [f32; 2]) {
+        [self.sweep1, self.sweep2] = sweeps.map(|sweep| sweep.part(part));
+        if let Some(moving) = moving {
+            self.other = OtherPart::Moving(moving.part(part));
+        }
+    }
+
+    /// Returns the fraction of the motion at which it is split: the middle, or the end of the first line of spheres that move within their body.
+    pub fn split(&self) -> f32 {
+        let corner = if let OtherPart::Moving(moving) = &self.other { moving.first_corner() } else { None };
+        corner.unwrap_or(0.5)
     }
 
     /// Returns true if the motion is short enough for one search: points move almost on lines, and few primitives come near each other.
     pub fn is_one_interval(&self, chord: &Chord) -> bool {
-        let count2 = if let OtherPart::Shape(shape2) = &self.other { shape2.len() } else { 1 };
-        let has_few = self.shape1.len() * count2 <= MANY_PRIMITIVES;
-        chord.deviation() <= self.tolerance() && (has_few || self.path() <= INTERVAL_PATH * self.tolerances.size)
+        let has_few = self.shape1.len() * self.other.len() <= MANY_PRIMITIVES;
+        let is_straight = self.paths().moving.is_none_or(|moving| moving.first_corner().is_none());
+        is_straight
+            && chord.deviation() <= self.tolerance()
+            && (has_few || self.path() <= INTERVAL_PATH * self.tolerances.size)
     }
 
     /// Returns the pose of the chord's frame in the world at a fraction of the motion.
@@ -170,6 +242,7 @@ impl<'a> PairMotion<'a> {
         let center2 = self.sweep2.start.transform_point(match &self.other {
             OtherPart::Shape(shape2) => shape2.bounding_sphere().center,
             OtherPart::Part(part) => part.aabb().center(),
+            OtherPart::Moving(part) => part.boxes()[0].center(),
         });
         self.to_chord(self.frame.rotation * (center2 - center1).normalize_or(Vec3::Y))
     }
@@ -178,7 +251,7 @@ impl<'a> PairMotion<'a> {
     pub fn core_overlap(&self, [first, second]: PrimitivePair) -> f32 {
         let radius2 = match &self.other {
             OtherPart::Shape(shape2) => shape2.hull(second).min_radius(),
-            OtherPart::Part(_) => 0.0,
+            OtherPart::Part(_) | OtherPart::Moving(_) => 0.0,
         };
         self.tolerances.core_overlap([self.shape1.hull(first).min_radius(), radius2])
     }
@@ -189,6 +262,7 @@ impl<'a> PairMotion<'a> {
         let second = match &self.other {
             OtherPart::Shape(shape2) => shape2.hull(second).max_radius(),
             OtherPart::Part(part) => part.thickness(),
+            OtherPart::Moving(part) => part.max_radius(),
         };
         self.shape1.hull(first).max_radius() + second
     }
@@ -201,7 +275,7 @@ impl<'a> PairMotion<'a> {
     /// Returns an upper bound of the path length of any point of one body relative to the other, in metres.
     pub fn path(&self) -> f32 {
         let turn = self.sweep1.rotation.length() * self.arms[0] + self.sweep2.rotation.length() * self.arms[1];
-        (self.sweep1.translation - self.sweep2.translation).length() + turn
+        (self.sweep1.translation - self.sweep2.translation).length() + turn + self.other.inner_path()
     }
 
     /// Returns the deviation of points from their chords that is small enough, in metres.
@@ -229,9 +303,22 @@ impl<'a> PairMotion<'a> {
 impl PairMotion<'_> {
     /// Returns the distance of two primitives at a fraction of the motion, in metres.
     pub fn distance_at(&self, fraction: f32, [first, second]: [u32; 2]) -> f32 {
+        use crate::{
+            pipeline::{deforming::with_moving, with_spheres},
+            query::separation,
+        };
         let [pose1, pose2] = [&self.sweep1, &self.sweep2].map(|sweep| sweep.pose_at(fraction));
         let ours = self.shape1.hull(first).placed(&pose2.inv_mul(&pose1).into());
-        with_sides!(self.other, ours, second, |ours, theirs| crate::query::separation(&ours, theirs, 0).distance)
+        with_spheres!(ours, |ours| match &self.other {
+            OtherPart::Shape(shape2) => {
+                with_spheres!(&shape2.hull(second), |theirs| separation(&ours, theirs, 0).distance)
+            }
+            OtherPart::Part(part) => with_core!(part, |theirs| separation(&ours, theirs, 0).distance) - part.rounding,
+            OtherPart::Moving(part) => {
+                let moving = part.part([fraction; 2]).hull;
+                with_moving!(moving, |theirs| separation(&ours, &theirs.start, 0).distance)
+            }
+        })
     }
 }
 

@@ -4,14 +4,14 @@ use glam::{BVec4A, Vec3, Vec4};
 
 use crate::{
     constants::CONTACT_ROUNDING,
-    geometry::{Placement, Primitive, Sphere},
+    geometry::{Placement, Pose3, Primitive, Sphere},
     pipeline::{
-        Core, Part, Shape,
+        Part, Shape,
+        deforming::MovingPart,
         directions::Directions,
-        sweep::motion::{OtherPart, PairMotion},
-        with_spheres,
+        sweep::motion::{OtherPart, PairMotion, with_core},
     },
-    query::{Chord, Convex, Cuboid, Support},
+    query::{Chord, Convex},
 };
 
 /// Directions that separate primitives of a pair.
@@ -37,6 +37,8 @@ enum OtherSide<'a> {
     Shape(Placed<'a>),
     /// A part at rest in the frame of the chord, and its smallest coordinate along each direction.
     Part(&'a Part<'a>, Vec4),
+    /// A part whose spheres move within its body, the poses of the body at the start and at the end, and the smallest coordinates there.
+    Moving(&'a MovingPart<'a>, [Pose3; 2], [Vec4; 2]),
 }
 
 impl<'a> SeparatingAxis<'a> {
@@ -49,10 +51,14 @@ impl<'a> SeparatingAxis<'a> {
         let second = match &motion.other {
             OtherPart::Shape(shape) => OtherSide::Shape(Placed::new(shape, [&start[1], &end[1]], 0.0, spheres2)),
             OtherPart::Part(part) => OtherSide::Part(part, Vec4::ZERO),
+            OtherPart::Moving(part) => {
+                OtherSide::Moving(part, [motion.sweep2.start, motion.sweep2.end], [Vec4::ZERO; 2])
+            }
         };
         let extent = match &second {
             OtherSide::Shape(placed) => placed.extent(),
             OtherSide::Part(part, _) => part.aabb().extent_squared().sqrt(),
+            OtherSide::Moving(part, ..) => part.boxes().map(|aabb| aabb.extent_squared().sqrt())[0],
         };
         let rounding = CONTACT_ROUNDING * first.extent().max(extent);
         let least = [rounding.max(motion.tolerances.touch), rounding];
@@ -64,12 +70,15 @@ impl<'a> SeparatingAxis<'a> {
     /// Adds a direction that separates a pair of primitives, because it may separate others.
     pub fn push_axis(&mut self, direction: Vec3) {
         let lane = self.directions.push_axis(direction);
-        if let OtherSide::Part(part, low) = &mut self.second {
-            low[lane] = match &part.core {
-                Core::Cuboid(half) => Cuboid { half: *half }.low(direction),
-                Core::Hull(hull) => with_spheres!(hull, |spheres| spheres.low(direction)),
-                Core::Support(shape) => Support(&**shape).low(direction),
-            };
+        match &mut self.second {
+            OtherSide::Shape(_) => {}
+            OtherSide::Part(part, low) => low[lane] = with_core!(part, |core| core.low(direction)),
+            OtherSide::Moving(part, poses, lows) => {
+                for (instant, (pose, low)) in poses.iter().zip(lows).enumerate() {
+                    low[lane] =
+                        part.low(pose.rotation.inverse() * direction, instant) + pose.translation.dot(direction);
+                }
+            }
         }
     }
 
@@ -84,6 +93,7 @@ impl<'a> SeparatingAxis<'a> {
             let low = match &self.second {
                 OtherSide::Shape(placed) => self.directions.low(placed.at(second, instant)),
                 OtherSide::Part(_, low) => *low,
+                OtherSide::Moving(.., lows) => lows[instant],
             };
             apart &= (low - high).cmpgt(Vec4::splat(self.least[instant]));
             apart.any()
@@ -120,7 +130,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        geometry::{Obb, Pose3, Sweep},
+        geometry::{Obb, Sweep},
         medial_axis::MedialAxis,
         pipeline::{Body, Side, StaticBody, Statics, StepInput, pairs::BodyPair},
         random::Random,
@@ -156,7 +166,7 @@ mod tests {
             let input = StepInput { bodies, length_unit: 10.0, ..Default::default() };
             for second in [Side::Body(1), Side::Static(0)] {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
-                for motion in PairMotion::all(&input, &statics, &pair, |body| input.bodies[body as usize].sweep) {
+                for motion in PairMotion::all(&input, &statics, &pair, 0.0, |body| input.bodies[body as usize].sweep) {
                     let (chord, mut spheres) = (motion.chord(), SphereBuffers::default());
                     curved += usize::from(!motion.is_one_interval(&chord));
                     let mut separating_axis = SeparatingAxis::new(&motion, &chord, Vec3::Y, &mut spheres);

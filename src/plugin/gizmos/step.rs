@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 
-use super::{MedialGizmo, MedialGizmoLayer, MedialGizmos};
+use super::{MedialGizmo, MedialGizmoLayer, MedialGizmos, wireframe};
 use crate::{
     geometry::{Aabb, Pose3, Primitive},
     pipeline::{Shape, Side, Solid, swept_cone},
@@ -30,6 +30,7 @@ pub(super) fn draw(
 ) {
     let layers = store.config::<MedialGizmos>().1;
     let mut draw = Draw { step: &step, overrides, lines };
+    draw.skins([&layers.spheres, &layers.cones, &layers.slabs]);
     draw.boxes(&layers.boxes);
     draw.hierarchy(&layers.hierarchy);
     draw.swept_cones(&layers.swept_cones);
@@ -68,6 +69,16 @@ impl Draw<'_, '_, '_> {
             .with_rotation(pose.rotation)
             .with_scale(aabb.half_extents() * 2.0);
         self.lines.cube(transform, color);
+    }
+
+    /// Skinned shapes, whose lines change in each step.
+    fn skins(&mut self, layers: [&MedialGizmoLayer; 3]) {
+        for (body, info) in self.step.input.bodies.iter().zip(&self.step.infos) {
+            if let Some(shape) = body.solid.deforming() {
+                let colors = layers.map(|layer| self.color(layer, info.entity));
+                wireframe::draw(&mut self.lines, shape.axis(), &body.sweep.end, colors);
+            }
+        }
     }
 
     fn boxes(&mut self, layer: &MedialGizmoLayer) {

@@ -1,7 +1,7 @@
-use bevy::prelude::*;
+use bevy::{gizmos::gizmos::GizmoBuffer, prelude::*};
 
 use crate::{
-    geometry::{Primitive, Sphere},
+    geometry::{Pose3, Primitive, Sphere},
     medial_axis::{MedialAxis, face_normals, mantle_directions},
 };
 
@@ -11,16 +11,28 @@ const SPHERE_SIDES: u32 = 16;
 const CONE_LINES: u32 = 4;
 
 /// Lines of a shape in its own frame. Spheres, cones and slabs without a colour are left out.
-pub(super) fn wireframe(axis: &MedialAxis, [spheres, cones, slabs]: [Option<Color>; 3]) -> GizmoAsset {
+pub(super) fn wireframe(axis: &MedialAxis, colors: [Option<Color>; 3]) -> GizmoAsset {
     let mut lines = GizmoAsset::new();
+    draw(&mut lines, axis, &Pose3::IDENTITY, colors);
+    lines
+}
+
+/// Draws the lines of a shape. `pose`: pose of its frame in the world.
+pub(super) fn draw<Config: GizmoConfigGroup, Clear: 'static + Send + Sync>(
+    lines: &mut GizmoBuffer<Config, Clear>,
+    axis: &MedialAxis,
+    pose: &Pose3,
+    [spheres, cones, slabs]: [Option<Color>; 3],
+) {
     // The point at which a plane with this normal touches a sphere.
     let touched = |corner: u32, normal: Vec3| {
         let sphere = &axis.spheres()[corner as usize];
-        sphere.center + normal * sphere.radius
+        pose.transform_point(sphere.center + normal * sphere.radius)
     };
     if let Some(color) = spheres {
         for Sphere { center, radius } in axis.spheres().iter().filter(|sphere| sphere.radius > 0.0) {
-            lines.sphere(*center, *radius, color).resolution(SPHERE_SIDES);
+            let place = Isometry3d::new(pose.transform_point(*center), pose.rotation);
+            lines.sphere(place, *radius, color).resolution(SPHERE_SIDES);
         }
     }
     for primitive in axis.primitives() {
@@ -41,5 +53,4 @@ pub(super) fn wireframe(axis: &MedialAxis, [spheres, cones, slabs]: [Option<Colo
             _ => {}
         }
     }
-    lines
 }

@@ -8,6 +8,7 @@ mod culling;
 mod faults;
 mod kernels;
 mod parity;
+mod skinned;
 
 use std::{io::Write, sync::OnceLock};
 

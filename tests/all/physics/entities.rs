@@ -316,6 +316,8 @@ fn messages_and_layers_survive_a_round_trip_as_text() {
         approach_speed: 3.0,
         primitive1: 4,
         primitive2: 5,
+        joint1: None,
+        joint2: None,
     };
     let [entity1, entity2] = [7, 8].map(Entity::from_raw_u32).map(Option::unwrap);
     let (body1, body2) = (Some(entity1), None);

@@ -35,6 +35,8 @@ mod scaled;
 mod scenes;
 mod seams;
 mod settling;
+pub mod skeletons;
+pub mod skinned;
 mod solver;
 mod spins;
 mod statics;
