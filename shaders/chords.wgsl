@@ -39,6 +39,8 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
     var size = body1.bound.w;
     var smaller = size;
     var path_lengths = path_length(body1);
+    // Distances from the origin of the world.
+    var far = length(body1.position);
     if (pair.second & STATIC) != 0u {
         let wall = statics[pair.second & ~STATIC];
         let origin = select(wall.position, wall.center, wall.shape == BOX_SHAPE);
@@ -51,6 +53,7 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         strays += sagitta(body1, body1.arm, count) + wall.rounding;
         fine_strays = sagitta(body1, body1.arm, MOST_INTERVALS);
         size += wall.radius;
+        far += length(wall.position);
         smaller = min(smaller, wall.radius);
     } else {
         let body2 = bodies[pair.second];
@@ -73,11 +76,14 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         strays += body2.slack + deviation(body1, body2, count) + body2.rounding;
         fine_strays = deviation(body1, body2, MOST_INTERVALS);
         size += body2.bound.w;
+        far += length(body2.position);
         smaller = min(smaller, body2.bound.w);
         path_lengths += path_length(body2);
     }
     // Allowance for rounding: a few times the rounding error of coordinates as large as these.
-    let rounding = CONTACT_ROUNDING * (4.0 * size + path_lengths + length(chord.start1.translation) + length(chord.start2.translation));
+    let near = 4.0 * size + path_lengths + length(chord.start1.translation) + length(chord.start2.translation);
+    // The CPU ends the step at poses that are rounded in the world.
+    let rounding = CONTACT_ROUNDING * near + 4.0 * EPSILON * far;
     // The CPU searches along chords of its own and enlarges the first side by their deviation. Impacts are early by at most twice that deviation.
     let fine = max(FINE_CHORD_TOLERANCE * smaller, fine_strays);
     chord.touch = fine + max(params.touch, fine) + strays + rounding;

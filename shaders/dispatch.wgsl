@@ -6,7 +6,7 @@ const WORKGROUP: u32 = 64u;
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> counters: Counters;
 // Numbers of workgroups along three dimensions, for each of: placing chords, mid phase, narrow phase of each kind of primitive pairs.
-@group(0) @binding(2) var<storage, read_write> groups: array<u32, 21>;
+@group(0) @binding(2) var<storage, read_write> groups: array<u32, 3u * (2u + KINDS)>;
 
 fn need(pass_index: u32, count: u32, depth: u32) {
     groups[3u * pass_index] = min(count, 65535u);

@@ -7,7 +7,7 @@ use super::{
     shapes::Shapes,
 };
 use crate::{
-    geometry::{Aabb, Pose3},
+    geometry::Pose3,
     pipeline::{Body, ConvexParts, Core, Side, Solid, StaticBody},
 };
 
@@ -102,15 +102,14 @@ fn rigid_body(id: Option<u64>) -> [u32; 2] {
     [id as u32, (id >> 32) as u32]
 }
 
-/// Returns half extents and rounding of a collider that is one box around its own middle. None for other colliders.
+/// Returns half extents and rounding of a collider that is one box, part 0, with the axes of its body. `None` for other colliders.
 fn single_box(parts: &dyn ConvexParts) -> Option<(Vec3, f32)> {
     if parts.len() != 1 {
         return None;
     }
-    let Aabb { min, max } = parts.aabb();
-    let all = Aabb { min: min * 2.0, max: max * 2.0 };
-    match &parts.within(&all)[..] {
-        [part] if part.pose.rotation == Quat::IDENTITY && part.pose.translation == parts.aabb().center() => {
+    let aabb = parts.aabb();
+    match &parts.within(&aabb.inflated(aabb.half_extents().max_element()))[..] {
+        [part] if part.id == 0 && part.pose.rotation == Quat::IDENTITY && part.pose.translation == aabb.center() => {
             match part.core {
                 Core::Cuboid(half) => Some((half, part.rounding)),
                 _ => None,

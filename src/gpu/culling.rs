@@ -8,15 +8,15 @@
 //!     4 broad    swept sphere against swept sphere, and against a BVH of static boxes   -> body pairs
 //!     5 chords   motion of each pair as lines, for spinning bodies several               -> chords of pairs
 //!     6 mid      primitive boxes against the primitive BVH, swept along the chord         -> candidate primitive pairs
-//!     7 narrow   time at which they first come within the prediction distance             -> primitive pairs that meet
-//!   pairs that meet, read back and sorted
+//!     7 narrow   bound of their first touch; near or not at the end of the step            -> primitive pairs with bounds
+//!   pairs with bounds, read back
 //! ```
 //!
 //! The passes are the stages of the CPU, with its kernels in f32. Each pass is widened by its rounding errors, so it finds all pairs that the CPU
 //! would find, and few others. The remaining pairs, a few primitive pairs for each body pair, go to the CPU's narrow phase. So impacts, stops and
 //! contacts are the same as with culling on the CPU.
 //!
-//! Pairs with colliders other than medial meshes and fixed boxes are found here too. The CPU finds their primitives.
+//! Pairs with colliders other than medial meshes and boxes are found here too. The CPU finds their primitives.
 
 use std::time::Duration;
 
@@ -226,6 +226,9 @@ impl GpuCulling {
         // If all bodies are at one place, the cells are as small as possible with a finite number per metre.
         let size = (space.max - space.min).max(Vec3::splat(1e-30));
         let GpuCapacity { pairs, chords, survivors, .. } = self.capacity;
+        let primitives = input.bodies.iter().filter_map(|body| body.solid.medial()).map(|shape| shape.len() as u32);
+        let tiles = primitives.max().unwrap_or(1).div_ceil(WORKGROUP);
+        gpu.require("workgroups", most.into(), tiles.into())?;
         let begins = self.capacity.candidate_begins();
         gpu.require("candidates", u32::MAX.into(), begins[KINDS])?;
         let params = Params {
@@ -240,7 +243,7 @@ impl GpuCulling {
             max_survivors: survivors,
             touch: LINEAR_SLOP * input.length_unit,
             is_flat: self.is_flat.into(),
-            tiles: self.shapes.most_primitives.div_ceil(WORKGROUP).max(1),
+            tiles,
             candidates: std::array::from_fn(|index| begins.get(index).copied().unwrap_or_default() as u32),
         };
         buffers.write(gpu, Slot::Params, bytes_of(&params))?;
@@ -288,11 +291,9 @@ impl GpuCulling {
         let bytes = room.times_at() + self.timer.bytes();
         let staging = self.staging.pop().filter(|staging| staging.size() >= bytes);
         let staging = staging.map_or_else(|| self.gpu.staging(bytes), Ok)?;
-        let (buffers, passes) = (&self.buffers, &self.passes);
+        let (buffers, passes, timer) = (&self.buffers, &self.passes, &self.timer);
         let Some((_, leaves, bound)) = &self.bound else { unreachable!("`upload` creates the bind groups") };
-
         let mut labels = Vec::new();
-        let timer = &self.timer;
         let mut run =
             |encoder: &mut wgpu::CommandEncoder, label: &'static str, steps: &[(&Pass, &wgpu::BindGroup, Work)]| {
                 let timestamp_writes = timer.writes(labels.len() as u32);
@@ -310,9 +311,8 @@ impl GpuCulling {
                 }
             };
         encoder.clear_buffer(buffers.get(Slot::Counters), 0, None);
-        let wide = leaves.div_ceil(WORKGROUP);
+        let (wide, blocks) = (leaves.div_ceil(WORKGROUP), leaves.div_ceil(SORT_BLOCK));
         run(encoder, "place", &[(&passes.place, &bound.place, Work::Direct(wide))]);
-        let blocks = leaves.div_ceil(SORT_BLOCK);
         let mut sort = vec![(&passes.sort_blocks, &bound.sort_blocks, Work::Direct(blocks))];
         for (is_near, group) in &bound.exchanges {
             sort.push((if *is_near { &passes.sort_near } else { &passes.sort_far }, group, Work::Direct(blocks)));

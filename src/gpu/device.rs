@@ -91,18 +91,6 @@ impl GpuDevice {
     /// # Errors
     /// If there is no adapter, or if it returns no device.
     pub fn request() -> Result<Self, GpuError> {
-        Self::request_if(|_| true)
-    }
-
-    /// Requests a device that is not a software implementation, for programs without a renderer.
-    ///
-    /// # Errors
-    /// If there is no such adapter, or if it returns no device.
-    pub fn request_hardware() -> Result<Self, GpuError> {
-        Self::request_if(|info| info.device_type != wgpu::DeviceType::Cpu)
-    }
-
-    fn request_if(is_suitable: impl Fn(&wgpu::AdapterInfo) -> bool) -> Result<Self, GpuError> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             // The others have no compute shaders, or few storage buffers.
             backends: wgpu::Backends::PRIMARY,
@@ -114,9 +102,6 @@ impl GpuDevice {
         };
         let adapter = block_on(instance.request_adapter(&options))?;
         let info = adapter.get_info();
-        if !is_suitable(&info) {
-            return Err(GpuError::Software { adapter: info.name });
-        }
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("bevy_medial"),
             required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
@@ -126,6 +111,15 @@ impl GpuDevice {
         let (device, queue) = block_on(adapter.request_device(&descriptor))
             .map_err(|reason| GpuError::NoDevice { adapter: info.name.clone(), reason })?;
         Self::new(device, queue, info)
+    }
+
+    /// Requests a device that is not a software implementation, for programs without a renderer.
+    ///
+    /// # Errors
+    /// If there is no such adapter, or if it returns no device.
+    pub fn request_hardware() -> Result<Self, GpuError> {
+        let gpu = Self::request()?;
+        if gpu.is_software() { Err(GpuError::Software { adapter: gpu.name().into() }) } else { Ok(gpu) }
     }
 
     /// Uses an existing device, such as that of the renderer.

@@ -12,7 +12,7 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// All kinds, in the order of their constants in `chord.wgsl`.
+    /// All kinds, in the order of their constants in `kinds.wgsl`.
     pub const ALL: [Kind; KINDS] = [Kind::ConeCone, Kind::ConeSlab, Kind::SlabSlab, Kind::ConeBox, Kind::SlabBox];
 
     /// Returns the kind of two primitives with these numbers of spheres.
@@ -26,23 +26,17 @@ impl Kind {
     }
 
     /// Returns the constants that specialise a shader.
-    pub fn constants(self) -> &'static str {
-        match self {
-            Kind::ConeCone => {
-                "const KIND: u32 = 0u; const IS_SLAB1 = false; const IS_SLAB2 = false; const IS_BOX = false;\n"
-            }
-            Kind::ConeSlab => {
-                "const KIND: u32 = 1u; const IS_SLAB1 = false; const IS_SLAB2 = true; const IS_BOX = false;\n"
-            }
-            Kind::SlabSlab => {
-                "const KIND: u32 = 2u; const IS_SLAB1 = true; const IS_SLAB2 = true; const IS_BOX = false;\n"
-            }
-            Kind::ConeBox => {
-                "const KIND: u32 = 3u; const IS_SLAB1 = false; const IS_SLAB2 = false; const IS_BOX = true;\n"
-            }
-            Kind::SlabBox => {
-                "const KIND: u32 = 4u; const IS_SLAB1 = true; const IS_SLAB2 = false; const IS_BOX = true;\n"
-            }
-        }
+    pub fn constants(self) -> String {
+        let is_box = matches!(self, Kind::ConeBox | Kind::SlabBox);
+        let [is_slab1, is_slab2] = match self {
+            Kind::ConeCone | Kind::ConeBox => [false, false],
+            Kind::ConeSlab => [false, true],
+            Kind::SlabSlab => [true, true],
+            Kind::SlabBox => [true, false],
+        };
+        format!(
+            "const KIND: u32 = {}u;\nconst IS_SLAB1 = {is_slab1};\nconst IS_SLAB2 = {is_slab2};\nconst IS_BOX = {is_box};\n",
+            self as u32
+        )
     }
 }

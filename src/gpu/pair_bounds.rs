@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable, cast_slice, pod_collect_to_vec};
 use super::{
     GpuDevice, GpuError,
     kinds::{KINDS, Kind},
-    pass::{BOUNDS, NEAREST, Pass, shader},
+    pass::{BOUNDS, NEAREST, Pass, shader_of_kind},
     passes::WORKGROUP,
     timer::Timer,
 };
@@ -134,5 +134,5 @@ impl GpuBounds {
 
 /// Text of the shader for one kind of pairs.
 pub(super) fn text(kind: Kind) -> String {
-    shader([kind.constants(), NEAREST, BOUNDS, include_str!("../../shaders/pair_bounds.wgsl")])
+    shader_of_kind(kind, [NEAREST, BOUNDS, include_str!("../../shaders/pair_bounds.wgsl")])
 }

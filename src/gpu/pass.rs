@@ -1,12 +1,17 @@
 //! Compute passes and the text of their shaders.
 
-use super::{GpuDevice, GpuError};
+use super::{GpuDevice, GpuError, kinds::Kind};
 use crate::constants;
 
 /// Source of the kernel that finds nearest spheres.
 pub(super) const NEAREST: &str = include_str!("../../shaders/nearest.wgsl");
-/// Source of the kernel that finds bounds. It needs [`NEAREST`] and the constants of a [`Kind`](super::kinds::Kind).
+/// Source of the kernel that finds bounds. It needs [`NEAREST`] and the constants of a [`Kind`].
 pub(super) const BOUNDS: &str = include_str!("../../shaders/bounds.wgsl");
+
+/// Joins constants and files into one shader for a kind of primitive pairs.
+pub(super) fn shader_of_kind<'a>(kind: Kind, files: impl IntoIterator<Item = &'a str>) -> String {
+    kind.constants() + &shader(files)
+}
 
 /// Joins constants and files into one shader, because WGSL has no modules.
 pub(super) fn shader<'a>(files: impl IntoIterator<Item = &'a str>) -> String {
@@ -16,6 +21,7 @@ pub(super) fn shader<'a>(files: impl IntoIterator<Item = &'a str>) -> String {
         ("CHORD_TOLERANCE", constants::CULLING_CHORD_TOLERANCE),
         ("FINE_CHORD_TOLERANCE", constants::CHORD_TOLERANCE),
         ("SHORTEST_ADVANCE", constants::SHORTEST_ADVANCE),
+        ("EPSILON", f32::EPSILON),
         ("MAX", f32::MAX),
     ] {
         // This format prints the shortest digits that give the same bits.

@@ -7,7 +7,7 @@ use super::{
     buffers::{Buffers, Slot},
     kinds::{KINDS, Kind},
     layout::Exchange,
-    pass::{BOUNDS, NEAREST, Pass, shader},
+    pass::{BOUNDS, NEAREST, Pass, shader, shader_of_kind},
 };
 
 /// Invocations in a workgroup, except in the passes that sort, build the tree or dispatch.
@@ -55,7 +55,7 @@ pub(crate) fn shaders() -> impl Iterator<Item = (&'static str, String)> {
     let entries = ENTRIES.iter().map(|(label, files)| (*label, shader(files.concat())));
     let narrow = NARROW.into_iter().zip(Kind::ALL).map(|(label, kind)| {
         let own = &[NEAREST, BOUNDS, include_str!("../../shaders/narrow_phase.wgsl")];
-        (label, shader([&[kind.constants()], STEP, KINDS_FILE, CHORD, own].concat()))
+        (label, shader_of_kind(kind, [STEP, KINDS_FILE, CHORD, own].concat()))
     });
     entries.chain(narrow)
 }

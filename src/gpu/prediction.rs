@@ -61,7 +61,7 @@ impl Prediction {
     }
 
     /// Returns the pairs that may meet in a step, from those found for all predicted steps, and the number of bodies that were culled on the CPU.
-    /// None if the step was not predicted, if its prediction distance is larger, or if statics have changed.
+    /// None if the step was not predicted, if its prediction distance is larger, or if its length unit is larger, or if statics have changed.
     pub fn candidates(
         &self,
         found: &[Candidates],
@@ -72,7 +72,9 @@ impl Prediction {
         pool: &TaskPool,
     ) -> Option<(Vec<Candidates>, usize)> {
         let step = u32::try_from(number.checked_sub(self.after)?).ok()?;
-        let holds = statics.id() == self.statics.id() && input.prediction <= self.input.prediction;
+        let holds = statics.id() == self.statics.id()
+            && input.prediction <= self.input.prediction
+            && input.length_unit <= self.input.length_unit;
         if !holds || !(1..=LOOK_AHEAD_STEPS).contains(&step) {
             return None;
         }

@@ -111,7 +111,8 @@ impl Survivor {
     fn bounded(&self) -> BoundedPair {
         BoundedPair {
             primitives: [self.first, self.second & !NEAR_AT_END],
-            touch_bound: self.touch,
+            // Not a number counts as 0.
+            touch_bound: self.touch.max(0.0),
             is_near_at_end: self.second & NEAR_AT_END != 0,
         }
     }

@@ -22,8 +22,6 @@ pub(super) struct Shapes {
     nodes: Vec<u8>,
     /// Number of bytes of each list that have been uploaded.
     uploaded: [usize; 4],
-    /// Largest number of primitives of a shape.
-    pub most_primitives: u32,
 }
 
 impl Shapes {
@@ -46,7 +44,6 @@ impl Shapes {
             nodes: (self.nodes.len() / NODE as usize) as u32,
             node_count: (nodes.len() / NODE as usize) as u32,
         });
-        self.most_primitives = self.most_primitives.max(primitives.len() as u32);
         self.spheres.extend(spheres);
         self.primitives.extend(primitives);
         self.nodes.extend_from_slice(nodes);

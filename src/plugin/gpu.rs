@@ -3,7 +3,7 @@
 use std::{
     sync::{
         Mutex,
-        mpsc::{Receiver, channel},
+        mpsc::{Receiver, TryRecvError, channel},
     },
     time::Duration,
 };
@@ -11,7 +11,6 @@ use std::{
 use bevy::{
     prelude::*,
     render::renderer::{RenderAdapterInfo, RenderDevice, RenderQueue},
-    tasks::{AsyncComputeTaskPool, TaskPool},
 };
 
 use super::{MedialBackend, MedialSettings, MedialStep, choice::Choice, pipelined::LookAhead};
@@ -89,13 +88,13 @@ impl GpuBackend {
         self.looks_ahead(settings) && if is_auto { self.choice.looks_ahead() } else { self.is_wanted(settings.backend) }
     }
 
-    /// Records the back end and the duration of a step with `pairs` body pairs.
-    pub fn note(&mut self, settings: &MedialSettings, on_gpu: bool, pairs: usize, time: Duration) {
+    /// Records the back end and the duration of a step of a number of bodies.
+    pub fn note(&mut self, settings: &MedialSettings, on_gpu: bool, bodies: usize, time: Duration) {
         if settings.backend != MedialBackend::Auto {
             return;
         }
         let mut choice = std::mem::take(&mut self.choice);
-        if let Some(line) = choice.note(on_gpu, pairs, time, || self.hardware(settings)) {
+        if let Some(line) = choice.note(on_gpu, bodies, time, || self.hardware(settings)) {
             info!("{line}");
         }
         self.choice = choice;
@@ -160,19 +159,24 @@ impl GpuBackend {
             State::Unused => {
                 let (sender, receiver) = channel();
                 let (renderer, capacity) = (self.renderer.clone(), self.capacity);
-                let build = async move {
+                let build = move || {
                     let device =
                         renderer.unwrap_or_else(|| GpuDevice::request_hardware().map_err(|error| error.to_string()));
                     // The receiver is gone if the app has ended.
                     let _ = sender.send(device.and_then(|gpu| passes(&gpu, capacity)));
                 };
-                AsyncComputeTaskPool::get_or_init(TaskPool::default).spawn(build).detach();
+                // Driver calls would block a thread of a task pool. Without threads there is no GPU, because the receiver finds the sender gone.
+                let _ = std::thread::Builder::new().spawn(build);
                 self.state = State::Building(Mutex::new(receiver));
             }
             State::Building(built) => {
-                let built = built.get_mut().ok().and_then(|built| built.try_recv().ok());
-                if let Some(built) = built {
-                    self.state = State::of(built, MedialBackend::Auto);
+                let built = built.get_mut().map_or(Err(TryRecvError::Disconnected), |built| built.try_recv());
+                match built {
+                    Ok(built) => self.state = State::of(built, MedialBackend::Auto),
+                    Err(TryRecvError::Empty) => {}
+                    Err(TryRecvError::Disconnected) => {
+                        self.state = State::of(Err("its driver has failed".into()), MedialBackend::Auto);
+                    }
                 }
             }
             State::Ready(_) | State::Failed => {}

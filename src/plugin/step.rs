@@ -279,14 +279,15 @@ impl MedialStep {
         (self.workspace, self.output) = (workspace, output);
         #[cfg(feature = "gpu")]
         {
-            let pairs = self.output.counts.body_pairs;
             if self.input.culling == Culling::None {
                 self.gpu.look_ahead.asked = None;
             } else {
-                let clock = Instant::now();
+                let (clock, time) = (Instant::now(), self.output.times.total());
                 self.look_ahead();
-                self.output.times.broad += clock.elapsed();
-                self.gpu.note(&self.settings, on_gpu, pairs, self.output.times.total());
+                let asking = clock.elapsed();
+                self.output.times.broad += asking;
+                let time = if on_gpu { time + asking } else { time };
+                self.gpu.note(&self.settings, on_gpu, self.input.bodies.len(), time);
             }
         }
     }

@@ -4,12 +4,9 @@ use glam::Vec3;
 
 use super::{
     separation::{Cuboid, Separation},
-    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, start, time_of_depth},
+    time_of_impact::{Moving, MovingConvex, TimeOfImpact, start, time_of_depth},
 };
-use crate::{
-    constants::CONTACT_ROUNDING,
-    geometry::{Placement, Sphere, Sweep},
-};
+use crate::geometry::{Placement, Sphere, Sweep};
 
 /// The motion of a pair of bodies in an interval. Every point moves on the chord of its path, up to a known deviation.
 #[derive(Clone, Copy, Debug)]
@@ -18,18 +15,14 @@ pub struct Chord {
     ends: [[Placement; 2]; 2],
     /// Largest deviation of any point from its chord, summed over both sides, in metres.
     deviation: f32,
-    /// Upper bound of a point's displacement relative to the other side, in metres.
-    path: f32,
 }
 
 impl Chord {
     /// Returns the chord of two bodies. The sweeps are given in one frame. `arms`: largest distance of each body's points from its centre of mass, in metres.
     pub fn new([sweep1, sweep2]: [&Sweep; 2], [arm1, arm2]: [f32; 2]) -> Self {
-        let turns = sweep1.rotation.length() * arm1 + sweep2.rotation.length() * arm2;
         Self {
             ends: [[sweep1.start, sweep2.start], [sweep1.end, sweep2.end]].map(|poses| poses.map(Placement::from)),
             deviation: sweep1.sagitta(arm1) + sweep2.sagitta(arm2),
-            path: (sweep1.translation - sweep2.translation).length() + turns,
         }
     }
 
@@ -46,11 +39,7 @@ impl Chord {
         let distance = apart.length() + speed + arm1;
         let acceleration = turn1 * turn1 * arm1 + 2.0 * turn2 * (speed + turn1 * arm1) + turn2 * turn2 * distance;
         let relative = [sweep2.start.inv_mul(&sweep1.start), sweep2.end.inv_mul(&sweep1.end)];
-        Self {
-            ends: relative.map(|pose| [pose.into(), Placement::IDENTITY]),
-            deviation: acceleration / 8.0,
-            path: speed + turn1 * arm1 + turn2 * distance,
-        }
+        Self { ends: relative.map(|pose| [pose.into(), Placement::IDENTITY]), deviation: acceleration / 8.0 }
     }
 
     /// Placements of both bodies at the start and at the end.
@@ -61,11 +50,6 @@ impl Chord {
     /// Largest deviation of any point from its chord, summed over both sides, in metres.
     pub fn deviation(&self) -> f32 {
         self.deviation
-    }
-
-    /// The same motion of bodies whose points also move by up to `path` metres within the second body.
-    pub fn with_inner_path(self, path: f32) -> Self {
-        Self { path: self.path + path, ..self }
     }
 
     /// The motion of two primitives, with the first enlarged by the deviation.
@@ -182,11 +166,6 @@ pub fn rigid_impact<const N: usize, B: Rigid>(
     limit: f32,
     depth: f32,
 ) -> TimeOfImpact {
-    // The path may be rounded down.
-    if start.distance() + depth > chord.path * limit * (1.0 + CONTACT_ROUNDING) {
-        let status = TimeOfImpactStatus::Separated;
-        return TimeOfImpact { status, fraction: limit, contact: start.separation, rounds: 0 };
-    }
     let (moving1, moving2) = chord.along(first, second);
     time_of_depth(&moving1, &moving2, limit, depth, start.separation)
 }
@@ -200,7 +179,7 @@ pub fn rigid_end<const N: usize, B: Rigid>(first: &[Sphere; N], second: &B, chor
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Pose3;
+    use crate::{geometry::Pose3, query::TimeOfImpactStatus};
 
     #[test]
     fn the_impact_of_balls_is_at_the_given_depth_of_overlap() {

@@ -1,7 +1,7 @@
 //! The bounding sphere of a body and its path in a step: a medial cone, or a chain of cones for a curved path (paper, section 4).
 
+use arrayvec::ArrayVec;
 use glam::Vec3;
-use smallvec::SmallVec;
 
 use crate::{
     constants::{CULLING_CHORD_TOLERANCE, MAX_LINKS},
@@ -33,7 +33,7 @@ impl SweptSphere {
     }
 
     /// Returns the chain of cones along the path of a body: as many links as it takes for a small sagitta, up to [`MAX_LINKS`].
-    pub fn chain(body: &Body, margin: f32) -> SmallVec<[Self; 1]> {
+    pub fn chain(body: &Body, margin: f32) -> ArrayVec<Self, { MAX_LINKS as usize }> {
         let bound = body.solid.bounding_sphere();
         let sagitta = body.sweep.sagitta(bound.center.distance(body.sweep.local_center));
         let mut links = 1;

@@ -7,6 +7,7 @@ use bevy::platform::collections::HashSet;
 use glam::{Vec3, Vec4};
 
 use crate::{
+    constants::CONTACT_ROUNDING,
     geometry::{Aabb, Placement, Pose3, Sphere},
     pipeline::{
         ContactMargin, ConvexParts, Core, Hull, Part, Parts, Shape,
@@ -134,6 +135,9 @@ fn of_shapes(
     let to_second = Placement::from(pose12.inverse());
     let to_first = Placement::from(*pose12);
     let mut directions = Directions::default();
+    // Allowance for rounding: otherwise the contacts would depend on the order of the pairs.
+    let [size1, size2] = [shape1, shape2].map(|shape| shape.bounding_sphere().radius);
+    let apart = Vec4::splat(prediction + CONTACT_ROUNDING * (size1 + size2));
     settled.iter_mut().for_each(HashSet::clear);
     let mut collect = |[primitive1, primitive2]: [u32; 2], hull: Hull| {
         let mut push = |s: &Separation| {
@@ -148,7 +152,7 @@ fn of_shapes(
         };
         with_spheres!(hull, |first| with_spheres!(shape2.hull(primitive2), |second| {
             let gaps = directions.low(&second) - directions.high(&first);
-            if !gaps.cmpgt(Vec4::splat(prediction)).any() {
+            if !gaps.cmpgt(apart).any() {
                 let [settled1, settled2] = &mut *settled;
                 let spheres1 = SharedSpheres::new(shape1, primitive1, primitive2, settled1);
                 let spheres2 = SharedSpheres::new(shape2, primitive2, primitive1, settled2);

@@ -205,10 +205,17 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         // Cached boxes have margins for the whole path, so they are too large for a part of it.
         let needs_boxes = is_whole && matches!(known, Primitives::Unknown);
         let boxes = if needs_boxes { self.question.boxes(self.boxes) } else { [None; 2] };
+        let bounded = match known {
+            Primitives::Bounded(known) => known.as_slice(),
+            _ => &[],
+        };
+        let listed = || bounded.iter().filter(|bounded| bounded.touch_bound <= times[1]);
+        // Trees find fewer primitives than a long list in a part of the step.
+        let uses_list = is_whole || listed().nth(FEW_PRIMITIVES).is_none();
         for (index, (motion, found)) in motions.iter().zip(candidates.iter_mut()).enumerate() {
             match known {
-                Primitives::Bounded(known) => {
-                    for bounded in known.iter().filter(|bounded| bounded.touch_bound <= times[1]) {
+                Primitives::Bounded(_) if uses_list => {
+                    for bounded in listed() {
                         let Some(pair) = mid_phase::of_motion(motion, bounded.primitives) else { continue };
                         if bounded.touch_bound <= times[0] {
                             found.push(pair);
@@ -220,6 +227,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                             });
                         }
                     }
+                    found.sort_unstable();
                 }
                 Primitives::MayTouch(known) if is_whole => {
                     found.extend(known.iter().filter_map(|pair| mid_phase::of_motion(motion, *pair)));
@@ -256,7 +264,9 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         let graze = grazes.iter().find(|graze| graze.key == key).map(|graze| graze.impact);
         let limit = match self.result.impact {
             // Rounded up, so that equal times are not missed.
-            Some(first) if graze.is_none() => (first.fraction - times[0] + f32::EPSILON) / (times[1] - times[0]),
+            Some(first) if graze.is_none() => {
+                ((first.fraction - times[0] + f32::EPSILON) / (times[1] - times[0])).min(1.0)
+            }
             _ => 1.0,
         };
         let overlap = overlaps.get(&key).copied().unwrap_or(0.0);

@@ -190,7 +190,7 @@ impl<'a> PairMotion<'a> {
         let sweeps = [&self.sweep1, &self.sweep2];
         match self.other {
             OtherPart::Part(_) if !self.sweep2.is_at_rest() => Chord::in_frame_of_second(sweeps, self.arms[0]),
-            _ => Chord::new(sweeps, self.arms).with_inner_path(self.other.inner_path()),
+            _ => Chord::new(sweeps, self.arms),
         }
     }
 

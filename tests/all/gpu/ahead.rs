@@ -189,7 +189,8 @@ fn buffers_grow_while_the_gpu_looks_ahead() {
 fn the_automatic_choice_is_logged() {
     let Some(gpu) = device() else { return };
     let mut app = app_ahead("dinosaur", MedialBackend::Auto);
-    (0..40).for_each(|_| app.update());
+    // A step of less than a millisecond is not tried.
+    (0..120).for_each(|_| app.update());
     let lines = log::lines("medial meshes are culled on the ");
     println!("{lines:?}");
     if gpu.is_software() {
@@ -197,6 +198,6 @@ fn the_automatic_choice_is_logged() {
         assert!(lines.iter().any(|line| line.contains(&why)), "{lines:?}");
         assert!(!culled_on_gpu(&app));
     } else {
-        assert!(lines.iter().any(|line| line.contains("for a step of")), "{lines:?}");
+        assert!(lines.iter().any(|line| line.contains("a step of")), "{lines:?}");
     }
 }

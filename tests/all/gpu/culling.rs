@@ -37,18 +37,22 @@ pub fn compare(
     steps: usize,
     mut random_step: impl FnMut() -> (StepInput, Statics),
 ) -> [usize; 4] {
-    let mut total = [0; 4];
+    let (mut total, mut exact) = ([0; 4], [0; 2]);
     for number in 0..steps {
         let (input, statics) = random_step();
         let cpu = step(&input, &statics, pool());
-        let candidates = sorted(culling.cull(&input, &statics).unwrap());
-        assert_eq!(candidates, sorted(culling.cull(&input, &statics).unwrap()), "step {number}, culled twice");
+        let candidates = culling.cull(&input, &statics).unwrap();
+        let again = culling.cull(&input, &statics).unwrap();
+        assert_eq!(sorted(candidates.clone()), sorted(again), "step {number}, culled twice");
         let gpu = step_from_candidates(&input, &statics, candidates, |_, _| PairFilter::Stopping, pool());
         assert_same_items(&cpu.pairs, &gpu.pairs, &format!("step {number}: pair"));
         assert_same_items(&cpu.manifolds, &gpu.manifolds, &format!("step {number}: manifold"));
         assert_same_items(&cpu.stops, &gpu.stops, &format!("step {number}: stop"));
         total.iter_mut().zip(tally(&cpu)).for_each(|(sum, count)| *sum += count);
+        exact[0] += cpu.counts.toi_tests;
+        exact[1] += gpu.counts.toi_tests;
     }
+    assert!(4 * exact[1] < 3 * exact[0], "bounds save no work: {exact:?} exact evaluations");
     println!("{steps} steps: impacts, contacts, stops, pairs {total:?}; GPU {:?}", culling.counts());
     total
 }
@@ -92,6 +96,11 @@ fn check_random_steps(steps: usize) {
     });
     let [impacts, contacts, stops, _] = many;
     assert!(impacts > 300 && contacts > 1000 && stops > 200);
+    // Poses are rounded to 2 mm there.
+    let mut random = Random(4);
+    let far = compare(&mut culling, steps, || random_step(&mut random, 6, 5, 2.0, Vec3::splat(16384.0)));
+    let [_, contacts, ..] = far;
+    assert!(contacts > steps);
     println!("{:?}", culling.times());
 }
 
@@ -137,6 +146,7 @@ fn moving_boxes_are_second_sides() {
     let Some(gpu) = device() else { return };
     let mut culling = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
     let mut random = Random(11);
+    let mut own = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
     let (mut bounded, mut turning) = (0, 0);
     let total = compare(&mut culling, 60, || {
         let (mut input, statics) = random_step(&mut random, 12, 2, 1.5, Vec3::ZERO);
@@ -144,7 +154,6 @@ fn moving_boxes_are_second_sides() {
             input.bodies[index] = moving_box(&mut random, &input.bodies[index]);
         }
         let is_box = |side: Side| side.body().is_some_and(|body| body % 2 == 0);
-        let mut own = GpuCulling::new(gpu, GpuCapacity::default()).unwrap();
         for pair in own.cull(&input, &statics).unwrap().iter().filter(|pair| is_box(pair.sides[1])) {
             assert!(matches!(pair.primitives, Primitives::Bounded(_)), "{pair:?}");
             bounded += pair.primitives.indices().count();

@@ -236,10 +236,15 @@ fn components_and_resources_survive_a_round_trip_as_text() {
         searches: Some(2),
         seed: 9,
     };
+    let skinned = SkinnedMedialMesh {
+        interval: 3,
+        regions: [("head".into(), "critical".into())].into(),
+        ..SkinnedMedialMesh::new(mesh.0.clone())
+    };
     let world = app.world_mut();
     let original = world
         .spawn((
-            (mesh, StaticObb::new(1.0, 2.0, 3.0), MedialCcd::DISABLED, MedialBudget::Metres(0.25)),
+            (mesh, skinned, StaticObb::new(1.0, 2.0, 3.0), MedialCcd::DISABLED, MedialBudget::Metres(0.25)),
             (MedialLevel(3), MedialImportance(2.0), MedialFocus::default(), BuildMedialMesh(options)),
             (MedialBuildStatus::Building(0.5), MedialGizmo { enabled: false, color: Some(Color::WHITE) }),
             (MedialPickingCamera, SceneEntity, Projectile, Bullet),
@@ -297,6 +302,7 @@ fn components_and_resources_survive_a_round_trip_as_text() {
         "MedialPickingCamera",
         "Projectile",
         "SceneEntity",
+        "SkinnedMedialMesh",
         "StaticObb",
     ];
     assert_eq!(components, expected);
