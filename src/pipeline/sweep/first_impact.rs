@@ -205,17 +205,16 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         // Cached boxes have margins for the whole path, so they are too large for a part of it.
         let needs_boxes = is_whole && matches!(known, Primitives::Unknown);
         let boxes = if needs_boxes { self.question.boxes(self.boxes) } else { [None; 2] };
-        let bounded = match known {
-            Primitives::Bounded(known) => known.as_slice(),
-            _ => &[],
-        };
-        let listed = || bounded.iter().filter(|bounded| bounded.touch_bound <= times[1]);
-        // Trees find fewer primitives than a long list in a part of the step.
-        let uses_list = is_whole || listed().nth(FEW_PRIMITIVES).is_none();
+        // Bounds clear intervals before the first touch. Trees find the primitives that are near in a part of the step.
+        if let Primitives::Bounded(known) = known
+            && known.iter().all(|bounded| bounded.touch_bound > times[1])
+        {
+            return false;
+        }
         for (index, (motion, found)) in motions.iter().zip(candidates.iter_mut()).enumerate() {
             match known {
-                Primitives::Bounded(_) if uses_list => {
-                    for bounded in listed() {
+                Primitives::Bounded(known) if is_whole => {
+                    for bounded in known.iter().filter(|bounded| bounded.touch_bound <= times[1]) {
                         let Some(pair) = mid_phase::of_motion(motion, bounded.primitives) else { continue };
                         if bounded.touch_bound <= times[0] {
                             found.push(pair);
