@@ -12,6 +12,7 @@ mod cleanup;
 pub mod ma;
 mod mass;
 pub mod packed;
+#[cfg(feature = "rapier")]
 mod parts;
 mod posed;
 mod shapes;
@@ -35,7 +36,6 @@ pub use cleanup::CleanupReport;
 pub(crate) use cleanup::numbers_of_kept;
 pub use mass::MassProperties;
 pub(crate) use mass::{Chord, LINES, first_line, line_position};
-pub use parts::SkinPart;
 pub use skin::{JointPose, JointWeights, MAX_INFLUENCES, MAX_JOINTS, Skin, SkinError, SkinJoint};
 pub(crate) use skin::{strongest, summed};
 pub(crate) use surface::face_normals;

@@ -13,7 +13,7 @@ impl MedialAxis {
     /// # Panics
     /// If the number of spheres is another one.
     #[must_use]
-    pub fn with_spheres(&self, spheres: Vec<Sphere>) -> Self {
+    pub(crate) fn with_spheres(&self, spheres: Vec<Sphere>) -> Self {
         let Data { primitives, bvh, mass, .. } = &*self.0;
         assert_eq!(spheres.len(), self.0.spheres.len());
         let boxes: Vec<Aabb> =

@@ -225,14 +225,6 @@ impl Skin {
         used.fold(start, |sum, &(joint, weight)| sum + (value(&poses[usize::from(joint)]) - start) * weight)
     }
 
-    /// The joint with the largest weight at a point. The first joint wins among equals.
-    ///
-    /// # Panics
-    /// If there is no such point.
-    pub fn joint_of(&self, point: usize) -> u16 {
-        self.weights[point][0].0
-    }
-
     /// The joint with the largest weight at a sphere within a primitive, given the barycentric weights of the primitive's spheres.
     ///
     /// # Panics

@@ -126,7 +126,7 @@ impl Scene<'_, '_> {
         nearness: Option<&Nearness>,
         frame: Option<Pose3>,
     ) -> Option<Event> {
-        match (self.place(entity, mesh, detail, pose.as_deref().map(|pose| &pose.bound)), pose) {
+        match (self.place(entity, mesh, detail, pose.as_deref()), pose) {
             (Ok((axis, None, poses)), Some(pose)) => {
                 let is_far = nearness.is_none_or(Nearness::is_far);
                 pose.advance(axis, poses, frame, if is_far { mesh.interval } else { 1 }).map(Event::Jumped)
@@ -134,23 +134,30 @@ impl Scene<'_, '_> {
             (Ok((axis, joints, poses)), _) => {
                 Some(Event::Placed(SkinPose::new(axis, joints.unwrap_or_default(), poses, mesh, frame)))
             }
-            (Err(Unplaced::Waiting), _) => None,
+            // The shape rests until its asset or its joints are back.
+            (Err(Unplaced::Waiting), Some(pose)) => {
+                let (axis, poses) = (pose.bound.axis.clone(), pose.poses.clone());
+                pose.advance(&axis, poses, frame, 1).map(Event::Jumped)
+            }
+            (Err(Unplaced::Waiting), None) => None,
             (Err(Unplaced::Refused(reason)), _) => Some(Event::Refused(reason)),
         }
     }
 
-    /// Finds the shape of an entity and its joints. `known`: the shape and the joints so far.
+    /// Finds the shape of an entity and its joints. `pose`: the pose of the last step.
     fn place<'a>(
         &'a self,
         entity: Entity,
         mesh: &SkinnedMedialMesh,
         detail: &DetailItem,
-        known: Option<&Bound>,
+        pose: Option<&SkinPose>,
     ) -> Result<Placed<'a>, Unplaced> {
-        let axis = self.axis(mesh, detail)?;
+        let scale =
+            pose.map_or(1.0, |pose| pose.poses.iter().map(|joint| joint.scale).fold(f32::MIN_POSITIVE, f32::max));
+        let axis = self.axis(mesh, detail, scale)?;
         let missing = "its medial mesh has no skin; build the mesh with `medial build --skin`";
         let skin = axis.skin().ok_or_else(|| Unplaced::Refused(missing.into()))?;
-        let known = known.filter(|known| {
+        let known = pose.map(|pose| &pose.bound).filter(|known| {
             let is_same = known
                 .axis
                 .skin()
@@ -163,10 +170,10 @@ impl Scene<'_, '_> {
         Ok((axis, new, poses))
     }
 
-    /// Returns the loaded shape at its level of detail.
-    fn axis(&self, mesh: &SkinnedMedialMesh, detail: &DetailItem) -> Result<&MedialAxis, Unplaced> {
+    /// Returns the loaded shape at its level of detail. `scale`: the largest scale of its joints.
+    fn axis(&self, mesh: &SkinnedMedialMesh, detail: &DetailItem, scale: f32) -> Result<&MedialAxis, Unplaced> {
         if let Some(finest) = self.axes.get(&mesh.mesh) {
-            return Ok(finest.level(detail.level(finest, 1.0)));
+            return Ok(finest.level(detail.level(finest, scale)));
         }
         Err(match self.server.as_ref().and_then(|server| server.get_load_state(&mesh.mesh)) {
             Some(LoadState::Failed(error)) => Unplaced::Refused(format!("its medial mesh did not load: {error}")),
@@ -194,7 +201,7 @@ impl Scene<'_, '_> {
             }
         }
         let found: Vec<Option<Entity>> = skin.joints().iter().map(|joint| named.get(&*joint.name).copied()).collect();
-        if found.iter().all(Option::is_none) {
+        if found.iter().all(Option::is_none) && !self.has_skinned_mesh(entity) {
             return Err(Unplaced::Waiting);
         }
         let unknown = std::iter::zip(skin.joints().iter(), &found).find(|(_, found)| found.is_none());
@@ -205,6 +212,19 @@ impl Scene<'_, '_> {
             ))),
             None => Ok(found.into_iter().flatten().collect()),
         }
+    }
+
+    /// Returns true if the scene of an entity has been spawned: it has a skinned triangle mesh.
+    fn has_skinned_mesh(&self, entity: Entity) -> bool {
+        #[cfg(feature = "bevy_mesh")]
+        return std::iter::once(entity)
+            .chain(self.children.iter_descendants(entity))
+            .any(|entity| self.meshes.contains(entity));
+        #[cfg(not(feature = "bevy_mesh"))]
+        return {
+            let _ = entity;
+            false
+        };
     }
 
     /// Returns the entities that may be joints.
@@ -288,6 +308,9 @@ impl SkinPose {
         let displacement = std::iter::zip(&start, &end).map(|(a, b)| a.center.distance(b.center)).fold(0.0, f32::max);
         let jumps = displacement > TELEPORT * self.shape.axis().bounding_sphere().radius;
         let mut knots = if jumps || teleports { Vec::new() } else { between(axis, &self.before, &self.poses) };
+        if jumps || teleports {
+            self.before.clone_from(&self.poses);
+        }
         self.frame = frame.unwrap_or_else(|| if rests { self.frame } else { frame_around(&end) });
         if !jumps && !teleports {
             knots.insert(0, start);

@@ -103,6 +103,8 @@ pub(crate) struct Bound {
 impl Bound {
     /// Returns the joint with the largest weight at a point of a primitive, in the frame of the shape. `shape`: the shape in motion.
     pub fn joint_at(&self, shape: &Deforming, primitive: u32, point: Vec3, fraction: f32) -> Option<Entity> {
+        // The level of detail may have changed since the primitive was found.
+        shape.axis().primitives().get(primitive as usize)?;
         let shares = shape.hull_at(primitive, fraction).shares(point);
         let joint = self.axis.skin()?.joint_within(self.axis.primitives().get(primitive as usize)?, &shares);
         self.joints.get(usize::from(joint)).copied()
@@ -165,6 +167,13 @@ impl SkinPose {
         let [before, now] = [self.before[joint], self.poses[joint]];
         let start = (before.transform * now.transform.inverse()).transform_point3(point);
         [if start.is_finite() { point - start } else { Vec3::ZERO }, Screw::new([before, now]).turn()]
+    }
+
+    /// Returns the place of a joint at the last update, in the world. It may have a scale.
+    #[cfg(feature = "rapier")]
+    pub(crate) fn place_of(&self, joint: usize) -> Option<bevy::math::Affine3A> {
+        let bind = self.bound.axis.skin()?.joints().get(joint)?.inverse_bind.inverse();
+        Some(self.poses[joint].transform * bind)
     }
 
     /// Returns the hit region of a joint.

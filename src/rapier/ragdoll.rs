@@ -1,12 +1,12 @@
 //! Ragdolls: the joints of a character become bodies.
 
-use bevy::{math::Affine3A, prelude::*};
+use bevy::prelude::*;
 use bevy_rapier3d::prelude::{
     CollisionGroups, Group, ImpulseJoint, JointAxis, RigidBody, SphericalJointBuilder, Velocity,
 };
 
 use crate::{
-    geometry::{Pose3, Primitive, Sphere},
+    geometry::{Pose3, Sphere},
     medial_axis::MedialAxis,
     plugin::{MedialMesh, MedialStep, SkinPose, SkinnedMedialMesh, is_sound_pose},
 };
@@ -23,10 +23,10 @@ use crate::{
 ///
 /// Each joint entity that moves a primitive gets a dynamic `RigidBody` and a `MedialMesh`: the primitives that it moves most, with their spheres. Mass and
 /// inertia follow from them. A spherical joint links the body to that of the nearest ancestor with one. The skinned mesh follows the bodies, because they are
-/// its joints. The command removes the `SkinnedMedialMesh`, and makes
-/// the joints children of its entity. The app has to stop the animation.
+/// its joints. The command removes the `SkinnedMedialMesh`, and makes the joints children of its entity. The app has to stop the animation.
 ///
-/// Bodies of all ragdolls are in [`groups`](Self::groups). Without effect, and with a warning, on an entity that has no [`SkinPose`].
+/// Bodies of all ragdolls are in [`groups`](Self::groups). The command has no effect, except a warning, on an entity without a [`SkinPose`], below one of its
+/// own joints, or whose joints are mirrored or have no size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MedialRagdoll {
     /// Largest angle of a joint about each of its axes from the pose at the start, in radians. Default: 0.8.
@@ -60,15 +60,29 @@ impl EntityCommand for MedialRagdoll {
             );
             return;
         };
-        entity.remove::<SkinnedMedialMesh>();
         let root = entity.id();
-        entity.world_scope(|world| {
+        let is_released = entity.world_scope(|world| {
             let dt = world.resource::<MedialStep>().dt;
             let joints = 0..pose.joints().len();
             let limbs: Vec<Limb> = joints.filter_map(|joint| limb(world, &pose, joint, dt)).collect();
+            let above = |entity: &Entity| world.get::<ChildOf>(*entity).map(ChildOf::parent);
+            let is_below_limb =
+                std::iter::successors(above(&root), above).any(|above| limbs.iter().any(|limb| limb.entity == above));
+            if limbs.is_empty() || is_below_limb {
+                return false;
+            }
             let links: Vec<Option<ImpulseJoint>> = limbs.iter().map(|limb| self.link(world, limb, &limbs)).collect();
             std::iter::zip(&limbs, links).for_each(|(limb, link)| self.release(world, root, limb, link));
+            true
         });
+        if is_released {
+            entity.remove::<SkinnedMedialMesh>();
+        } else {
+            warn!(
+                "{name}: it does not become a ragdoll; put its SkinnedMedialMesh above all joints, and give them a positive scale"
+            );
+            entity.insert(pose);
+        }
     }
 }
 
@@ -112,38 +126,20 @@ fn limb(world: &World, pose: &SkinPose, joint: usize, dt: f32) -> Option<Limb> {
     let entity = pose.joints()[joint];
     let (scale, rotation, translation) = world.get::<GlobalTransform>(entity)?.to_scale_rotation_translation();
     let place = Pose3::from_parts(translation, rotation);
-    let to_joint = Affine3A::from_scale_rotation_translation(scale, rotation, translation).inverse();
-    let axis = pose.shape().axis();
-    let share = |primitive: &&Primitive| {
-        let count = primitive.indices().len();
-        let skin = pose.axis().skin();
-        skin.is_some_and(|skin| usize::from(skin.joint_within(primitive, &vec![1.0 / count as f32; count])) == joint)
-    };
-    let own: Vec<Primitive> = axis.primitives().iter().filter(share).copied().collect();
+    // The spheres are those of the last update.
+    let to_joint = pose.place_of(joint)?.inverse();
+    let own = pose.axis().primitives_of_joints().swap_remove(joint);
     let local = |sphere: &Sphere| {
         let center = to_joint.transform_point3(pose.frame().transform_point(sphere.center));
         Sphere::new(center, sphere.radius / scale.x)
     };
-    let shape = part_of(axis.spheres().iter().map(local).collect(), own)?;
+    if own.is_empty() || !(scale.x > 0.0 && to_joint.is_finite()) {
+        return None;
+    }
+    let shape = MedialAxis::part_of(&pose.shape().axis().spheres().iter().map(local).collect::<Vec<_>>(), &own).ok()?;
     let center = place.transform_point(shape.mass().center_of_mass * scale.x);
     let [displacement, turn] = pose.moved_with(joint, center);
     let rate = if dt > 0.0 { 1.0 / dt } else { 0.0 };
     let velocity = Velocity { linear: displacement * rate, angular: turn * rate };
     is_sound_pose(&place).then_some(Limb { entity, pose: place, shape, velocity })
-}
-
-/// Returns a shape of some primitives and their spheres.
-fn part_of(spheres: Vec<Sphere>, primitives: Vec<Primitive>) -> Option<MedialAxis> {
-    let mut used: Vec<u32> = primitives.iter().flat_map(|primitive| primitive.indices().to_vec()).collect();
-    used.sort_unstable();
-    used.dedup();
-    let number = |sphere: u32| used.binary_search(&sphere).map_or(0, |at| at as u32);
-    let renumbered = primitives.into_iter().map(|primitive| match primitive {
-        Primitive::Sphere(index) => Primitive::Sphere(index.map(number)),
-        Primitive::Cone(index) => Primitive::Cone(index.map(number)),
-        Primitive::Slab(index) => Primitive::Slab(index.map(number)),
-    });
-    let renumbered = renumbered.collect();
-    let spheres = used.iter().map(|&sphere| spheres[sphere as usize]).collect();
-    MedialAxis::new(spheres, renumbered).ok().map(|(axis, _)| axis)
 }
