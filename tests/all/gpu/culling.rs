@@ -52,7 +52,7 @@ pub fn compare(
         exact[0] += cpu.counts.toi_tests;
         exact[1] += gpu.counts.toi_tests;
     }
-    assert!(4 * exact[1] < 3 * exact[0], "bounds save no work: {exact:?} exact evaluations");
+    assert!(exact[0] < 1000 || 4 * exact[1] < 3 * exact[0], "bounds save no work: {exact:?} exact evaluations");
     println!("{steps} steps: impacts, contacts, stops, pairs {total:?}; GPU {:?}", culling.counts());
     total
 }
