@@ -131,7 +131,7 @@ fn device_section(text: &mut String, device: Option<&(String, Vec<DeviceRow>)>) 
     };
     write!(
         text,
-        "Adapter: {name}. llvmpipe is a software adapter, which here shares one CPU core with the program. The table shows, for each scene, the frame with most primitive pairs after the culling of bodies. This crate's conservative advancement tests all of them. A call includes upload, wait and readback.\n\n\
+        "Adapter: {name}. llvmpipe is a software adapter, which here shares one CPU core with the program. The table shows, for each scene, the frame with most primitive pairs after the culling of bodies. This crate's flat mode finds the bounds of all of them. A call includes upload, wait and readback.\n\n\
          | scene | frame | primitive pairs | call, ms | on the device, ms |\n|---|---|---|---|---|\n"
     )?;
     for DeviceRow { scene, frame, pairs, call_ms, device_ms } in rows {
