@@ -37,16 +37,16 @@ fn is_finite_solid(solid: &Solid) -> bool {
 pub(super) fn body(body: &Body, is_awake: bool, [margin, slack]: [f32; 2], shapes: &mut Shapes) -> layout::Body {
     let sweep = &body.sweep;
     let bound = body.solid.bounding_sphere();
-    let (shape, scale, arm) = match &body.solid {
-        Solid::Medial(shape) => (shapes.index_of(&shape.axis), shape.scale, shape.arm(sweep.local_center)),
-        Solid::Parts(_) => (OTHER_SHAPE, 1.0, bound.farthest(sweep.local_center)),
+    let (shape, scale, arm, (half, rounding)) = match &body.solid {
+        Solid::Medial(shape) => {
+            (shapes.index_of(&shape.axis), shape.scale, shape.arm(sweep.local_center), (Vec3::ZERO, 0.0))
+        }
+        Solid::Parts(parts) => {
+            let single_box = single_box(&**parts).filter(|_| parts.aabb().center() == bound.center);
+            let shape = if single_box.is_some() { BOX_SHAPE } else { OTHER_SHAPE };
+            (shape, 1.0, bound.farthest(sweep.local_center), single_box.unwrap_or_default())
+        }
     };
-    let single_box = match &body.solid {
-        Solid::Parts(parts) => single_box(&**parts).filter(|_| parts.aabb().center() == bound.center),
-        Solid::Medial(_) => None,
-    };
-    let (half, rounding) = single_box.unwrap_or_default();
-    let shape = if single_box.is_some() { BOX_SHAPE } else { shape };
     layout::Body {
         position: sweep.start.translation,
         shape,

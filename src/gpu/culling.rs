@@ -254,8 +254,8 @@ impl GpuCulling {
 
     /// Reserves the buffers that the passes write.
     fn reserve(&mut self, leaves: u32) -> Result<(), GpuError> {
-        let GpuCapacity { pairs, chords, candidates, survivors } = self.capacity;
-        let candidates = candidates.iter().fold(0, |sum: u32, count| sum.saturating_add(*count));
+        let GpuCapacity { pairs, chords, survivors, .. } = self.capacity;
+        let candidates = self.capacity.candidate_begins()[KINDS] as u32;
         for (slot, count, size) in [
             (Slot::Swept, leaves, SWEPT),
             (Slot::Keys, leaves, KEY),

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable, cast_slice, pod_collect_to_vec};
 
 use super::{
     GpuDevice, GpuError,
-    kinds::{KINDS, Kind},
+    kinds::Kind,
     pass::{BOUNDS, NEAREST, Pass, shader_of_kind},
     passes::WORKGROUP,
     timer::Timer,
@@ -57,7 +57,8 @@ impl MovingPair {
 /// Lower bounds of the times of impact of lists of pairs: the kernel of the narrow phase by itself, for tests and benchmarks.
 pub struct GpuBounds {
     gpu: GpuDevice,
-    passes: [Pass; KINDS],
+    /// One pass for each kind of pairs.
+    passes: Vec<Pass>,
     timer: Timer,
     time: Option<Duration>,
 }
@@ -68,9 +69,9 @@ impl GpuBounds {
     /// # Errors
     /// If the device refuses a shader.
     pub fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
-        let pass = |kind: Kind| Pass::new(gpu, "pair_bounds", text(kind));
-        let [a, b, c, d, e] = Kind::ALL.map(pass);
-        Ok(Self { passes: [a?, b?, c?, d?, e?], timer: Timer::new(gpu, 1)?, time: None, gpu: gpu.clone() })
+        let passes =
+            Kind::ALL.into_iter().map(|kind| Pass::new(gpu, "pair_bounds", text(kind))).collect::<Result<_, _>>()?;
+        Ok(Self { passes, timer: Timer::new(gpu, 1)?, time: None, gpu: gpu.clone() })
     }
 
     /// Time of the last call on the device, without upload and readback. None if the device cannot measure times.

@@ -72,7 +72,8 @@ pub(crate) struct Passes {
     pub(super) dispatch: Pass,
     pub(super) place_chords: Pass,
     pub(super) mid_phase: Pass,
-    pub(super) narrow_phase: [Pass; KINDS],
+    /// One pass for each kind of primitive pairs.
+    pub(super) narrow_phase: Vec<Pass>,
 }
 
 impl Passes {
@@ -95,10 +96,7 @@ impl Passes {
             dispatch: pass("dispatch")?,
             place_chords: pass("place_chords")?,
             mid_phase: pass("mid_phase")?,
-            narrow_phase: {
-                let [a, b, c, d, e] = NARROW.map(&mut pass);
-                [a?, b?, c?, d?, e?]
-            },
+            narrow_phase: NARROW.into_iter().map(pass).collect::<Result<_, E>>()?,
         })
     }
 }
@@ -115,7 +113,7 @@ pub(super) struct Bound {
     pub dispatch: wgpu::BindGroup,
     pub place_chords: wgpu::BindGroup,
     pub mid_phase: wgpu::BindGroup,
-    pub narrow_phase: [wgpu::BindGroup; KINDS],
+    pub narrow_phase: Vec<wgpu::BindGroup>,
 }
 
 impl Bound {
@@ -154,9 +152,9 @@ impl Bound {
                 &passes.mid_phase,
                 &[Params, Shapes, Spheres, Primitives, ShapeNodes, Chords, Counters, Candidates],
             ),
-            narrow_phase: passes.narrow_phase.each_ref().map(|pass| {
-                bind(pass, &[Params, Shapes, Spheres, Primitives, Chords, Candidates, Counters, Survivors])
-            }),
+            narrow_phase: (passes.narrow_phase.iter())
+                .map(|pass| bind(pass, &[Params, Shapes, Spheres, Primitives, Chords, Candidates, Counters, Survivors]))
+                .collect(),
         }
     }
 }

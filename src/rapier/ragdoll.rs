@@ -6,7 +6,7 @@ use bevy_rapier3d::prelude::{
 };
 
 use crate::{
-    geometry::{Pose3, Sphere},
+    geometry::{Pose3, Primitive, Sphere},
     medial_axis::MedialAxis,
     plugin::{MedialMesh, MedialStep, SkinPose, SkinnedMedialMesh, is_sound_pose},
 };
@@ -63,8 +63,9 @@ impl EntityCommand for MedialRagdoll {
         let root = entity.id();
         let is_released = entity.world_scope(|world| {
             let dt = world.resource::<MedialStep>().dt;
-            let joints = 0..pose.joints().len();
-            let limbs: Vec<Limb> = joints.filter_map(|joint| limb(world, &pose, joint, dt)).collect();
+            let shares = pose.axis().primitives_of_joints();
+            let limbs: Vec<Limb> =
+                shares.iter().enumerate().filter_map(|(joint, own)| limb(world, &pose, joint, own, dt)).collect();
             let above = |entity: &Entity| world.get::<ChildOf>(*entity).map(ChildOf::parent);
             let is_below_limb =
                 std::iter::successors(above(&root), above).any(|above| limbs.iter().any(|limb| limb.entity == above));
@@ -121,14 +122,13 @@ impl MedialRagdoll {
     }
 }
 
-/// Returns the limb of a joint; `None` for a joint without primitives or without a usable transform.
-fn limb(world: &World, pose: &SkinPose, joint: usize, dt: f32) -> Option<Limb> {
+/// Returns the limb of a joint; `None` for a joint without primitives or without a usable transform. `own`: the primitives of the joint.
+fn limb(world: &World, pose: &SkinPose, joint: usize, own: &[Primitive], dt: f32) -> Option<Limb> {
     let entity = pose.joints()[joint];
     let (scale, rotation, translation) = world.get::<GlobalTransform>(entity)?.to_scale_rotation_translation();
     let place = Pose3::from_parts(translation, rotation);
     // The spheres are those of the last update.
     let to_joint = pose.place_of(joint)?.inverse();
-    let own = pose.axis().primitives_of_joints().swap_remove(joint);
     let local = |sphere: &Sphere| {
         let center = to_joint.transform_point3(pose.frame().transform_point(sphere.center));
         Sphere::new(center, sphere.radius / scale.x)
@@ -136,7 +136,7 @@ fn limb(world: &World, pose: &SkinPose, joint: usize, dt: f32) -> Option<Limb> {
     if own.is_empty() || !(scale.x > 0.0 && to_joint.is_finite()) {
         return None;
     }
-    let shape = MedialAxis::part_of(&pose.shape().axis().spheres().iter().map(local).collect::<Vec<_>>(), &own).ok()?;
+    let shape = MedialAxis::part_of(&pose.shape().axis().spheres().iter().map(local).collect::<Vec<_>>(), own).ok()?;
     let center = place.transform_point(shape.mass().center_of_mass * scale.x);
     let [displacement, turn] = pose.moved_with(joint, center);
     let rate = if dt > 0.0 { 1.0 / dt } else { 0.0 };

@@ -177,12 +177,16 @@ fn near(
 /// Returns true if the chains of cones of two bodies meet. The bodies need not be at the same place of their paths at the same time, so each link is tested
 /// against each other one.
 fn chains_meet(input: &StepInput, kinematic_reach: &KinematicReach, bodies: [u32; 2]) -> bool {
-    let [first, second] = bodies.map(|index| {
-        let index = index as usize;
-        SweptSphere::chain(&input.bodies[index], kinematic_reach.margin(input, index))
+    let links = bodies.map(|index| SweptSphere::links(&input.bodies[index as usize]));
+    // Single links are the cones that were tested before.
+    if links == [1, 1] {
+        return true;
+    }
+    let [first, second] = [0, 1].map(|side| {
+        let index = bodies[side] as usize;
+        SweptSphere::chain(&input.bodies[index], links[side], kinematic_reach.margin(input, index))
     });
-    // A single link is the cone that was tested before.
-    first.len() * second.len() == 1 || first.iter().any(|link| second.iter().any(|other| link.meets(other)))
+    first.iter().any(|link| second.iter().any(|other| link.meets(other)))
 }
 
 /// Returns true if two rigid bodies are the same, or if a joint disables their collisions. Joints do not affect sensors.

@@ -32,17 +32,22 @@ impl SweptSphere {
         Self { sphere: Sphere::new(start, radius), motion: end - start }
     }
 
-    /// Returns the chain of cones along the path of a body: as many links as it takes for a small sagitta, up to [`MAX_LINKS`].
-    pub fn chain(body: &Body, margin: f32) -> ArrayVec<Self, { MAX_LINKS as usize }> {
+    /// Returns the number of cones in the chain along the path of a body: as many as it takes for a small sagitta, up to [`MAX_LINKS`].
+    pub fn links(body: &Body) -> u32 {
         let bound = body.solid.bounding_sphere();
         let sagitta = body.sweep.sagitta(bound.center.distance(body.sweep.local_center));
         let mut links = 1;
         while links < MAX_LINKS && sagitta > CULLING_CHORD_TOLERANCE * bound.radius * (links * links) as f32 {
             links *= 2;
         }
+        links
+    }
+
+    /// Returns the chain of cones along the path of a body.
+    pub fn chain(body: &Body, links: u32, margin: f32) -> ArrayVec<Self, { MAX_LINKS as usize }> {
         let link = |number: u32| {
             let times = [number, number + 1].map(|i| i as f32 / links as f32);
-            Self::along(bound, &body.sweep.part(times), margin)
+            Self::along(body.solid.bounding_sphere(), &body.sweep.part(times), margin)
         };
         (0..links).map(link).collect()
     }
