@@ -16,7 +16,7 @@ const WALL: f32 = 2.0;
 
 fn main() -> AppExit {
     App::new()
-        .add_plugins((Stage { steps: 30 }, MedialPhysicsPlugin::default()))
+        .add_plugins((Stage { steps: 30 }, MedialPhysicsPlugins::default()))
         .add_systems(Startup, setup)
         .add_systems(Last, tell_once_passed)
         .run()

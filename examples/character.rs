@@ -125,7 +125,7 @@ fn report(app: &App) -> Result<(), Box<dyn Error>> {
 
 /// Adds everything that does not draw.
 fn simulate(app: &mut App, cast: Cast) {
-    app.add_plugins(MedialPhysicsPlugin::default())
+    app.add_plugins(MedialPhysicsPlugins::default())
         .insert_resource(cast)
         .insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(DT)))
@@ -139,19 +139,13 @@ fn simulate(app: &mut App, cast: Cast) {
 /// The same with a camera, light and meshes.
 fn build(app: &mut App, cast: Cast, medial: bool, target: RenderTarget) {
     simulate(app, cast);
-    app.insert_resource(GlobalAmbientLight { brightness: 450.0, ..default() })
-        .add_systems(
-            Startup,
-            (move |store: ResMut<GizmoConfigStore>| show_medial(store, medial), dress.after(spawn_character)),
-        )
+    app.add_plugins(MedialDebugPlugin { enabled: medial })
+        .insert_resource(GlobalAmbientLight { brightness: 450.0, ..default() })
+        .add_systems(Startup, dress.after(spawn_character))
         .add_systems(Update, dress_bullets);
     let looking = |x: f32, y: f32, z: f32| Transform::from_xyz(x, y, z).looking_at(Vec3::Y * 0.8, Vec3::Y);
     app.world_mut().spawn((Camera3d::default(), target, looking(2.2, 1.6, 3.2)));
     app.world_mut().spawn((DirectionalLight::default(), looking(3.0, 6.0, 4.0)));
-}
-
-fn show_medial(mut store: ResMut<GizmoConfigStore>, medial: bool) {
-    store.config_mut::<bevy_medial::plugin::MedialGizmos>().0.enabled = medial;
 }
 
 fn spawn_character(mut commands: Commands, cast: Res<Cast>, mut axes: ResMut<Assets<MedialAxis>>) {

@@ -13,7 +13,7 @@ use common::stage::Stage;
 
 fn main() -> AppExit {
     App::new()
-        .add_plugins((Stage { steps: 120 }, MedialPhysicsPlugin::default().in_fixed_schedule()))
+        .add_plugins((Stage { steps: 120 }, MedialPhysicsPlugins::default().in_fixed_schedule()))
         .insert_resource(Time::<Fixed>::from_hz(60.0))
         .insert_resource(TimestepMode::Fixed { dt: 1.0 / 60.0, substeps: 1 })
         .add_systems(Startup, setup)

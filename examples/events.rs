@@ -13,7 +13,7 @@ use common::stage::Stage;
 
 fn main() -> AppExit {
     App::new()
-        .add_plugins((Stage { steps: 240 }, MedialPhysicsPlugin::default()))
+        .add_plugins((Stage { steps: 240 }, MedialPhysicsPlugins::default()))
         .add_systems(Startup, setup)
         .add_systems(Last, (tell_started, tell_ended))
         .run()

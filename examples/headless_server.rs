@@ -23,7 +23,7 @@ fn main() -> AppExit {
             TransformPlugin,
             DiagnosticsPlugin,
             // Steps have a constant length, regardless of the time of a frame.
-            MedialPhysicsPlugin::default().in_fixed_schedule(),
+            MedialPhysicsPlugins::default().in_fixed_schedule(),
         ))
         .insert_resource(Time::<Fixed>::from_hz(STEPS_PER_SECOND))
         .insert_resource(TimestepMode::Fixed { dt: frame.as_secs_f32(), substeps: 1 })

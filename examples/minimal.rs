@@ -13,7 +13,7 @@ use common::stage::Stage;
 
 fn main() -> AppExit {
     // `Stage` adds `DefaultPlugins`, a camera and a light.
-    App::new().add_plugins((Stage { steps: 300 }, MedialPhysicsPlugin::default())).add_systems(Startup, setup).run()
+    App::new().add_plugins((Stage { steps: 300 }, MedialPhysicsPlugins::default())).add_systems(Startup, setup).run()
 }
 
 fn setup(mut commands: Commands, assets: Res<AssetServer>) {

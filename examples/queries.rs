@@ -17,7 +17,7 @@ use common::stage::Stage;
 
 fn main() -> AppExit {
     App::new()
-        .add_plugins((Stage { steps: 60 }, MedialPhysicsPlugin::default(), MedialPickingPlugin))
+        .add_plugins((Stage { steps: 60 }, MedialPhysicsPlugins::default(), MedialPickingPlugin))
         .add_systems(Startup, setup)
         .add_systems(Last, ask_once.run_if(|step: Res<MedialStep>| step.input.bodies.len() == 2))
         .run()

@@ -10,7 +10,7 @@
 //! use bevy_rapier3d::prelude::RigidBody;
 //!
 //! fn main() {
-//!     App::new().add_plugins((DefaultPlugins, MedialPhysicsPlugin::default())).add_systems(Startup, setup).run();
+//!     App::new().add_plugins((DefaultPlugins, MedialPhysicsPlugins::default())).add_systems(Startup, setup).run();
 //! }
 //!
 //! fn setup(mut commands: Commands, assets: Res<AssetServer>) {
@@ -41,7 +41,7 @@
 //!
 //! # Modules
 //!
-//! A module uses only modules above it. Only [`plugin`] also adds the systems of [`rapier`].
+//! A module uses only modules above it.
 //!
 //! | module | content |
 //! |---|---|
@@ -54,15 +54,16 @@
 //! | [`builder`] | from triangle meshes to medial meshes: files, flaws, building, levels of detail, errors |
 //! | [`plugin`] | components, messages, settings, diagnostics, debug view, picking |
 //! | [`rapier`] | custom shape, dispatcher, contact table, scene queries |
+//! | [`MedialPhysicsPlugins`] | the plugins of physics, as one group |
 //! | [`scenes`] | the demo scenes, for examples, tests and benchmarks |
 //!
 //! # Plugins
 //!
 //! | plugin | feature | purpose | added |
 //! |---|---|---|---|
-//! | [`MedialPhysicsPlugin`](plugin::MedialPhysicsPlugin) | | collision; response with `rapier` | after `DefaultPlugins` or `AssetPlugin`, and after the app's own rapier plugin |
+//! | [`MedialPhysicsPlugins`] | | collision; response with `rapier` | after `DefaultPlugins` or `AssetPlugin`, and after the app's own rapier plugin |
 //! | `MedialBuildPlugin` | `bevy_mesh` | builds the shapes of entities with a `BuildMedialMesh` | after `AssetPlugin` |
-//! | `MedialGizmosPlugin` | `debug` | the debug view | by `MedialPhysicsPlugin`; by the app if it has no physics |
+//! | `MedialDebugPlugin` | `debug` | the debug view | at any time |
 //! | `MedialPickingPlugin` | `picking` | pointers pick medial bodies | after `DefaultPlugins` |
 //!
 //! # Units and frames
@@ -78,7 +79,7 @@
 //! | `rapier` | yes | response through `bevy_rapier3d`; without it transforms move the bodies, and messages report impacts and contacts |
 //! | `debug` | no | `MedialGizmos` and `MedialGizmo`: shapes, boxes, swept cones, candidates, contacts and stops as lines |
 //! | `picking` | no | `MedialPickingPlugin`: pointers pick medial bodies |
-//! | `gpu` | no | culling on the GPU |
+//! | `gpu` | yes | bounds of impacts by compute shaders, where a GPU is faster |
 //! | `serialize` | no | serde for all components except `MedialMesh`, for settings, messages, layers of the debug view and geometry |
 //! | `bevy_mesh` | no | conversion of Bevy's meshes to triangle meshes, and building of medial meshes while the app runs |
 //! | `mesh_files` | no | triangle meshes from OBJ, glTF, STL and PLY files |
@@ -96,6 +97,7 @@
 
 #[cfg(feature = "rapier")]
 pub use bevy_rapier3d;
+pub use plugin_group::MedialPhysicsPlugins;
 
 pub mod builder;
 pub mod constants;
@@ -106,6 +108,7 @@ pub mod gpu;
 pub mod medial_axis;
 pub mod pipeline;
 pub mod plugin;
+mod plugin_group;
 pub mod query;
 #[doc(hidden)]
 pub mod random;
@@ -119,23 +122,24 @@ pub mod whole_file;
 /// Common imports for apps.
 pub mod prelude {
     #[cfg(feature = "debug")]
-    pub use crate::plugin::{MedialGizmo, MedialGizmoLayer, MedialGizmos, MedialGizmosPlugin};
+    pub use crate::plugin::{MedialDebugPlugin, MedialGizmo, MedialGizmoLayer, MedialGizmos};
     #[cfg(feature = "picking")]
     pub use crate::plugin::{MedialPickingCamera, MedialPickingPlugin, MedialPickingSettings};
     #[cfg(feature = "rapier")]
     pub use crate::rapier::MedialQueries;
+    pub use crate::{
+        MedialPhysicsPlugins,
+        medial_axis::MedialAxis,
+        plugin::{
+            MedialBackend, MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialContacts,
+            MedialFocus, MedialImportance, MedialLevel, MedialMesh, MedialSettings, MedialStep, MedialSystems,
+            SkinPose, SkinnedMedialMesh, StaticObb, TouchPoint,
+        },
+    };
     #[cfg(feature = "bevy_mesh")]
     pub use crate::{
         builder::FitOptions,
         plugin::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus},
-    };
-    pub use crate::{
-        medial_axis::MedialAxis,
-        plugin::{
-            MedialBackend, MedialBudget, MedialCcd, MedialContactEnded, MedialContactStarted, MedialContacts,
-            MedialFocus, MedialImportance, MedialLevel, MedialMesh, MedialPhysicsPlugin, MedialSettings, MedialStep,
-            MedialSystems, SkinPose, SkinnedMedialMesh, StaticObb, TouchPoint,
-        },
     };
 }
 

@@ -13,7 +13,7 @@ use bevy_rapier3d::prelude::*;
 const DT: f32 = 1.0 / 60.0;
 
 /// Bodies of rapier's own shapes: sum of the times of all updates, and mean of the last ones, in milliseconds. Each for an app without and with
-/// `MedialPhysicsPlugin`.
+/// `MedialPhysicsPlugins`.
 pub struct Own {
     pub sums_ms: [f64; 2],
     pub last_ms: [f64; 2],
@@ -78,7 +78,7 @@ fn app(with_plugin: bool) -> App {
         .insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(DT)));
     if with_plugin {
-        app.add_plugins(MedialPhysicsPlugin::default());
+        app.add_plugins(MedialPhysicsPlugins::default());
     } else {
         app.add_plugins(RapierPhysicsPlugin::<NoUserData>::default());
     }

@@ -33,7 +33,7 @@ use bevy_medial::{
     builder::{BuildOptions, build, load::load},
     geometry::{Pose3, Sweep},
     pipeline::{Body, Manifold, Pair, PairFilter, Shape, Statics, StepInput, StepOutput, Stop, Workspace},
-    plugin::{MedialGizmos, MedialStep},
+    plugin::{MedialDebugPlugin, MedialGizmos, MedialStep},
     prelude::*,
     scenes::{Scene, headless_app, load_models},
 };
@@ -296,6 +296,7 @@ fn kept_by((input, statics): &(StepInput, Statics), pool: &TaskPool) -> f64 {
 fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 4] {
     let shapes = ["spheres", "cones", "slabs"];
     let mut app = rainy(deer, count);
+    app.add_plugins(MedialDebugPlugin { enabled: false });
     let switch = |app: &mut App, is_on: &dyn Fn(&str) -> bool| {
         let mut store = app.world_mut().resource_mut::<GizmoConfigStore>();
         let (group, layers) = store.config_mut::<MedialGizmos>();

@@ -33,7 +33,7 @@ pub fn rendering_app_with(dt: f32, device: WgpuSettings) -> App {
         CameraPlugin,
         TransformPlugin,
         DiagnosticsPlugin,
-        MedialPhysicsPlugin::default(),
+        MedialPhysicsPlugins::default(),
     ))
     .insert_resource(TimestepMode::Fixed { dt, substeps: 1 })
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(dt)));

@@ -23,7 +23,7 @@ use bevy::{camera::RenderTarget, light::GlobalAmbientLight, prelude::*};
 use bevy_medial::{
     builder::{FitOptions, Level, MedialLevels, TriangleMesh, load::load, measure},
     medial_axis::ma,
-    plugin::MedialGizmosPlugin,
+    plugin::MedialDebugPlugin,
 };
 use bevy_medial_compare::outcome;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
@@ -108,7 +108,7 @@ fn read(file: &Path, mesh: &TriangleMesh) -> Result<MedialLevels, Box<dyn std::e
 }
 
 fn add_view(app: &mut App, shown: Shown, job: Job, target: RenderTarget) {
-    app.add_plugins((MedialGizmosPlugin, shown::plugin, panel::plugin))
+    app.add_plugins((MedialDebugPlugin::default(), shown::plugin, panel::plugin))
         .insert_resource(ClearColor(Color::srgb(0.93, 0.94, 0.95)))
         .insert_resource(GlobalAmbientLight { brightness: 450.0, ..default() })
         .insert_resource(shown)

@@ -69,7 +69,7 @@ struct Source;
 struct Fitted;
 
 pub fn plugin(app: &mut App) {
-    app.add_systems(Startup, (spawn, turn_lines_on)).add_systems(Update, (take_levels, show_level).chain());
+    app.add_systems(Startup, (spawn, set_lines)).add_systems(Update, (take_levels, show_level).chain());
 }
 
 fn spawn(
@@ -93,9 +93,8 @@ fn spawn(
     commands.spawn((Fitted, Mesh3d::default(), material(Color::srgb(0.72, 0.76, 0.82)), place(1.0)));
 }
 
-fn turn_lines_on(mut store: ResMut<GizmoConfigStore>) {
+fn set_lines(mut store: ResMut<GizmoConfigStore>) {
     let (group, _) = store.config_mut::<MedialGizmos>();
-    group.enabled = true;
     group.line.width = 1.2;
     // Lines are drawn in front of the surface on which they lie.
     group.depth_bias = -0.002;

@@ -107,7 +107,7 @@ mod tests {
         fn new() -> Self {
             let mut app = App::new();
             app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, DiagnosticsPlugin))
-                .add_plugins((MedialPhysicsPlugin::default(), MedialPickingPlugin, InteractionPlugin, plugin))
+                .add_plugins((MedialPhysicsPlugins::default(), MedialPickingPlugin, InteractionPlugin, plugin))
                 .init_gizmo_group::<DefaultGizmoConfigGroup>()
                 .init_resource::<ButtonInput<MouseButton>>()
                 .insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })

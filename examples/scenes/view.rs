@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use bevy::{camera::RenderTarget, core_pipeline::tonemapping::DebandDither, light::GlobalAmbientLight, prelude::*};
 use bevy_medial::{
-    plugin::{MedialGizmos, MedialPickingPlugin},
+    plugin::{MedialDebugPlugin, MedialGizmos, MedialPickingPlugin},
     prelude::*,
     scenes::{Model, Scene, SceneEntity, add_monitor, lift_speed_limits},
 };
@@ -63,7 +63,8 @@ pub fn window(show: Show) {
 /// Adds physics, the scene, a camera and light.
 pub fn add_scene(app: &mut App, show: Show, target: RenderTarget) {
     let [eye, focus] = show.scene.view;
-    app.add_plugins((MedialPhysicsPlugin::default(), Dress { models: show.folder.clone() }))
+    let debug = MedialDebugPlugin { enabled: !show.layers.is_empty() };
+    app.add_plugins((MedialPhysicsPlugins::default(), debug, Dress { models: show.folder.clone() }))
         .insert_resource(MedialSettings { backend: show.backend, ..default() })
         .insert_resource(TimestepMode::Fixed { dt: show.dt, substeps: 1 })
         .insert_resource(ClearColor(Color::srgb(0.72, 0.82, 0.92)))
@@ -102,7 +103,6 @@ fn switch_layers(show: Res<Show>, mut store: ResMut<GizmoConfigStore>) {
     if show.layers.is_empty() {
         return;
     }
-    group.enabled = true;
     layers.color_by_level = show.layers.iter().any(|name| name == "levels");
     for (name, layer) in layers.layers_mut() {
         layer.enabled = show.layers.contains(&dashed(name));

@@ -2,11 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{BuildError, Level, solid::Solid};
+use super::{BuildError, Level, options::MOST_OFF, solid::Solid};
 use crate::medial_axis::MassProperties;
-
-/// Largest difference of a mass property, in percent.
-pub(super) const MOST_OFF: f64 = 10.0;
 
 /// Checks that a solid has a mass that the numbers of a shape can hold.
 pub(super) fn check_solid(solid: &Solid) -> Result<(), BuildError> {

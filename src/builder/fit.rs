@@ -8,9 +8,8 @@ use super::{
     BuildError, BuildOptions, Built, DEFAULT_SEED, Level, MedialLevels, TriangleMesh,
     build::{coarser, finest, finest_share},
     check::{check, check_solid},
-    judge::Judge,
+    optimise::{Judge, Search},
     progress::between,
-    search::Search,
     solid::Solid,
 };
 use crate::medial_axis::MAX_SPHERES;

@@ -5,8 +5,9 @@ use glam::DVec3;
 use super::{
     TriangleMesh, TwoSidedError,
     measure::measure_shown,
+    mesh::tree_of,
     parallel,
-    solid::{is_within, probes, tree_of},
+    solid::{is_within, probes},
 };
 use crate::medial_axis::MedialAxis;
 

@@ -9,7 +9,11 @@ use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 
-use super::{TriangleMesh, mesh::edge_uses, solid::tree_of, tree::TriangleTree};
+use super::{
+    TriangleMesh,
+    mesh::{edge_uses, tree_of},
+    tree::TriangleTree,
+};
 
 /// A rim with more corners is reduced by cutting off every other corner. The time of a cap of minimal area grows with the cube of the corners.
 const MOST_CORNERS: usize = 160;

@@ -3,6 +3,7 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 use thiserror::Error;
 
+use super::tree::TriangleTree;
 use crate::{disjoint_sets::DisjointSets, geometry::Aabb, medial_axis::MAX_EXTENT};
 
 /// Largest number of vertices, and of triangles, of a mesh.
@@ -230,6 +231,14 @@ pub(super) fn sorted_edges(triangles: &[[u32; 3]]) -> Vec<EdgeUse> {
 /// True for triangles without a repeated vertex.
 fn is_proper([a, b, c]: &[u32; 3]) -> bool {
     a != b && b != c && c != a
+}
+
+/// Triangles with a height of less than this part of their longest side are omitted.
+pub(super) const FLAT: f64 = 1e-9;
+
+/// The tree of the triangles, except those with almost no height relative to their longest side.
+pub(super) fn tree_of(triangles: impl Iterator<Item = [DVec3; 3]>) -> TriangleTree {
+    TriangleTree::new(&triangles.filter(|triangle| !is_flat(triangle, FLAT)).collect::<Vec<_>>())
 }
 
 /// True for triangles with a height of at most the fraction `part` of their longest side.

@@ -6,9 +6,7 @@
 //!                     +-- fit --> MedialLevels: medial meshes with their errors, finest first
 //!                     |    |
 //!                     |    +-- build: --solid--> checked, closed, oriented, in a tree --some searches, judge--> the best --> Built
-//!                     |          search: --surface_samples--> points, normals, medial balls --clusters--> spheres
-//!                     |                  --connect--> edges, faces --refine--> fitted spheres --mend--> better worst places
-//!          refine: merge --> exchange, rejoin --> descent, repeated
+//!                     |          a search is in optimise/
 //!                     |
 //!                     +-- measure(mesh, axis) --> two-sided error of a medial mesh
 //!
@@ -21,49 +19,39 @@ mod bind;
 mod build;
 mod check;
 mod clean;
-mod clusters;
-mod connect;
-mod descent;
 mod envelope;
-mod exchange;
 mod fit;
 mod folds;
 mod holes;
 mod hull;
-mod inscribe;
 mod interior;
-mod judge;
 mod levels;
 #[cfg(feature = "mesh_files")]
 pub mod load;
 mod measure;
-mod mend;
-mod merge;
 mod mesh;
-mod normal_equations;
+mod optimise;
+mod options;
 mod orient;
 mod parallel;
 mod points;
 mod progress;
-mod refine;
-mod rejoin;
 mod report;
 mod samples;
-mod search;
 mod skinned;
 mod solid;
 mod surface_samples;
-mod target;
 mod tree;
 mod vectors;
 
 pub use bind::fit_skinned;
-pub use build::{BuildError, BuildOptions, BuildReport, Built, DEFAULT_SEED, build, build_levels};
+pub use build::{build, build_levels};
 pub use fit::{FitOptions, fit};
 pub use folds::measure_without_folds;
 pub use levels::{Level, MedialFileError, MedialLevels, MedialLevelsError};
 pub use measure::{Deviation, TwoSidedError, measure, vertex_errors};
 pub use mesh::{MAX_MESH_SIZE, MeshError, TriangleMesh};
+pub use options::{BuildError, BuildOptions, BuildReport, Built, DEFAULT_SEED};
 #[cfg(feature = "bevy_mesh")]
 pub(crate) use parallel::on_this_thread;
 pub use report::MeshReport;

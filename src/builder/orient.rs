@@ -2,7 +2,10 @@
 
 use glam::DVec3;
 
-use super::{TriangleMesh, mesh::pieces, solid::tree_of};
+use super::{
+    TriangleMesh,
+    mesh::{pieces, tree_of},
+};
 
 /// Smaller volumes, relative to the cube of the diagonal, have an unreliable sign because of rounding.
 const LEAST_VOLUME: f64 = 1e-9;

@@ -7,7 +7,7 @@ use super::{
     clean::Cleaned,
     interior::Interior,
     measure::measure_shown,
-    mesh::{edge_uses, is_flat, pieces},
+    mesh::{FLAT, edge_uses, is_flat, pieces, tree_of},
     parallel,
     tree::TriangleTree,
 };
@@ -35,14 +35,6 @@ pub(super) struct Solid {
     /// Mass properties in the units of the mesh. `None` if the surface has a large opening.
     pub mass: Option<MassProperties>,
 }
-
-/// The tree of the triangles, except those with almost no height relative to their longest side.
-pub(super) fn tree_of(triangles: impl Iterator<Item = [DVec3; 3]>) -> TriangleTree {
-    TriangleTree::new(&triangles.filter(|triangle| !is_flat(triangle, FLAT)).collect::<Vec<_>>())
-}
-
-/// Triangles with a height of less than this part of their longest side are omitted.
-const FLAT: f64 = 1e-9;
 
 /// Distance from a surface at which its sides are probed, as a part of the diagonal.
 const PROBE: f64 = 1e-4;

@@ -6,7 +6,7 @@ use std::{collections::HashSet, sync::Arc};
 
 use glam::{BVec3, Vec3};
 
-use super::{ContactMargin, Displacement, Solid, broad};
+use super::{ContactMargin, Displacement, Solid, solid::count};
 use crate::{
     constants::CORE_DEPTH,
     geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
@@ -191,7 +191,7 @@ impl Statics {
     pub fn new(bodies: Vec<StaticBody>) -> Self {
         let boxes: Vec<Obb> = bodies.iter().map(StaticBody::obb).collect();
         let aabbs: Vec<Aabb> = boxes.iter().map(Obb::aabb).collect();
-        let primitives = broad::count(bodies.iter().map(|body| &body.solid));
+        let primitives = count(bodies.iter().map(|body| &body.solid));
         #[cfg(feature = "gpu")]
         static NEXT: AtomicU64 = AtomicU64::new(1);
         Self {

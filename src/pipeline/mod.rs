@@ -33,24 +33,21 @@ mod sweep;
 mod tolerances;
 mod workspace;
 
-use std::time::Duration;
-
-use bevy::{platform::time::Instant, tasks::TaskPool};
+use bevy::tasks::TaskPool;
 
 #[cfg(feature = "debug")]
 pub(crate) use broad::swept_cone;
 #[cfg(feature = "gpu")]
 pub(crate) use broad::{KinematicReach, near_sides};
-use workspace::TaskScratch;
 
-pub use contacts::{CachedPair, Contact, ContactCache, ContactMargin, Displacement, Manifold, OtherShape};
+pub use contacts::{CachedPair, Contact, ContactCache, ContactMargin, Displacement, Manifold};
 pub use deforming::Deforming;
 pub use input::{Body, Culling, Groups, PairFilter, Side, StaticBody, Statics, StepInput, relative_pose};
 pub use output::{BoundedPair, Candidates, Counts, Impact, Pair, Primitives, StepOutput, Stop, Times};
 pub use parts::{ConvexParts, Core, Part, Parts};
 pub(crate) use shape::with_spheres;
 pub use shape::{Hull, Shape};
-pub use solid::{ShapeId, Solid};
+pub use solid::{OtherShape, ShapeId, Solid};
 pub use sweep::first_touch;
 pub use workspace::Workspace;
 
@@ -75,13 +72,4 @@ pub fn step_from_candidates(
     let mut output = StepOutput::default();
     Workspace::default().step_from_candidates(input, statics, candidates, filter, pool, &mut output);
     output
-}
-
-/// Returns a clock: each call returns the time since the last call.
-fn laps() -> impl FnMut() -> Duration {
-    let mut clock = Instant::now();
-    move || {
-        let now = Instant::now();
-        now - std::mem::replace(&mut clock, now)
-    }
 }

@@ -1,22 +1,24 @@
 //! Narrow phase: the first impact of each pair within the step, and its contacts at the final poses.
 
+use std::time::Duration;
+
 use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    BoundedPair, CachedPair, ContactCache, ContactMargin, Culling, Manifold, Pair, Primitives, Side, Statics,
-    StepInput, StepOutput, TaskScratch,
+    BoundedPair, CachedPair, Contact, ContactCache, ContactMargin, Culling, Manifold, Pair, Primitives, Side, Statics,
+    StepInput, StepOutput,
     contacts::{
         find::{self, Listed},
         gap, reduce,
     },
-    laps,
+    output::laps,
     pairs::BodyPair,
     parallel::{self, Scratches},
     relative_pose,
     respond::Trajectories,
     sweep::{
-        first_impact::{ImpactResult, Question, first_impact},
+        first_impact::{self, ImpactResult, Question, first_impact},
         motion::PairMotion,
     },
 };
@@ -30,7 +32,7 @@ pub(super) fn impacts(
     pairs: &[BodyPair],
     known: &[Primitives],
     cache: &ContactCache,
-    tasks: &Scratches<TaskScratch>,
+    tasks: &Scratches<first_impact::Scratch>,
     impacts: &mut Vec<ImpactResult>,
     pool: &TaskPool,
 ) {
@@ -43,7 +45,7 @@ pub(super) fn impacts(
         let question = Question { input, statics, pair, known, times, normal: Vec3::ZERO };
         let result = first_impact(&question, motions, scratch, laps());
         if input.report_candidates {
-            scratch.reported.push((i, std::mem::take(&mut scratch.first_impact.reported)));
+            scratch.report(i);
         }
         result
     });
@@ -60,6 +62,19 @@ fn gap_at_start(input: &StepInput, statics: &Statics, pair: &BodyPair, cache: &C
     let pose12 =
         relative_pose(sides.map(|side| place(input, statics, side, |body| input.bodies[body as usize].sweep.start)));
     cache.gap([id1, id2], sides.map(|side| input.side(statics, side).0), &pose12)
+}
+
+/// Buffers of a task for contacts, and the results that it keeps until all pairs are done.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    find: find::Scratch,
+    contacts: Vec<Contact>,
+    /// Primitive pairs of a pair that may have contacts.
+    listed: Vec<[u32; 2]>,
+    reduce: reduce::Scratch,
+    pub found: Vec<Found>,
+    /// Times of finding and reducing contacts.
+    pub laps: [Duration; 2],
 }
 
 /// A pair whose contacts were searched or recycled.
@@ -96,7 +111,7 @@ impl Ends<'_> {
     pub fn manifolds(
         &self,
         pairs: &[BodyPair],
-        tasks: &Scratches<TaskScratch>,
+        tasks: &Scratches<Scratch>,
         manifolds: &mut Vec<Manifold>,
         pool: &TaskPool,
     ) {
@@ -109,9 +124,9 @@ impl Ends<'_> {
         });
     }
 
-    fn manifolds_of(&self, index: usize, pair: &BodyPair, scratch: &mut TaskScratch, manifolds: &mut Vec<Manifold>) {
+    fn manifolds_of(&self, index: usize, pair: &BodyPair, scratch: &mut Scratch, manifolds: &mut Vec<Manifold>) {
         let Self { input, statics, trajectories, .. } = *self;
-        let TaskScratch { contact: buffers, contacts, listed, reduce, found, laps: [finding, reducing], .. } = scratch;
+        let Scratch { find: buffers, contacts, listed, reduce, found, laps: [finding, reducing] } = scratch;
         let mut lap = laps();
         let sides = [pair.first, pair.second];
         let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));

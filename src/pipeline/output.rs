@@ -2,6 +2,7 @@
 
 use std::{ops::Range, time::Duration};
 
+use bevy::platform::time::Instant;
 use glam::Vec3;
 
 use super::{ContactMargin, Manifold, Side};
@@ -174,5 +175,14 @@ impl Times {
     /// Returns the sum of all stages.
     pub fn total(&self) -> Duration {
         self.broad + self.mid + self.narrow + self.stop + self.reduce
+    }
+}
+
+/// Returns a clock: each call returns the time since the last call.
+pub(super) fn laps() -> impl FnMut() -> Duration {
+    let mut clock = Instant::now();
+    move || {
+        let now = Instant::now();
+        now - std::mem::replace(&mut clock, now)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::{fmt, sync::Arc};
 
-use super::{ConvexParts, Deforming, OtherShape, Shape};
+use super::{ConvexParts, Deforming, Shape};
 use crate::geometry::{Aabb, Sphere};
 
 /// The shape of a body.
@@ -12,6 +12,15 @@ pub enum Solid {
     Medial(Shape),
     /// Any other collider.
     Parts(Arc<dyn ConvexParts>),
+}
+
+/// The second side of a pair.
+#[derive(Clone, Copy)]
+pub enum OtherShape<'a> {
+    /// A medial shape.
+    Shape(&'a Shape),
+    /// Any other collider.
+    Parts(&'a dyn ConvexParts),
 }
 
 impl Solid {
@@ -112,4 +121,9 @@ impl ShapeId {
     pub fn of_parts(parts: &dyn ConvexParts) -> Self {
         Self { address: parts.address(), scale: 1.0 }
     }
+}
+
+/// Returns the number of primitives and parts, and the number of medial primitives among them.
+pub(super) fn count<'a>(solids: impl Iterator<Item = &'a Solid>) -> [usize; 2] {
+    solids.fold([0, 0], |[all, medial], solid| [all + solid.len(), medial + solid.medial().map_or(0, Shape::len)])
 }

@@ -5,24 +5,20 @@ use std::time::Duration;
 use bevy::tasks::TaskPool;
 
 use super::{
-    Candidates, Contact, ContactCache, Counts, PairFilter, Primitives, Side, Statics, StepInput, StepOutput, Stop,
-    broad,
-    contacts::{find, reduce},
-    laps,
+    Candidates, ContactCache, Counts, PairFilter, Primitives, Side, Statics, StepInput, StepOutput, Stop, broad,
     narrow_phase::{self, Ends, Found},
-    pairs::{BodyPair, PrimitivePair},
+    output::laps,
+    pairs::BodyPair,
     parallel::Scratches,
     respond,
-    sweep::{
-        first_impact::{self, ImpactResult, Tally},
-        moving_boxes::BoxCache,
-    },
+    sweep::first_impact::{self, ImpactResult, Tally},
 };
 
 /// Buffers for steps. Use one workspace per scene.
 #[derive(Debug, Default)]
 pub struct Workspace {
-    tasks: Scratches<TaskScratch>,
+    searches: Scratches<first_impact::Scratch>,
+    contact_searches: Scratches<narrow_phase::Scratch>,
     broad: broad::Scratch,
     pairs: Vec<BodyPair>,
     impacts: Vec<ImpactResult>,
@@ -31,34 +27,6 @@ pub struct Workspace {
     contacts: ContactCache,
     /// A buffer for the contacts of the next step.
     next_contacts: ContactCache,
-}
-
-/// Buffers of a task, and the results that it keeps until all pairs are done.
-#[derive(Debug, Default)]
-pub(super) struct TaskScratch {
-    pub boxes: BoxCache,
-    pub first_impact: first_impact::Scratch,
-    pub contact: find::Scratch,
-    pub contacts: Vec<Contact>,
-    /// Primitive pairs of a pair that may have contacts.
-    pub listed: Vec<[u32; 2]>,
-    pub reduce: reduce::Scratch,
-    /// Candidates of each pair after culling, if they are part of the output.
-    pub reported: Vec<(usize, Vec<PrimitivePair>)>,
-    pub found: Vec<Found>,
-    pub tally: Tally,
-    /// Time spent on each of the two parts of the work of the stage.
-    pub laps: [Duration; 2],
-}
-
-impl TaskScratch {
-    /// Drops the bodies and pairs of the last step, even if a panic has interrupted that step.
-    fn forget(&mut self) {
-        self.boxes.clear();
-        self.reported.clear();
-        self.found.clear();
-        self.tally = Tally::default();
-    }
 }
 
 impl Workspace {
@@ -86,7 +54,7 @@ impl Workspace {
     ) {
         output.clear();
         let mut lap = laps();
-        broad::run(input, statics, filter, (&mut self.broad, &self.tasks), &mut self.pairs, pool);
+        broad::run(input, statics, filter, &mut self.broad, &mut self.pairs, pool);
         output.times.broad = lap();
         self.finish(input, statics, &[], output, pool);
     }
@@ -124,20 +92,24 @@ impl Workspace {
         output: &mut StepOutput,
         pool: &TaskPool,
     ) {
-        let Self { tasks, pairs, impacts, respond, found, contacts: cache, next_contacts, .. } = self;
-        tasks.iter_mut().for_each(TaskScratch::forget);
+        let Self { searches, contact_searches, pairs, impacts, respond, found, contacts: cache, next_contacts, .. } =
+            self;
+        searches.iter_mut().for_each(first_impact::Scratch::forget);
+        contact_searches.iter_mut().for_each(|scratch| scratch.found.clear());
         let mut lap = laps();
-        narrow_phase::impacts(input, statics, pairs, known, cache, tasks, impacts, pool);
-        [output.times.mid, output.times.narrow] = split(lap(), tasks);
-        let first = tally(tasks);
+        narrow_phase::impacts(input, statics, pairs, known, cache, searches, impacts, pool);
+        let laps = searches.iter_mut().map(|scratch| std::mem::take(&mut scratch.laps));
+        [output.times.mid, output.times.narrow] = split(lap(), laps);
+        let first = tally(searches);
 
-        let trajectories = respond::run(input, statics, pairs, impacts, respond, tasks, pool);
+        let trajectories = respond::run(input, statics, pairs, impacts, respond, searches, pool);
         output.times.stop = lap();
-        let again = tally(tasks);
+        let again = tally(searches);
 
         let ends = Ends { input, statics, known, trajectories, cache };
-        ends.manifolds(pairs, tasks, &mut output.manifolds, pool);
-        let [contacts, reduction] = split(lap(), tasks);
+        ends.manifolds(pairs, contact_searches, &mut output.manifolds, pool);
+        let laps = contact_searches.iter_mut().map(|scratch| std::mem::take(&mut scratch.laps));
+        let [contacts, reduction] = split(lap(), laps);
         output.times.narrow += contacts;
 
         output.counts = Counts {
@@ -150,7 +122,7 @@ impl Workspace {
             contacts: 0,
         };
         if input.report_candidates {
-            let mut reported: Vec<_> = tasks.iter_mut().flat_map(|scratch| scratch.reported.drain(..)).collect();
+            let mut reported: Vec<_> = searches.iter_mut().flat_map(|scratch| scratch.reported.drain(..)).collect();
             reported.sort_unstable_by_key(|(pair, _)| *pair);
             output.candidates.extend(pairs.iter().zip(reported).map(|(pair, (_, primitives))| Candidates {
                 sides: [pair.first, pair.second],
@@ -165,7 +137,7 @@ impl Workspace {
         let reach =
             |pair: &BodyPair| input.contact_margin([pair.first, pair.second], |body| trajectories.moved_until(body));
         found.clear();
-        found.extend(tasks.iter_mut().flat_map(|scratch| scratch.found.drain(..)));
+        found.extend(contact_searches.iter_mut().flat_map(|scratch| scratch.found.drain(..)));
         found.sort_unstable_by_key(|found| found.pair);
         narrow_phase::tell(pairs, impacts, found, reach, output);
         ends.fill(pairs, found, &output.manifolds, next_contacts);
@@ -175,7 +147,7 @@ impl Workspace {
 }
 
 /// Returns the counters of all tasks and resets them.
-fn tally(tasks: &mut Scratches<TaskScratch>) -> Tally {
+fn tally(tasks: &mut Scratches<first_impact::Scratch>) -> Tally {
     tasks.iter_mut().map(|scratch| std::mem::take(&mut scratch.tally)).fold(Tally::default(), |sum, more| Tally {
         candidates: sum.candidates + more.candidates,
         toi_tests: sum.toi_tests + more.toi_tests,
@@ -183,12 +155,9 @@ fn tally(tasks: &mut Scratches<TaskScratch>) -> Tally {
     })
 }
 
-/// Splits the wall time of a stage into two parts, in proportion to the times that its tasks have measured. Resets the tasks' times.
-fn split(took: Duration, tasks: &mut Scratches<TaskScratch>) -> [Duration; 2] {
-    let parts = tasks
-        .iter_mut()
-        .map(|scratch| std::mem::take(&mut scratch.laps))
-        .fold([0.0; 2], |sum, laps| [0, 1].map(|i: usize| sum[i] + laps[i].as_secs_f64()));
+/// Splits the wall time of a stage into two parts, in proportion to the times that its tasks have measured.
+fn split(took: Duration, tasks: impl Iterator<Item = [Duration; 2]>) -> [Duration; 2] {
+    let parts = tasks.fold([0.0; 2], |sum, laps| [0, 1].map(|i: usize| sum[i] + laps[i].as_secs_f64()));
     let second = took.mul_f64(parts[1] / (parts[0] + parts[1]).max(f64::MIN_POSITIVE));
     [took.saturating_sub(second), second]
 }

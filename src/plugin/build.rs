@@ -70,7 +70,7 @@ pub enum MedialBuildStatus {
 /// # use bevy::prelude::*;
 /// # use bevy_medial::prelude::*;
 /// App::new()
-///     .add_plugins((DefaultPlugins, MedialPhysicsPlugin::default()))
+///     .add_plugins((DefaultPlugins, MedialPhysicsPlugins::default()))
 ///     .add_plugins(MedialBuildPlugin { cache: Some("cache/medial".into()) })
 ///     .run();
 /// ```

@@ -8,14 +8,11 @@ use std::{
     time::Duration,
 };
 
-use bevy::{
-    prelude::*,
-    render::renderer::{RenderAdapterInfo, RenderDevice, RenderQueue},
-};
+use bevy::prelude::*;
 
-use super::{MedialBackend, MedialSettings, MedialStep, choice::Choice, pipelined::LookAhead};
+use super::{MedialBackend, MedialSettings, choice::Choice, look_ahead::LookAhead};
 use crate::{
-    gpu::{GpuCapacity, GpuCulling, GpuDevice, GpuError},
+    gpu::{GpuCapacity, GpuCulling, GpuDevice},
     pipeline::{Candidates, Statics, StepInput},
 };
 
@@ -23,7 +20,7 @@ use crate::{
 #[derive(Default)]
 pub(super) struct GpuBackend {
     /// The renderer's device, or the reason why it cannot be used.
-    renderer: Option<Result<GpuDevice, String>>,
+    pub renderer: Option<Result<GpuDevice, String>>,
     state: State,
     /// Trials for [`MedialBackend::Auto`].
     choice: Choice,
@@ -41,29 +38,6 @@ enum State {
     Ready(Box<GpuCulling>),
     /// It has failed and is not used again.
     Failed,
-}
-
-/// Takes the renderer's device, if there is one, and the initial capacity.
-pub(super) fn adopt_renderer(
-    device: Option<Res<RenderDevice>>,
-    queue: Option<Res<RenderQueue>>,
-    info: Option<Res<RenderAdapterInfo>>,
-    capacity: Res<GpuCapacity>,
-    mut step: ResMut<MedialStep>,
-) {
-    step.gpu.capacity = *capacity;
-    let (Some(device), Some(queue), Some(info)) = (device, queue, info) else { return };
-    step.gpu.renderer = Some(of_renderer(&device, &queue, &info).map_err(|error| error.to_string()));
-}
-
-/// Wraps the renderer's device.
-pub(super) fn of_renderer(
-    device: &RenderDevice,
-    queue: &RenderQueue,
-    info: &RenderAdapterInfo,
-) -> Result<GpuDevice, GpuError> {
-    let queue: &wgpu::Queue = queue;
-    GpuDevice::new(device.wgpu_device().clone(), queue.clone(), (***info).clone())
 }
 
 impl GpuBackend {

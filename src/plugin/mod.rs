@@ -2,7 +2,8 @@
 //!
 //! | item | purpose |
 //! |---|---|
-//! | [`MedialPhysicsPlugin`] | adds collision, and rapier's plugin unless the app has added it before |
+//! | [`MedialCollisionPlugin`] | adds components, settings, messages and diagnostics |
+//! | [`MedialTransformPlugin`] | runs the step along the motion of transforms, without response |
 //! | [`MedialMesh`] | component: shape with which the entity collides |
 //! | [`SkinnedMedialMesh`], [`SkinPose`] | components: shape that follows the joints of a skeleton; its pose in the last step |
 //! | [`StaticObb`] | component: a static box; beside a medial mesh it makes that mesh static |
@@ -13,10 +14,10 @@
 //! | [`MedialContactStarted`], [`MedialContactEnded`] | messages, and events for observers of the entities |
 //! | [`MedialContacts`] | system parameter: the contacts of the last step, by entity |
 //! | `MedialBuildPlugin` | with the feature `bevy_mesh`: builds the medial meshes of entities with a `BuildMedialMesh` from their `Mesh3d` |
-//! | `MedialGizmosPlugin` | with the feature `debug`: draws shapes and the last step, as configured by `MedialGizmos` and the component `MedialGizmo` |
+//! | `MedialDebugPlugin` | with the feature `debug`: draws shapes and the last step, as configured by `MedialGizmos` and the component `MedialGizmo` |
 //! | `MedialPickingPlugin` | with the feature `picking`: pointers pick medial bodies |
 //! | [`MedialSystems`] | system sets, for ordering |
-//! | [`MedialStep`] | resource: input and output of the last step |
+//! | [`MedialStep`] | internal resource: input and output of the last step |
 
 #[cfg(feature = "bevy_mesh")]
 mod build;
@@ -36,6 +37,8 @@ mod gpu;
 mod importance;
 mod levels;
 mod loader;
+#[cfg(feature = "gpu")]
+mod look_ahead;
 mod messages;
 #[cfg(feature = "picking")]
 mod picking;
@@ -43,10 +46,10 @@ mod picking;
 mod pipelined;
 mod report;
 mod screw;
+mod settings;
 mod skeletons;
 mod skinned;
 mod step;
-#[cfg(any(test, not(feature = "rapier")))]
 mod transforms;
 
 use bevy::{
@@ -68,9 +71,8 @@ pub use components::{MedialCcd, MedialMesh, StaticObb};
 pub use contacts::{MedialContactPair, MedialContacts};
 pub use diagnostics::paths as diagnostic_paths;
 #[cfg(feature = "debug")]
-pub use gizmos::{MedialGizmo, MedialGizmoLayer, MedialGizmos, MedialGizmosPlugin};
+pub use gizmos::{MedialDebugPlugin, MedialGizmo, MedialGizmoLayer, MedialGizmos};
 pub(crate) use importance::Detail;
-#[cfg(any(test, not(feature = "rapier")))]
 use importance::DetailItem;
 pub use importance::{MedialFocus, MedialImportance};
 pub use levels::{MedialBudget, MedialLevel};
@@ -78,76 +80,35 @@ pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
 #[cfg(feature = "picking")]
 pub use picking::{MedialPickingCamera, MedialPickingPlugin, MedialPickingSettings};
+pub use settings::{MedialBackend, MedialSettings};
 pub(crate) use skeletons::Skeletons;
 pub use skinned::{SkinHit, SkinPose, SkinnedMedialMesh};
-pub use step::{BodyInfo, MedialBackend, MedialSettings, MedialStep};
+pub use step::{BodyInfo, MedialStep};
+pub use transforms::MedialTransformPlugin;
 
-/// Collision of medial meshes, in the schedule in which rapier steps.
+/// The components, settings, messages and diagnostics of collision, and the back ends of its step.
 ///
-/// ```no_run
-/// # use bevy::prelude::*;
-/// # use bevy_medial::prelude::*;
-/// App::new().add_plugins((DefaultPlugins, MedialPhysicsPlugin::default())).run();
-/// ```
-///
-/// Adds `RapierPhysicsPlugin` in the same schedule if it has not been added before. If the app needs its own, for example in another schedule, add it
-/// *before* this plugin and pass its schedule and hooks to this plugin. `AssetPlugin` has to be added before, and so has the renderer if its GPU is
-/// to be used.
+/// Another plugin of [`MedialPhysicsPlugins`](crate::MedialPhysicsPlugins) runs the step: `MedialResponsePlugin` around rapier's, or
+/// [`MedialTransformPlugin`] after Bevy's transform propagation. Both need the same schedule.
 ///
 /// # Panics
-/// When the plugin is added, if there is no `AssetPlugin`, or if rapier has hooks that were not passed to this plugin.
+/// When the plugin is added, if there is no `AssetPlugin`.
 #[derive(Clone, Copy, Debug)]
-pub struct MedialPhysicsPlugin {
+pub struct MedialCollisionPlugin {
     schedule: Interned<dyn ScheduleLabel>,
-    /// Adds the systems that run a step.
-    pub(crate) add_systems: fn(&mut App, Interned<dyn ScheduleLabel>),
-    /// Steps per second, if their length is fixed.
-    #[cfg(feature = "rapier")]
-    rate: Option<f32>,
 }
 
-impl Default for MedialPhysicsPlugin {
-    /// Runs in `PostUpdate`, as rapier does by default.
-    fn default() -> Self {
-        #[cfg(feature = "rapier")]
-        let add_systems = crate::rapier::add_systems_without_hooks;
-        #[cfg(not(feature = "rapier"))]
-        let add_systems = transforms::add_systems;
-        Self {
-            schedule: PostUpdate.intern(),
-            add_systems,
-            #[cfg(feature = "rapier")]
-            rate: None,
-        }
-    }
-}
-
-impl MedialPhysicsPlugin {
-    /// Runs steps of a fixed length in `PostUpdate`, at any frame rate, and interpolates the transforms of all rigid bodies between the steps.
-    ///
-    /// `rate`: steps per second. Default without this setting: each frame is a step of variable length.
-    ///
-    /// ```no_run
-    /// # use bevy::prelude::*;
-    /// # use bevy_medial::prelude::*;
-    /// App::new().add_plugins((DefaultPlugins, MedialPhysicsPlugin::fixed(60.0))).run();
-    /// ```
-    ///
-    /// The rate is a `TimestepMode::Interpolated`, and each `RigidBody` requires a `TransformInterpolation`. A rate that is not a positive number is
-    /// reported as an error, and 60 is used.
-    #[cfg(feature = "rapier")]
-    pub fn fixed(rate: f32) -> Self {
-        Self { rate: Some(rate), ..default() }
-    }
-
-    /// Runs in `FixedUpdate`.
-    pub fn in_fixed_schedule(self) -> Self {
-        self.in_schedule(FixedUpdate)
-    }
-
+impl MedialCollisionPlugin {
     /// Runs in the given schedule.
-    pub fn in_schedule(self, schedule: impl ScheduleLabel) -> Self {
-        Self { schedule: schedule.intern(), ..self }
+    pub fn in_schedule(schedule: impl ScheduleLabel) -> Self {
+        Self { schedule: schedule.intern() }
+    }
+}
+
+impl Default for MedialCollisionPlugin {
+    /// Runs in `PostUpdate`.
+    fn default() -> Self {
+        Self::in_schedule(PostUpdate)
     }
 }
 
@@ -193,7 +154,7 @@ pub(crate) fn is_uniform(scale: Vec3) -> bool {
     scale.is_finite() && least > 0.0 && scale.max_element() <= least * (1.0 + SCALE_ROUNDING)
 }
 
-impl Plugin for MedialPhysicsPlugin {
+impl Plugin for MedialCollisionPlugin {
     fn build(&self, app: &mut App) {
         init_medial_axis(app);
         app.register_type::<MedialMesh>()
@@ -226,21 +187,12 @@ impl Plugin for MedialPhysicsPlugin {
             )
             .add_systems(self.schedule, (report::tell_contacts, diagnostics::measure).in_set(MedialSystems::Report));
         diagnostics::register(app);
-        #[cfg(feature = "rapier")]
-        if let Some(rate) = self.rate {
-            crate::rapier::fix_steps(app, rate);
-        }
-        (self.add_systems)(app, self.schedule);
         #[cfg(feature = "gpu")]
         {
             app.init_resource::<crate::gpu::GpuCapacity>()
                 .register_type::<crate::gpu::GpuCapacity>()
-                .add_systems(Startup, gpu::adopt_renderer);
+                .add_systems(Startup, pipelined::adopt_renderer);
             pipelined::add(app);
-        }
-        #[cfg(feature = "debug")]
-        if !app.is_plugin_added::<MedialGizmosPlugin>() {
-            app.add_plugins(MedialGizmosPlugin);
         }
     }
 }

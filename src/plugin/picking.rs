@@ -28,7 +28,7 @@ use crate::{geometry::Aabb, medial_axis::MedialAxis, pipeline::Shape};
 /// # use bevy_rapier3d::prelude::RigidBody;
 /// fn main() {
 ///     App::new()
-///         .add_plugins((DefaultPlugins, MedialPhysicsPlugin::default(), MedialPickingPlugin))
+///         .add_plugins((DefaultPlugins, MedialPhysicsPlugins::default(), MedialPickingPlugin))
 ///         .add_systems(Startup, spawn)
 ///         .run();
 /// }

@@ -15,7 +15,6 @@ use std::{
         Arc, Mutex,
         mpsc::{Receiver, Sender, channel},
     },
-    time::Duration,
 };
 
 use bevy::{
@@ -32,41 +31,14 @@ use bevy::{
     shader::ShaderCacheError,
 };
 
-use super::{MedialStep, gpu::of_renderer};
+use super::{MedialStep, look_ahead::Answer};
 use crate::{
-    gpu::{Batch, GpuCapacity, GpuCulling, GpuError, Pass, Passes, Prediction, copy_when_mapped, entry_point, shaders},
-    pipeline::{Candidates, KinematicReach},
+    gpu::{
+        Batch, GpuCapacity, GpuCulling, GpuDevice, GpuError, Pass, Passes, Prediction, copy_when_mapped, entry_point,
+        shaders,
+    },
+    pipeline::KinematicReach,
 };
-
-/// The pairs that may meet in the steps of a prediction.
-pub(super) struct Answer {
-    pub prediction: Arc<Prediction>,
-    pub found: Vec<Candidates>,
-    /// Time of each pass.
-    pub times: Vec<(&'static str, Duration)>,
-}
-
-/// State in the main world.
-#[derive(Default)]
-pub(super) struct LookAhead {
-    /// Receiver of answers, if there is a renderer.
-    pub answers: Option<Mutex<Receiver<Answer>>>,
-    pub latest: Option<Answer>,
-    /// Prediction of the steps after the last one, for the GPU.
-    pub asked: Option<Arc<Prediction>>,
-}
-
-impl LookAhead {
-    /// Returns the latest answer.
-    pub fn latest(&mut self) -> Option<&Answer> {
-        if let Some(answers) = &self.answers
-            && let Ok(answers) = answers.lock()
-        {
-            self.latest = answers.try_iter().last().or(self.latest.take());
-        }
-        self.latest.as_ref()
-    }
-}
 
 /// State of the back end in the render world.
 #[derive(Resource)]
@@ -92,6 +64,25 @@ enum State {
     Waiting(HashMap<&'static str, CachedComputePipelineId>),
     Ready(Box<GpuCulling>),
     Failed,
+}
+
+/// Takes the renderer's device, if there is one, and the initial capacity.
+pub(super) fn adopt_renderer(
+    device: Option<Res<RenderDevice>>,
+    queue: Option<Res<RenderQueue>>,
+    info: Option<Res<RenderAdapterInfo>>,
+    capacity: Res<GpuCapacity>,
+    mut step: ResMut<MedialStep>,
+) {
+    step.gpu.capacity = *capacity;
+    let (Some(device), Some(queue), Some(info)) = (device, queue, info) else { return };
+    step.gpu.renderer = Some(of_renderer(&device, &queue, &info).map_err(|error| error.to_string()));
+}
+
+/// Wraps the renderer's device.
+fn of_renderer(device: &RenderDevice, queue: &RenderQueue, info: &RenderAdapterInfo) -> Result<GpuDevice, GpuError> {
+    let queue: &wgpu::Queue = queue;
+    GpuDevice::new(device.wgpu_device().clone(), queue.clone(), (***info).clone())
 }
 
 /// Adds the back end to the render world, if there is one.

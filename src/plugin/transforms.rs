@@ -1,4 +1,4 @@
-//! Collision without rapier: transforms move the bodies from one frame to the next, and impacts do not stop them. Messages report the impacts and contacts.
+//! Collision without response.
 
 use std::collections::{HashMap, HashSet};
 
@@ -22,21 +22,44 @@ use crate::{
     pipeline::{Body, PairFilter, Shape, Solid, StaticBody, Statics},
 };
 
-pub(super) fn add_systems(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
-    app.configure_sets(
-        schedule,
-        (MedialSystems::Detect, MedialSystems::Report).chain().after(TransformSystems::Propagate),
-    )
-    .add_systems(schedule, (pose_skins, gather_statics, detect).chain().in_set(MedialSystems::Detect))
-    .add_observer(forget_level);
-    // In other schedules, transforms have not been propagated yet.
-    if schedule != PostUpdate.intern() {
-        app.init_resource::<StaticTransformOptimizations>().add_systems(
-            schedule,
-            (mark_dirty_trees, propagate_parent_transforms, sync_simple_transforms)
-                .chain()
-                .in_set(TransformSystems::Propagate),
-        );
+/// Collision without response: transforms move the bodies from one frame to the next, impacts do not stop them, and messages report the impacts and
+/// contacts. Without the feature `rapier` it is part of [`MedialPhysicsPlugins`](crate::MedialPhysicsPlugins).
+#[derive(Clone, Copy, Debug)]
+pub struct MedialTransformPlugin {
+    schedule: Interned<dyn ScheduleLabel>,
+}
+
+impl MedialTransformPlugin {
+    /// Runs in the given schedule, which has to be that of the [`MedialCollisionPlugin`](super::MedialCollisionPlugin).
+    pub fn in_schedule(schedule: impl ScheduleLabel) -> Self {
+        Self { schedule: schedule.intern() }
+    }
+}
+
+impl Default for MedialTransformPlugin {
+    /// Runs in `PostUpdate`.
+    fn default() -> Self {
+        Self::in_schedule(PostUpdate)
+    }
+}
+
+impl Plugin for MedialTransformPlugin {
+    fn build(&self, app: &mut App) {
+        app.configure_sets(
+            self.schedule,
+            (MedialSystems::Detect, MedialSystems::Report).chain().after(TransformSystems::Propagate),
+        )
+        .add_systems(self.schedule, (pose_skins, gather_statics, detect).chain().in_set(MedialSystems::Detect))
+        .add_observer(forget_level);
+        // In other schedules, transforms have not been propagated yet.
+        if self.schedule != PostUpdate.intern() {
+            app.init_resource::<StaticTransformOptimizations>().add_systems(
+                self.schedule,
+                (mark_dirty_trees, propagate_parent_transforms, sync_simple_transforms)
+                    .chain()
+                    .in_set(TransformSystems::Propagate),
+            );
+        }
     }
 }
 

@@ -8,13 +8,11 @@ use fearless_simd::{Level, Simd, dispatch, f32x8, f32x16, prelude::*};
 
 use super::{
     branchless::each,
-    time_of_impact::{Moving, TimeOfImpactStatus, time_of_impact_from},
+    time_of_impact::{TimeOfImpactStatus, time_of_impact_from},
 };
 use lanes::Lanes;
+pub use movers::MovingPair;
 use searches::Searches;
-
-/// Two moving primitives.
-pub type MovingPair<const N: usize, const M: usize> = (Moving<N>, Moving<M>);
 
 /// First touch of two primitives: a [`TimeOfImpact`](super::TimeOfImpact) without the contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -130,7 +128,7 @@ fn alone<const N: usize, const M: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{geometry::Sphere, random::Random};
+    use crate::{geometry::Sphere, query::Moving, random::Random};
 
     /// Random pairs of about unit size; some of them meet.
     fn pairs<const N: usize, const M: usize>() -> Vec<MovingPair<N, M>> {

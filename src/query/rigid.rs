@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::{
     separation::{Cuboid, Separation},
+    support::Support,
     time_of_impact::{Moving, MovingConvex, TimeOfImpact, start, time_of_depth},
 };
 use crate::geometry::{Placement, Sphere, Sweep};
@@ -112,6 +113,15 @@ impl Rigid for Cuboid {
     /// The box is at rest in its own frame.
     #[inline]
     fn along(&self, _: [&Placement; 2]) -> Cuboid {
+        *self
+    }
+}
+
+impl Rigid for Support<'_> {
+    type Moving = Self;
+
+    /// The shape is at rest in its own frame.
+    fn along(&self, _: [&Placement; 2]) -> Self {
         *self
     }
 }

@@ -2,11 +2,8 @@
 
 use glam::Vec3;
 
-use super::{
-    rigid::Rigid,
-    separation::{Convex, edge_directions, separation},
-};
-use crate::geometry::{Aabb, Placement, Sphere};
+use super::separation::{Convex, edge_directions, separation};
+use crate::geometry::{Aabb, Sphere};
 
 /// A convex shape that provides its support points, and its distance from a primitive by an iterative method.
 pub trait SupportShape {
@@ -85,14 +82,5 @@ impl Convex for Support<'_> {
             visit(direction);
         }
         edge_directions(first, apart, visit);
-    }
-}
-
-impl Rigid for Support<'_> {
-    type Moving = Self;
-
-    /// The shape is at rest in its own frame.
-    fn along(&self, _: [&Placement; 2]) -> Self {
-        *self
     }
 }

@@ -10,10 +10,10 @@ use super::{context::ContextReadOnly, snapshot::RapierStep};
 use crate::{pipeline::Side, plugin::MedialStep};
 
 /// Fixes the number of steps per second, and interpolates the transforms of all bodies.
-pub(crate) fn fix_steps(app: &mut App, rate: f32) {
+pub(super) fn fix_steps(app: &mut App, rate: f32) {
     let is_valid = rate.is_finite() && rate > 0.0;
     if !is_valid {
-        error!("MedialPhysicsPlugin::fixed: {rate} is not a positive number of steps per second, so 60 is used");
+        error!("MedialPhysicsPlugins::fixed: {rate} is not a positive number of steps per second, so 60 is used");
     }
     let dt = if is_valid { rate.recip() } else { 1.0 / 60.0 };
     app.insert_resource(TimestepMode::Interpolated { dt, time_scale: 1.0, substeps: 1 });

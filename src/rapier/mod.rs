@@ -65,6 +65,8 @@ mod substeps;
 mod table;
 mod waiting;
 
+use std::marker::PhantomData;
+
 use bevy::{
     app::AnimationSystems,
     ecs::{
@@ -82,46 +84,58 @@ use bevy_rapier3d::{
     rapier::geometry::NarrowPhase,
 };
 
-use crate::plugin::{MedialMesh, MedialPhysicsPlugin, MedialStep, MedialSystems, SkinnedMedialMesh, StaticObb};
+use crate::plugin::{MedialMesh, MedialStep, MedialSystems, SkinnedMedialMesh, StaticObb};
 
 pub use dispatcher::MedialDispatcher;
-pub(crate) use interpolation::fix_steps;
 pub use owed::OwedTime;
 pub use query::MedialQueries;
 pub use ragdoll::MedialRagdoll;
 pub use shape::MedialShape;
 pub use table::ContactTable;
 
-impl MedialPhysicsPlugin {
-    /// Uses rapier's hooks: no body stops at a collider that they filter out. They must be those of a `RapierPhysicsPlugin` that has been added before.
-    ///
-    /// They are also called after rapier's step, for each pair that may meet in it. They must not access [`MedialStep`].
-    #[must_use]
-    pub fn with_hooks<Hooks>(mut self) -> Self
-    where
-        Hooks: 'static + BevyPhysicsHooks,
-        for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
-    {
-        self.add_systems = add_systems::<Hooks>;
-        self
+/// Response by rapier: medial bodies are its colliders, the step runs around its step, and bodies stop at their first impact.
+///
+/// Adds `RapierPhysicsPlugin` in the same schedule if it has not been added before. If the app needs its own, for example in another schedule, add it
+/// *before* this plugin, in the schedule of this plugin and with the same type of hooks.
+///
+/// # Panics
+/// When the plugin is added, if the app has a `RapierPhysicsPlugin` with other hooks.
+#[derive(Clone, Copy, Debug)]
+pub struct MedialResponsePlugin<Hooks = NoUserData> {
+    schedule: Interned<dyn ScheduleLabel>,
+    /// Steps per second, if their length is fixed.
+    rate: Option<f32>,
+    hooks: PhantomData<fn() -> Hooks>,
+}
+
+impl<Hooks> MedialResponsePlugin<Hooks> {
+    /// Runs in the given schedule, which has to be that of the [`MedialCollisionPlugin`](crate::plugin::MedialCollisionPlugin). `rate`: steps per
+    /// second, if their length is fixed; see [`MedialPhysicsPlugins::fixed`](crate::MedialPhysicsPlugins::fixed).
+    pub fn new(schedule: impl ScheduleLabel, rate: Option<f32>) -> Self {
+        Self { schedule: schedule.intern(), rate, hooks: PhantomData }
     }
 }
 
-/// [`add_systems`] for a rapier without hooks.
-pub(crate) fn add_systems_without_hooks(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
-    add_systems::<NoUserData>(app, schedule);
+impl<Hooks> Plugin for MedialResponsePlugin<Hooks>
+where
+    Hooks: 'static + BevyPhysicsHooks,
+    for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
+{
+    fn build(&self, app: &mut App) {
+        if let Some(rate) = self.rate {
+            interpolation::fix_steps(app, rate);
+        }
+        add_rapier::<Hooks>(app, self.schedule);
+        add_systems::<Hooks>(app, self.schedule);
+    }
 }
 
-/// Adds `RapierPhysicsPlugin` unless the app has it, and the systems around rapier's step.
-///
-/// # Panics
-/// If the app has a `RapierPhysicsPlugin` with other hooks.
+/// Adds the systems around rapier's step.
 fn add_systems<Hooks>(app: &mut App, schedule: Interned<dyn ScheduleLabel>)
 where
     Hooks: 'static + BevyPhysicsHooks,
     for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
 {
-    add_rapier::<Hooks>(app, schedule);
     app.add_observer(attach::detach_shape)
         .add_observer(attach::detach_box)
         .add_observer(skinned::detach_skin)
@@ -198,12 +212,15 @@ where
     if !app.is_plugin_added::<RapierPhysicsPlugin<Hooks>>() {
         // A RapierPhysicsPlugin adds these messages, for any type of hooks.
         let other = app.world().contains_resource::<Messages<CollisionEvent>>();
-        assert!(!other, "RapierPhysicsPlugin has other hooks: set the same hooks with MedialPhysicsPlugin::with_hooks");
+        assert!(
+            !other,
+            "RapierPhysicsPlugin has other hooks: set the same hooks with MedialPhysicsPlugins::with_hooks"
+        );
         app.add_plugins(RapierPhysicsPlugin::<Hooks>::default().in_schedule(schedule));
     } else if !has_rapier(app, schedule) {
         warn!(
             "RapierPhysicsPlugin does not step in {schedule:?}, so no body would stop at an impact: \
-             give MedialPhysicsPlugin the same schedule with in_schedule or in_fixed_schedule"
+             give MedialPhysicsPlugins the same schedule with in_schedule or in_fixed_schedule"
         );
     }
 }

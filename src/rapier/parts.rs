@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use bevy_rapier3d::parry::{
     bounding_volume::Aabb as ParryAabb,
-    math::{Pose, Vector},
+    math::Pose,
     query::details::contact_support_map_support_map,
     shape::{PolygonalFeature, Shape as ParryShape, SharedShape, SupportMap, TypedShape},
 };
 use glam::{Quat, Vec3};
 
-use super::shape::MedialShape;
+use super::{primitive::SphereHull, shape::MedialShape};
 use crate::{
     geometry::{Aabb, Pose3, Sphere},
     pipeline::{ConvexParts, Core, Hull, Part, Parts, Solid},
@@ -212,20 +212,5 @@ impl SupportShape for Mapped<'_> {
     fn aabb(&self) -> Aabb {
         let aabb = self.shape.compute_local_aabb();
         Aabb { min: aabb.mins, max: aabb.maxs }
-    }
-}
-
-/// The convex hull of spheres for parry's algorithms.
-pub(super) struct SphereHull<'a>(pub &'a [Sphere]);
-
-impl SupportMap for SphereHull<'_> {
-    fn local_support_point(&self, direction: Vector) -> Vector {
-        self.local_support_point_toward(direction.try_normalize().unwrap_or(Vec3::Y))
-    }
-
-    fn local_support_point_toward(&self, direction: Vector) -> Vector {
-        let reach = |sphere: &Sphere| sphere.center.dot(direction) + sphere.radius;
-        let farthest = self.0.iter().max_by(|a, b| reach(a).total_cmp(&reach(b)));
-        farthest.map_or(Vec3::ZERO, |sphere| sphere.center + direction * sphere.radius)
     }
 }

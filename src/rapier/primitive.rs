@@ -14,9 +14,8 @@ use bevy_rapier3d::parry::{
 
 use glam::{Quat, Vec3};
 
-use super::parts::SphereHull;
 use crate::{
-    geometry::{Aabb, Placement, Pose3},
+    geometry::{Aabb, Placement, Pose3, Sphere},
     pipeline::{Hull, Shape, with_spheres},
 };
 
@@ -133,5 +132,20 @@ impl PolygonalFeatureMap for PrimitiveShape {
             fid: PackedFeatureId::face(0),
             num_vertices: 1,
         };
+    }
+}
+
+/// The convex hull of spheres for parry's algorithms.
+pub(super) struct SphereHull<'a>(pub &'a [Sphere]);
+
+impl SupportMap for SphereHull<'_> {
+    fn local_support_point(&self, direction: Vector) -> Vector {
+        self.local_support_point_toward(direction.try_normalize().unwrap_or(Vec3::Y))
+    }
+
+    fn local_support_point_toward(&self, direction: Vector) -> Vector {
+        let reach = |sphere: &Sphere| sphere.center.dot(direction) + sphere.radius;
+        let farthest = self.0.iter().max_by(|a, b| reach(a).total_cmp(&reach(b)));
+        farthest.map_or(Vec3::ZERO, |sphere| sphere.center + direction * sphere.radius)
     }
 }

@@ -15,8 +15,9 @@ use bevy_rapier3d::{
 };
 
 use crate::{
+    MedialPhysicsPlugins,
     medial_axis::MedialAxis,
-    plugin::{MedialBudget, MedialMesh, MedialPhysicsPlugin, MedialSystems, StaticObb},
+    plugin::{MedialBudget, MedialMesh, MedialSystems, StaticObb},
     random::Random,
 };
 
@@ -124,7 +125,7 @@ pub fn headless_app(dt: f32) -> App {
         bevy::asset::AssetPlugin::default(),
         TransformPlugin,
         bevy::diagnostic::DiagnosticsPlugin,
-        MedialPhysicsPlugin::default(),
+        MedialPhysicsPlugins::default(),
     ))
     .insert_resource(TimestepMode::Fixed { dt, substeps: 1 })
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(dt)));

@@ -11,9 +11,10 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Body, Candidates, Culling, PairFilter, Primitives, Shape, Side, Solid, Statics, StepInput, TaskScratch,
+    Body, Candidates, Culling, PairFilter, Primitives, Shape, Side, Statics, StepInput,
     pairs::BodyPair,
     parallel::{self, Scratches},
+    solid::count,
 };
 use crate::{
     geometry::{Aabb, Bvh, Item, Leaf, Sphere},
@@ -51,7 +52,7 @@ pub(super) fn run(
     input: &StepInput,
     statics: &Statics,
     filter: impl Fn(Side, Side) -> PairFilter,
-    (buffers, tasks): (&mut Scratch, &Scratches<TaskScratch>),
+    buffers: &mut Scratch,
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {
@@ -59,7 +60,7 @@ pub(super) fn run(
     kinematic_reach.reset(input);
     if input.culling == Culling::Hybrid || kinematic_reach.has_pushers() {
         loop {
-            near(input, statics, &kinematic_reach, (buffers, tasks), pairs, pool);
+            near(input, statics, &kinematic_reach, buffers, pairs, pool);
             if !kinematic_reach.widen(input, pairs.iter().map(|pair| [pair.first, pair.second])) {
                 break;
             }
@@ -122,7 +123,7 @@ pub(crate) fn near_sides(
     pool: &TaskPool,
 ) -> Vec<[Side; 2]> {
     let mut pairs = Vec::new();
-    near(input, statics, kinematic_reach, (&mut Scratch::default(), &Scratches::default()), &mut pairs, pool);
+    near(input, statics, kinematic_reach, &mut Scratch::default(), &mut pairs, pool);
     pairs.into_iter().map(|pair| [pair.first, pair.second]).collect()
 }
 
@@ -131,11 +132,12 @@ fn near(
     input: &StepInput,
     statics: &Statics,
     kinematic_reach: &KinematicReach,
-    (Scratch { spheres, boxes, bvh, items, leaves, .. }, tasks): (&mut Scratch, &Scratches<TaskScratch>),
+    Scratch { spheres, boxes, bvh, items, leaves, .. }: &mut Scratch,
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {
-    parallel::map(pool, tasks, &input.bodies, 256, spheres, |_, index, body| {
+    let tasks = Scratches::<()>::default();
+    parallel::map(pool, &tasks, &input.bodies, 256, spheres, |_, index, body| {
         SweptSphere::new(body, kinematic_reach.margin(input, index))
     });
     boxes.clear();
@@ -145,7 +147,7 @@ fn near(
     leaves.extend(bvh.leaves());
     let (spheres, boxes, bvh) = (&*spheres, &*boxes, &*bvh);
     pairs.clear();
-    parallel::gather(pool, tasks, leaves, 64, pairs, |_, _, &leaf, pairs| {
+    parallel::gather(pool, &tasks, leaves, 64, pairs, |_, _, &leaf, pairs| {
         let index = bvh.item(leaf);
         let i = index as usize;
         let sphere = &spheres[i];
@@ -246,11 +248,6 @@ fn all_pairs(input: &StepInput, statics: &Statics, kinematic_reach: &KinematicRe
         pairs.extend((0..still).filter_map(|item| with_static(input, statics, kinematic_reach, i, item)));
     }
     pairs.sort_unstable();
-}
-
-/// Returns the number of primitives and parts, and the number of medial primitives among them.
-pub(super) fn count<'a>(solids: impl Iterator<Item = &'a Solid>) -> [usize; 2] {
-    solids.fold([0, 0], |[all, medial], solid| [all + solid.len(), medial + solid.medial().map_or(0, Shape::len)])
 }
 
 /// Returns the number of primitive pairs in all body pairs with a medial side. Ignores groups and sleep.

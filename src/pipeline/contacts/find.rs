@@ -10,7 +10,7 @@ use crate::{
     constants::CONTACT_ROUNDING,
     geometry::{Aabb, Placement, Pose3, Sphere},
     pipeline::{
-        ContactMargin, ConvexParts, Core, Hull, Part, Parts, Shape,
+        ContactMargin, ConvexParts, Core, Hull, OtherShape, Part, Parts, Shape,
         contacts::{
             cluster::{self, cluster},
             features::{NONE_SHARED, SharedSpheres, crossings, face, on_face, one_sided, two_sided},
@@ -25,15 +25,6 @@ use crate::{
     },
     query::{Cuboid, Separation, Support},
 };
-
-/// The second side of a pair.
-#[derive(Clone, Copy)]
-pub enum OtherShape<'a> {
-    /// A medial shape.
-    Shape(&'a Shape),
-    /// Any other collider.
-    Parts(&'a dyn ConvexParts),
-}
 
 /// The primitive pairs of a pair of bodies that may have contacts.
 #[derive(Clone, Copy)]

@@ -12,6 +12,6 @@ mod near;
 pub(in crate::pipeline) mod reduce;
 
 pub use cache::{CachedPair, ContactCache};
-pub use find::{OtherShape, find, manifolds};
+pub use find::{find, manifolds};
 pub use manifold::{Contact, Manifold};
 pub use margin::{ContactMargin, Displacement};

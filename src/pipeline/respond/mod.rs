@@ -15,12 +15,12 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Body, Impact, Primitives, Statics, StepInput, TaskScratch,
+    Body, Impact, Primitives, Statics, StepInput,
     joint_islands::JointIslands,
     pairs::{BodyPair, PairsOf},
     parallel::{self, Scratches},
     sweep::{
-        first_impact::{ImpactResult, Question, first_impact},
+        first_impact::{self, ImpactResult, Question, first_impact},
         motion::PairMotion,
     },
 };
@@ -103,7 +103,7 @@ pub(super) fn run<'b>(
     pairs: &[BodyPair],
     results: &mut [ImpactResult],
     buffers: &'b mut Scratch,
-    tasks: &Scratches<TaskScratch>,
+    tasks: &Scratches<first_impact::Scratch>,
     pool: &TaskPool,
 ) -> &'b Trajectories {
     if !buffers.begin(input, pairs, results) {
@@ -236,7 +236,7 @@ fn impact_from(
     trajectories: &Trajectories,
     fraction: f32,
     before: &ImpactResult,
-    scratch: &mut TaskScratch,
+    scratch: &mut first_impact::Scratch,
 ) -> Option<Impact> {
     let motions =
         PairMotion::all(input, statics, pair, fraction, |body| trajectories.sweep_from(input, body, fraction));

@@ -9,7 +9,7 @@ use smallvec::SmallVec;
 use crate::{
     constants::{FEW_PRIMITIVES, SHORTEST_INTERVAL},
     pipeline::{
-        Impact, Primitives, Statics, StepInput, TaskScratch,
+        Impact, Primitives, Statics, StepInput,
         pairs::{BodyPair, PrimitivePair},
         sweep::{
             mid_phase::{self, Candidates, OwnBoxes},
@@ -52,9 +52,35 @@ pub(in crate::pipeline) struct Question<'a> {
     pub normal: Vec3,
 }
 
-/// Buffers that are kept from search to search to avoid allocations.
+/// Buffers of a task, and the results that it keeps until all pairs are done.
 #[derive(Debug, Default)]
 pub(in crate::pipeline) struct Scratch {
+    boxes: BoxCache,
+    buffers: Buffers,
+    /// Candidates of each pair after culling, if they are part of the output.
+    pub reported: Vec<(usize, Vec<PrimitivePair>)>,
+    pub tally: Tally,
+    /// Times of culling and searching.
+    pub laps: [Duration; 2],
+}
+
+impl Scratch {
+    /// Drops the bodies and pairs of the last step, even if a panic has interrupted that step.
+    pub fn forget(&mut self) {
+        self.boxes.clear();
+        self.reported.clear();
+        self.tally = Tally::default();
+    }
+
+    /// Keeps the candidates of the last search as those of a pair.
+    pub fn report(&mut self, pair: usize) {
+        self.reported.push((pair, std::mem::take(&mut self.buffers.reported)));
+    }
+}
+
+/// Buffers that are kept from search to search to avoid allocations.
+#[derive(Debug, Default)]
+struct Buffers {
     own: OwnBoxes,
     /// Chords of the motions in an interval.
     chords: Vec<Chord>,
@@ -63,7 +89,7 @@ pub(in crate::pipeline) struct Scratch {
     /// Primitive pairs that may touch in the interval.
     approaching: Vec<Approaching>,
     /// Candidates of the last searched pair after culling, if they are part of the output.
-    pub reported: Vec<PrimitivePair>,
+    reported: Vec<PrimitivePair>,
     spheres: SphereBuffers,
     /// Overlaps at the start of the step in metres.
     overlaps: HashMap<Key, f32>,
@@ -90,10 +116,10 @@ struct Approaching {
 pub(in crate::pipeline) fn first_impact(
     question: &Question,
     mut motions: Motions,
-    scratch: &mut TaskScratch,
+    scratch: &mut Scratch,
     lap: impl FnMut() -> Duration,
 ) -> ImpactResult {
-    let TaskScratch { boxes, first_impact: buffers, tally, laps, .. } = scratch;
+    let Scratch { boxes, buffers, tally, laps, .. } = scratch;
     buffers.reported.clear();
     buffers.overlaps.clear();
     buffers.grazes.clear();
@@ -157,7 +183,7 @@ struct Search<'b, L> {
     deepest: Option<f32>,
     boxes: &'b mut BoxCache,
     tally: &'b mut Tally,
-    buffers: &'b mut Scratch,
+    buffers: &'b mut Buffers,
     /// Times of culling and searching.
     laps: &'b mut [Duration; 2],
     lap: L,
@@ -197,7 +223,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
 
     /// Finds the candidates of each motion in an interval, and stops soon after `max` of them. Returns true if there are candidates.
     fn cull(&mut self, motions: &[PairMotion], times: [f32; 2], max: usize) -> bool {
-        let Scratch { own, candidates, approaching, .. } = &mut *self.buffers;
+        let Buffers { own, candidates, approaching, .. } = &mut *self.buffers;
         candidates.resize_with(motions.len().max(candidates.len()), Vec::new);
         candidates.iter_mut().for_each(Vec::clear);
         approaching.clear();
@@ -259,7 +285,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
     fn search_pair(&mut self, motions: &[PairMotion], key: Key, start: &RigidStart, times: [f32; 2]) {
         let (index, pair) = key;
         let motion = &motions[index];
-        let Scratch { chords, overlaps, grazes, .. } = &mut *self.buffers;
+        let Buffers { chords, overlaps, grazes, .. } = &mut *self.buffers;
         let graze = grazes.iter().find(|graze| graze.key == key).map(|graze| graze.impact);
         let limit = match self.result.impact {
             // Rounded up, so that equal times are not missed.
@@ -292,7 +318,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
 
     /// Tests the candidates at the start of an interval, and adds those that may touch within it to the list.
     fn find_approaching(&mut self, motions: &[PairMotion], times: [f32; 2]) {
-        let Scratch { chords, candidates, reported, spheres, approaching, overlaps, grazes, .. } = &mut *self.buffers;
+        let Buffers { chords, candidates, reported, spheres, approaching, overlaps, grazes, .. } = &mut *self.buffers;
         self.tally.candidates += approaching.len();
         if self.question.input.report_candidates {
             reported.extend(approaching.iter().map(|approaching| approaching.key.1));

@@ -5,11 +5,11 @@ use std::time::Duration;
 use glam::Vec3;
 
 use crate::pipeline::{
-    Body, Culling, Impact, Primitives, Side, Statics, StepInput, TaskScratch,
+    Body, Culling, Impact, Primitives, Side, Statics, StepInput,
     broad::meet,
     pairs::BodyPair,
     sweep::{
-        first_impact::{Question, first_impact},
+        first_impact::{Question, Scratch, first_impact},
         motion::PairMotion,
     },
 };
@@ -39,7 +39,7 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
         times: [None; 2],
         normal: Vec3::ZERO,
     };
-    first_impact(&question, motions, &mut TaskScratch::default(), || Duration::ZERO).impact
+    first_impact(&question, motions, &mut Scratch::default(), || Duration::ZERO).impact
 }
 
 /// The pair of the two bodies of an input.

@@ -3,6 +3,7 @@
 //! The lines of shapes are many and do not change. They are made once for each shape and level of detail, and are retained beside each body and at
 //! each stop. All other lines are drawn again in every frame, from [`MedialStep`].
 
+mod lines;
 mod outlines;
 mod step;
 mod stops;
@@ -12,15 +13,14 @@ use bevy::prelude::*;
 
 use super::{MedialStep, MedialSystems};
 
-/// Gizmos of medial bodies. All are off until the group is enabled in the `GizmoConfigStore`; each layer has its own switch and colour.
+/// Gizmos of medial bodies, a group of the `GizmoConfigStore`. Each layer has its own switch and colour.
 /// [`MedialGizmo`] overrides them for single entities.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;
 /// # use bevy_medial::plugin::MedialGizmos;
 /// fn show_candidates(mut store: ResMut<GizmoConfigStore>) {
-///     let (group, layers) = store.config_mut::<MedialGizmos>();
-///     group.enabled = true;
+///     let (_, layers) = store.config_mut::<MedialGizmos>();
 ///     layers.candidates.enabled = true;
 /// }
 /// ```
@@ -134,19 +134,33 @@ impl Default for MedialGizmo {
     }
 }
 
-/// Draws the shapes of medial meshes, and the last step if there is one. [`MedialPhysicsPlugin`](super::MedialPhysicsPlugin) adds it; an app without
-/// physics may add it by itself.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct MedialGizmosPlugin;
+/// The debug view: draws the shapes of medial meshes, and the last step if the app has physics. [`MedialGizmos`] selects the layers.
+///
+/// ```no_run
+/// # use bevy::prelude::*;
+/// # use bevy_medial::{plugin::MedialDebugPlugin, prelude::*};
+/// App::new().add_plugins((DefaultPlugins, MedialPhysicsPlugins::default(), MedialDebugPlugin::default())).run();
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct MedialDebugPlugin {
+    /// Whether the view is shown from the start. Default: true.
+    pub enabled: bool,
+}
 
-impl Plugin for MedialGizmosPlugin {
+impl Default for MedialDebugPlugin {
+    fn default() -> Self {
+        Self { enabled: true }
+    }
+}
+
+impl Plugin for MedialDebugPlugin {
     fn build(&self, app: &mut App) {
         super::init_medial_axis(app);
         if !app.world().contains_resource::<Assets<GizmoAsset>>() {
             app.init_asset::<GizmoAsset>();
         }
-        app.insert_gizmo_config(MedialGizmos::default(), GizmoConfig { enabled: false, ..default() })
-            .init_resource::<outlines::Lines>()
+        app.insert_gizmo_config(MedialGizmos::default(), GizmoConfig { enabled: self.enabled, ..default() })
+            .init_resource::<lines::Lines>()
             .register_type::<MedialGizmo>()
             .register_type::<MedialGizmoLayer>()
             .add_systems(

@@ -1,54 +1,17 @@
-//! Lines of shapes: one asset for each shape, level of detail and set of colours, and one child of each body that shows it.
+//! One child of each body that shows the lines of its shape.
 
-use std::{
-    collections::HashMap,
-    sync::{Arc, Weak},
+use bevy::{camera::visibility::RenderLayers, prelude::*};
+
+use super::{
+    MedialGizmo, MedialGizmos,
+    lines::{Drawing, Lines},
+    stops::StopOutline,
+    wireframe::wireframe,
 };
-
-use bevy::{asset::StrongHandle, camera::visibility::RenderLayers, prelude::*};
-
-use super::{MedialGizmo, MedialGizmos, stops::StopOutline, wireframe::wireframe};
 use crate::{
     medial_axis::MedialAxis,
     plugin::{Changes, MedialLevel, MedialMesh},
 };
-
-/// Key of the lines of a shape.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct Drawing {
-    asset: AssetId<MedialAxis>,
-    level: usize,
-    /// Bits of the colours of spheres, cones and slabs.
-    colors: [Option<[u32; 4]>; 3],
-}
-
-impl Drawing {
-    pub fn new(asset: AssetId<MedialAxis>, level: usize, colors: [Option<Color>; 3]) -> Self {
-        Self { asset, level, colors: colors.map(|color| color.map(bits)) }
-    }
-}
-
-/// The lines that are in use.
-#[derive(Resource, Default)]
-pub(super) struct Lines(HashMap<Drawing, Weak<StrongHandle>>);
-
-impl Lines {
-    /// Returns the lines of a drawing, and makes them if they do not exist.
-    pub fn get(
-        &mut self,
-        drawing: Drawing,
-        gizmos: &mut Assets<GizmoAsset>,
-        draw: impl FnOnce() -> GizmoAsset,
-    ) -> Handle<GizmoAsset> {
-        self.0.get(&drawing).and_then(Weak::upgrade).map(Handle::Strong).unwrap_or_else(|| {
-            let lines = gizmos.add(draw());
-            if let Handle::Strong(handle) = &lines {
-                self.0.insert(drawing, Arc::downgrade(handle));
-            }
-            lines
-        })
-    }
-}
 
 /// The lines of an entity, and the child that shows them. A clone of the entity gets its own child.
 #[derive(Component, Clone, Copy)]
@@ -76,7 +39,7 @@ pub(super) fn outline(
 ) {
     let (group, layers) = store.config::<MedialGizmos>();
     let changed = changes.read();
-    shared.0.retain(|drawing, lines| !changed.contains(&drawing.asset) && lines.strong_count() > 0);
+    shared.clean(&changed);
     for (entity, outlined) in &left {
         remove(&mut commands, entity, outlined);
     }
@@ -124,10 +87,6 @@ fn colors(enabled: bool, layers: &MedialGizmos, coarseness: f32, gizmo: Option<&
 /// Blue for the finest level, then green and yellow, red for the coarsest.
 fn color_of_level(coarseness: f32) -> Color {
     Color::hsl(220.0 * (1.0 - coarseness).max(0.0), 0.85, 0.55)
-}
-
-fn bits(color: Color) -> [u32; 4] {
-    color.to_linear().to_f32_array().map(f32::to_bits)
 }
 
 /// Applies changes of line width, depth bias and render layers to existing lines.

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 
 use super::{
     MedialGizmo, MedialGizmos,
-    outlines::{Drawing, Lines},
+    lines::{Drawing, Lines},
     step::color,
     wireframe::wireframe,
 };

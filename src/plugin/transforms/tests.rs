@@ -3,7 +3,7 @@ use std::time::Duration;
 use bevy::{asset::AssetPlugin, diagnostic::DiagnosticsPlugin, ecs::message::MessageCursor, time::TimeUpdateStrategy};
 
 use super::*;
-use crate::plugin::{MedialBackend, MedialContactEnded, MedialContactStarted, MedialPhysicsPlugin};
+use crate::plugin::{MedialBackend, MedialCollisionPlugin, MedialContactEnded, MedialContactStarted};
 
 const RADIUS: f32 = 0.1;
 
@@ -42,10 +42,12 @@ fn an_even_number_of_mirrored_axes_is_a_rotation() {
 
 /// An app without rapier. Each update takes 1/60 s.
 fn app() -> App {
-    app_with(MedialPhysicsPlugin { add_systems, ..default() })
+    app_with(PostUpdate)
 }
 
-fn app_with(physics: MedialPhysicsPlugin) -> App {
+fn app_with(schedule: impl ScheduleLabel) -> App {
+    let schedule = schedule.intern();
+    let physics = (MedialCollisionPlugin { schedule }, MedialTransformPlugin { schedule });
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, DiagnosticsPlugin, physics))
         .insert_resource(MedialSettings { backend: MedialBackend::Cpu, ..default() })
@@ -129,7 +131,8 @@ fn a_level_of_detail_is_removed_with_the_shape() {
 #[test]
 fn the_fixed_schedule_needs_no_transform_plugin() {
     let mut app = App::new();
-    let physics = MedialPhysicsPlugin { add_systems, ..default() }.in_fixed_schedule();
+    let schedule = FixedUpdate.intern();
+    let physics = (MedialCollisionPlugin { schedule }, MedialTransformPlugin { schedule });
     app.add_plugins((MinimalPlugins, AssetPlugin::default(), physics))
         .insert_resource(Time::<Fixed>::from_hz(60.0))
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));
@@ -158,7 +161,7 @@ fn a_touch_is_reported_without_continuous_collision() {
 
 #[test]
 fn each_fixed_step_sweeps_a_part_of_the_path() {
-    let mut app = app_with(MedialPhysicsPlugin { add_systems, ..default() }.in_fixed_schedule());
+    let mut app = app_with(FixedUpdate);
     // Each update has two steps.
     app.insert_resource(Time::<Fixed>::from_hz(120.0));
     let ball = ball(&mut app, 0.0);
@@ -201,7 +204,7 @@ struct Rarely;
 
 #[test]
 fn a_shape_changed_between_runs_of_a_schedule_is_updated() {
-    let mut app = app_with(MedialPhysicsPlugin { add_systems, ..default() }.in_schedule(Rarely));
+    let mut app = app_with(Rarely);
     let fixed = ball(&mut app, 0.0);
     app.world_mut().entity_mut(fixed).insert(StaticObb::default());
     let radius = |app: &mut App| {

@@ -5,8 +5,12 @@ use crate::{
     query::{
         branchless::each,
         number::{Ball, Number, Vector},
+        time_of_impact::Moving,
     },
 };
+
+/// Two moving primitives.
+pub type MovingPair<const N: usize, const M: usize> = (Moving<N>, Moving<M>);
 
 /// A sphere at an instant, and its displacement over the step in metres.
 pub(super) type Mover<R> = (Ball<R>, Vector<R>);

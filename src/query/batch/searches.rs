@@ -3,9 +3,8 @@
 use fearless_simd::{Simd, prelude::*};
 
 use super::{
-    MovingPair,
     lanes::{Lanes, columns, differences, halves},
-    movers::{Mover, at_weights, balls, cleared, depart, extent},
+    movers::{Mover, MovingPair, at_weights, balls, cleared, depart, extent},
 };
 use crate::{
     constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING},

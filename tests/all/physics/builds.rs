@@ -18,7 +18,7 @@ use crate::{common::*, log};
 
 /// An app that builds medial meshes.
 fn app(cache: Option<PathBuf>) -> App {
-    app_with((MedialPhysicsPlugin::default(), MedialBuildPlugin { cache }), &assets())
+    app_with((MedialPhysicsPlugins::default(), MedialBuildPlugin { cache }), &assets())
 }
 
 /// A few spheres, so that tests take little time.
@@ -167,7 +167,7 @@ fn a_build_requested_again_at_once_is_done_in_any_order() {
         };
         app.add_systems(Update, want);
     };
-    let physics = || (MedialPhysicsPlugin::default(), MedialBuildPlugin { cache: None });
+    let physics = || (MedialPhysicsPlugins::default(), MedialBuildPlugin { cache: None });
     for mut app in [app_with((again, physics()), &assets()), app_with((physics(), again), &assets())] {
         let mesh = add(&mut app, Cuboid::default());
         let body = app.world_mut().spawn(mesh).id();
@@ -260,7 +260,7 @@ fn a_failed_build_is_logged_once_with_the_remedy() {
 fn plugins_may_be_added_in_any_order() {
     let mut app = App::new();
     app.add_plugins((MinimalPlugins, bevy::asset::AssetPlugin::default(), MedialBuildPlugin::default()));
-    app.add_plugins((TransformPlugin, bevy::diagnostic::DiagnosticsPlugin, MedialPhysicsPlugin::default()));
+    app.add_plugins((TransformPlugin, bevy::diagnostic::DiagnosticsPlugin, MedialPhysicsPlugins::default()));
     let mesh = add(&mut app, Cuboid::default());
     let body = app.world_mut().spawn((RigidBody::Dynamic, mesh, few())).id();
     assert_eq!(wait_for(&mut app, body, is_over), MedialBuildStatus::Built);

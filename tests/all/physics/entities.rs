@@ -40,7 +40,7 @@ fn has_collider(app: &App, entity: Entity) -> bool {
 
 #[test]
 fn a_file_gives_collider_mass_and_inertia() {
-    let mut app = app_with(MedialPhysicsPlugin::default(), &assets());
+    let mut app = app_with(MedialPhysicsPlugins::default(), &assets());
     app.world_mut().query::<&mut RapierConfiguration>();
     for (path, name, density) in
         [("models/dinosaur.ma", "dinosaur", 1.0), ("models/bear.ma", "bear", 1.0), ("models/deer.ma", "deer", 700.0)]
@@ -92,7 +92,7 @@ fn missing_and_broken_files_do_not_affect_other_bodies() {
     fs::write(folder.join("short.ma"), "2 1 0\nv 0 0 0 1\n").unwrap();
     fs::write(folder.join("empty.ma"), "").unwrap();
     fs::write(folder.join("negative.ma"), "1 0 0\nv 0 0 0 -1\n").unwrap();
-    let mut app = app_with(MedialPhysicsPlugin::default(), &folder);
+    let mut app = app_with(MedialPhysicsPlugins::default(), &folder);
     spawn_ground(&mut app);
     let mut bad = Vec::new();
     for (x, path) in (2..).zip(["missing.ma", "text.ma", "short.ma", "empty.ma", "negative.ma"]) {
@@ -194,7 +194,7 @@ fn a_despawned_body_no_longer_supports_others() {
 #[test]
 fn a_body_falls_and_rests_in_the_fixed_schedule() {
     for rate in [60.0f64, 144.0] {
-        let mut app = app_with(MedialPhysicsPlugin::default().in_fixed_schedule(), &assets());
+        let mut app = app_with(MedialPhysicsPlugins::default().in_fixed_schedule(), &assets());
         app.insert_resource(Time::<Fixed>::from_hz(60.0));
         app.insert_resource(bevy::time::TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / rate)));
         let ground = spawn_ground(&mut app);
@@ -224,7 +224,7 @@ fn through_text(
 
 #[test]
 fn components_and_resources_survive_a_round_trip_as_text() {
-    let plugins = (MedialPhysicsPlugin::default(), MedialBuildPlugin::default(), MedialPickingPlugin);
+    let plugins = (MedialPhysicsPlugins::default(), MedialBuildPlugin::default(), MedialPickingPlugin);
     let mut app = app_with(plugins, &assets());
     add_monitor(&mut app);
     let mesh = load(&app, "models/bear.medial");

@@ -54,7 +54,7 @@ impl BevyPhysicsHooks for Hooks<'_, '_> {
 
 /// An app with hooks. The plugin passes them to rapier, or rapier has them already.
 fn hooked(rapier_first: bool) -> App {
-    let physics = MedialPhysicsPlugin::default().with_hooks::<Hooks>();
+    let physics = MedialPhysicsPlugins::default().with_hooks::<Hooks>();
     if !rapier_first {
         return app_with(physics, Path::new("assets"));
     }
@@ -183,7 +183,7 @@ fn a_hook_on_contacts_can_make_a_conveyor_belt() {
 fn hooks_of_rapier_without_hooks_of_the_plugin_are_an_error() {
     let mut app = App::new();
     let rapier = RapierPhysicsPlugin::<Hooks>::default();
-    app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, rapier, MedialPhysicsPlugin::default()));
+    app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, rapier, MedialPhysicsPlugins::default()));
 }
 
 #[test]
@@ -192,10 +192,10 @@ fn a_schedule_other_than_that_of_rapier_is_logged() {
     let told = |schedule: &str| {
         log::lines("RapierPhysicsPlugin does not step in").iter().filter(|line| line.contains(schedule)).count()
     };
-    let build = |rapier: RapierPhysicsPlugin<NoUserData>, medial: MedialPhysicsPlugin| {
+    let build = |rapier: RapierPhysicsPlugin<NoUserData>, medial: MedialPhysicsPlugins| {
         App::new().add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, rapier, medial));
     };
-    let (rapier, medial) = (RapierPhysicsPlugin::default, MedialPhysicsPlugin::default);
+    let (rapier, medial) = (RapierPhysicsPlugin::default, MedialPhysicsPlugins::default);
     build(rapier(), medial());
     build(rapier().in_fixed_schedule(), medial().in_fixed_schedule());
     assert_eq!([told("PostUpdate"), told("FixedUpdate")], [0, 0]);

@@ -5,13 +5,19 @@ use std::any::TypeId;
 use bevy::{gizmos::GizmoHandles, prelude::*};
 use bevy_medial::{
     medial_axis::MedialAxis,
-    plugin::{MedialGizmo, MedialGizmos},
+    plugin::{MedialDebugPlugin, MedialGizmo, MedialGizmos},
     prelude::*,
     scenes::{Scene, SceneEntity},
 };
 use bevy_rapier3d::prelude::Velocity;
 
-use crate::common::*;
+use crate::common::{self, *};
+
+fn app() -> App {
+    let mut app = common::app();
+    app.add_plugins(MedialDebugPlugin { enabled: false });
+    app
+}
 
 fn set(app: &mut App, change: impl FnOnce(&mut GizmoConfig, &mut MedialGizmos)) {
     let mut store = app.world_mut().resource_mut::<GizmoConfigStore>();

@@ -215,7 +215,7 @@ fn a_file_without_levels_is_logged_once() {
     log::keep();
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("physics-without-levels");
     fs::create_dir_all(&folder).unwrap();
-    let mut app = app_with(MedialPhysicsPlugin::default(), &folder);
+    let mut app = app_with(MedialPhysicsPlugins::default(), &folder);
     for (file, copy, warnings) in [("bear.ma", "flat bear.ma", 1), ("bear.medial", "levelled bear.medial", 0)] {
         fs::copy(assets().join("models").join(file), folder.join(copy)).unwrap();
         let mesh = MedialMesh(app.world().resource::<AssetServer>().load(copy));
@@ -238,7 +238,7 @@ fn a_damaged_file_of_levels_is_logged() {
     fs::write(folder.join("ring.medial"), &bytes).unwrap();
     bytes.truncate(300);
     fs::write(folder.join("torn ring.medial"), &bytes).unwrap();
-    let mut app = app_with(MedialPhysicsPlugin::default(), &folder);
+    let mut app = app_with(MedialPhysicsPlugins::default(), &folder);
     let bodies = ["ring.medial", "torn ring.medial"].map(|path| {
         let mesh = MedialMesh(app.world().resource::<AssetServer>().load(path));
         (app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), Transform::default())).id(), mesh)

@@ -83,7 +83,7 @@ fn a_failed_load_is_logged_once_and_can_be_repaired() {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("physics-failed-load");
     fs::create_dir_all(&folder).unwrap();
     fs::write(folder.join("bad.ma"), "this is no mesh\n").unwrap();
-    let mut app = app_with(MedialPhysicsPlugin::default(), &folder);
+    let mut app = app_with(MedialPhysicsPlugins::default(), &folder);
     spawn_ground(&mut app);
     let mesh = MedialMesh(app.world().resource::<AssetServer>().load("bad.ma"));
     let name = Name::new("of a bad file");
@@ -254,7 +254,7 @@ fn a_shape_attaches_to_a_body_that_is_added_later() {
 fn a_part_detached_between_fixed_steps_stays_in_place() {
     // A step has four frames. The part is detached in each of them.
     for frame in 0..4 {
-        let mut app = app_with(MedialPhysicsPlugin::default().in_fixed_schedule(), &assets());
+        let mut app = app_with(MedialPhysicsPlugins::default().in_fixed_schedule(), &assets());
         app.insert_resource(Time::<Fixed>::from_hz(60.0));
         app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 240.0)));
         let parent = spawn_flying(&mut app, ball(), Transform::from_xyz(3.0, 5.0, 0.0), Velocity::zero());
@@ -456,7 +456,7 @@ fn two_fixed_bodies_report_no_touch() {
 fn app_of(kind: &str) -> App {
     match kind {
         "fixed schedule" => {
-            let mut app = app_with(MedialPhysicsPlugin::default().in_fixed_schedule(), &assets());
+            let mut app = app_with(MedialPhysicsPlugins::default().in_fixed_schedule(), &assets());
             app.insert_resource(Time::<Fixed>::from_duration(Duration::from_secs_f32(DT)));
             app
         }
@@ -747,7 +747,7 @@ struct Rarely;
 
 #[test]
 fn a_shape_changed_between_runs_of_a_schedule_is_updated() {
-    let mut app = app_with(MedialPhysicsPlugin::default().in_schedule(Rarely), &assets());
+    let mut app = app_with(MedialPhysicsPlugins::default().in_schedule(Rarely), &assets());
     let mesh = mesh(&mut app, ball());
     let body = app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), Transform::default())).id();
     app.update();

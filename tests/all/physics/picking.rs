@@ -31,7 +31,7 @@ struct Hits(Vec<PointerHits>);
 
 /// An app with a camera at the origin that looks along -z and a pointer in the middle of its window.
 fn picking_app() -> (App, Entity) {
-    let mut app = app_with((MedialPhysicsPlugin::default(), MedialPickingPlugin, InteractionPlugin), &assets());
+    let mut app = app_with((MedialPhysicsPlugins::default(), MedialPickingPlugin, InteractionPlugin), &assets());
     app.init_resource::<Over>()
         .init_resource::<Hits>()
         .add_systems(Update, |mut messages: MessageReader<PointerHits>, mut hits: ResMut<Hits>| {

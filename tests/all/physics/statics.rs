@@ -158,7 +158,7 @@ fn removing_a_shape_removes_its_collider() {
 
 #[test]
 fn a_shape_removed_between_steps_removes_only_its_collider() {
-    let mut app = app_with(MedialPhysicsPlugin::default().in_fixed_schedule(), &assets());
+    let mut app = app_with(MedialPhysicsPlugins::default().in_fixed_schedule(), &assets());
     app.insert_resource(Time::<Fixed>::from_duration(Duration::from_secs_f32(8.0 * DT)));
     let wall = app.world_mut().spawn((StaticObb::default(), Transform::default())).id();
     let body = spawn_flying(&mut app, ball(), Transform::from_xyz(9.0, 0.0, 0.0), Velocity::zero());

@@ -159,7 +159,7 @@ const OPERATIONS: [Operation; 27] = [
 
 impl Walk {
     fn new(seed: u64) -> Self {
-        let mut app = app_with(MedialPhysicsPlugin::default(), &assets());
+        let mut app = app_with(MedialPhysicsPlugins::default(), &assets());
         app.init_resource::<Told>()
             .add_observer(|on: On<MedialContactStarted>, mut told: ResMut<Told>| {
                 // Events propagate to parents.

@@ -144,7 +144,7 @@ fn a_stopped_shot_is_drawn_in_front_of_the_wall() {
 #[test]
 fn fixed_steps_are_interpolated_at_any_frame_rate() {
     let app_at = |rate: f32| {
-        let mut app = app_without_steps(MedialPhysicsPlugin::fixed(rate), &assets());
+        let mut app = app_without_steps(MedialPhysicsPlugins::fixed(rate), &assets());
         app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f32(0.01)));
         app
     };

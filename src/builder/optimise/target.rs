@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{
+use crate::builder::{
     envelope::{Envelope, Hit, SurfacePoint},
     parallel,
     points::Points,

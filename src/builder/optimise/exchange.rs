@@ -4,16 +4,20 @@ use std::collections::BTreeSet;
 
 use super::{
     connect, descent,
-    envelope::{Complex, edges_of},
-    hull::{Ball, Hull},
     merge::{mergers, renamed},
-    parallel,
-    points::Points,
-    refine::{Plan, State},
-    surface_samples::{self, Samples},
+    state::{Plan, State},
     target::{Rest, Target},
 };
-use crate::geometry::Primitive;
+use crate::{
+    builder::{
+        envelope::{Complex, edges_of},
+        hull::{Ball, Hull},
+        parallel,
+        points::Points,
+        surface_samples::{self, Samples},
+    },
+    geometry::Primitive,
+};
 
 /// A change of a complex. A new sphere gets the index after the last one.
 #[derive(Clone, Debug, Default)]

@@ -4,10 +4,10 @@
 //! in the nearest blend. So each step solves a least squares problem (Levenberg and Marquardt).
 
 use super::{
-    envelope::{Complex, SurfacePoint},
     normal_equations::NormalEquations,
     target::{NEARLY_OUTSIDE, Target},
 };
+use crate::builder::envelope::{Complex, SurfacePoint};
 
 /// Largest displacement of a sphere per step: the sum of a multiple of its radius and a part of the diagonal.
 const STRIDE: [f64; 2] = [0.3, 0.005];

@@ -5,16 +5,19 @@ use std::{collections::BTreeSet, ops::Range};
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
-use super::{
-    envelope::{Complex, edges_of},
-    hull::{Cone, Hull},
-    parallel,
-    points::Points,
-    solid::Solid,
-    surface_samples::Samples,
-    target::Target,
+use super::target::Target;
+use crate::{
+    builder::{
+        envelope::{Complex, edges_of},
+        hull::{Cone, Hull},
+        parallel,
+        points::Points,
+        solid::Solid,
+        surface_samples::Samples,
+    },
+    disjoint_sets::DisjointSets,
+    geometry::Primitive,
 };
-use crate::{disjoint_sets::DisjointSets, geometry::Primitive};
 
 /// Samples up to this many spacings apart are neighbours.
 const NEIGHBOR_SPACINGS: f64 = 2.0;

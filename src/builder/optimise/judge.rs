@@ -2,14 +2,9 @@
 
 use glam::DVec3;
 
-use super::{
-    envelope::Complex,
-    measure::Sum,
-    parallel,
-    points::Points,
-    solid::Solid,
-    surface_samples::Samples,
-    target::{CLOSE_SPACING, CLOSE_WITHIN},
+use super::target::{CLOSE_SPACING, CLOSE_WITHIN};
+use crate::builder::{
+    envelope::Complex, measure::Sum, parallel, points::Points, solid::Solid, surface_samples::Samples,
 };
 
 /// Number of samples of the area, and of additional vertices.
@@ -26,7 +21,7 @@ const MOST_WORST: usize = 12;
 
 /// Distances between the surface and the envelope, as parts of the diagonal.
 #[derive(Clone, Debug)]
-pub(super) struct Verdict {
+pub(in crate::builder) struct Verdict {
     /// Largest distance from the surface to the envelope, and from the envelope to the surface.
     pub greatest: [f64; 2],
     /// The larger mean of both directions.
@@ -51,7 +46,7 @@ impl Verdict {
     }
 }
 
-pub(super) struct Judge<'a> {
+pub(in crate::builder) struct Judge<'a> {
     pub solid: &'a Solid,
     samples: Samples,
 }

@@ -8,14 +8,16 @@ use std::collections::BTreeSet;
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
-use super::{
-    envelope::{Complex, edges_of},
-    hull::{Ball, Hull},
-    parallel,
-    solid::Solid,
-    surface_samples::{Samples, medial_ball},
+use crate::{
+    builder::{
+        envelope::{Complex, edges_of},
+        hull::{Ball, Hull},
+        parallel,
+        solid::Solid,
+        surface_samples::{Samples, medial_ball},
+    },
+    geometry::Primitive,
 };
-use crate::geometry::Primitive;
 
 /// Largest distance that a cone or slab protrudes from the solid, as a part of its radius there.
 const PROTRUSION: f64 = 0.3;

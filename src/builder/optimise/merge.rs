@@ -2,16 +2,18 @@
 
 use std::collections::BTreeSet;
 
-use super::{
-    envelope::{Complex, Envelope},
-    hull::Hull,
-    parallel,
-    points::Points,
-    refine::State,
-    surface_samples::Samples,
-    target::Target,
+use super::{state::State, target::Target};
+use crate::{
+    builder::{
+        envelope::{Complex, Envelope},
+        hull::Hull,
+        parallel,
+        points::Points,
+        surface_samples::Samples,
+    },
+    geometry::Primitive,
+    medial_axis::numbers_of_kept,
 };
-use crate::{geometry::Primitive, medial_axis::numbers_of_kept};
 
 fn incident(envelope: &Envelope, count: usize) -> Vec<Vec<u32>> {
     let mut of_sphere = vec![vec![]; count];

@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use super::{hull::Ball, parallel, surface_samples::Samples};
+use crate::builder::{hull::Ball, parallel, surface_samples::Samples};
 
 /// Spheres, and the index of each sample's sphere (`u32::MAX` for a sample that does not bound the solid).
 pub(super) struct Clusters {

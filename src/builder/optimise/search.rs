@@ -5,21 +5,25 @@ use std::{collections::BTreeSet, sync::Arc};
 use glam::DVec3;
 
 use super::{
-    BuildError, BuildOptions, BuildReport, Built, clusters,
+    clusters,
     connect::{self, Limits},
     descent,
-    envelope::Complex,
-    hull::Ball,
     inscribe::inscribe,
     judge::{Judge, Verdict},
-    mend, parallel,
-    progress::{Progress, between},
-    refine::{self, Plan},
-    solid::Solid,
-    surface_samples::{Samples, medial_ball},
+    mend, refine,
+    state::{CREASES, Plan, SPACING, is_hurried, target, target_for},
     target::{Penalty, Target},
 };
 use crate::{
+    builder::{
+        BuildError, BuildOptions, BuildReport, Built,
+        envelope::Complex,
+        hull::Ball,
+        parallel,
+        progress::{Progress, between},
+        solid::Solid,
+        surface_samples::{Samples, medial_ball},
+    },
     geometry::{Primitive, Sphere},
     medial_axis::{MAX_SPHERES, MedialAxis},
 };
@@ -36,9 +40,6 @@ const FINE: [usize; 2] = [150, 75];
 /// Smallest and largest number of coarse samples of the area.
 const SAMPLES: [usize; 2] = [3000, 20_000];
 
-/// Distance between points of the envelope, as a part of the diagonal: coarse and fine.
-pub(super) const SPACING: [f64; 2] = [0.02, 0.012];
-
 /// Steps of the two last descents: one with the normal penalty, and one with a steeper penalty that includes creases.
 const LAST_STEPS: [usize; 2] = [16, 10];
 
@@ -47,9 +48,6 @@ const HURRIED_STEPS: usize = 8;
 
 /// Ratio of the errors above which the normal and the steeper penalty are steep.
 const STEEPER: f64 = 2.2;
-
-/// Largest depth of the bottoms of these creases inside the solid, as a part of the diagonal.
-pub(super) const CREASES: f64 = 0.02;
 
 /// Ratio of the initial to the final number of spheres.
 const SURPLUS: f64 = 1.7;
@@ -61,7 +59,7 @@ const EXTRA: f64 = 0.95;
 const CYCLES: [f64; 2] = [0.27, 2.0];
 
 #[derive(Clone)]
-pub(super) struct Search {
+pub(in crate::builder) struct Search {
     coarse: Arc<Samples>,
     fine: Arc<Samples>,
     complex: Complex,
@@ -132,7 +130,7 @@ impl Search {
         report(0.0)?;
         let spheres = options.spheres.clamp(1, MAX_SPHERES);
         // A caller that sets the number of searches accepts the time that they take.
-        let hurried = options.searches.is_none() && refine::is_hurried(triangles, spheres);
+        let hurried = options.searches.is_none() && is_hurried(triangles, spheres);
         let per_sphere = if hurried { COARSER } else { COARSE };
         let coarse = samples(solid, spheres, per_sphere, SAMPLES, seed).turned_outward(solid);
         let fine = samples(solid, spheres, FINE, SAMPLES.map(|samples| 2 * samples), seed);
@@ -161,7 +159,7 @@ impl Search {
             spacing: SPACING[0],
         };
         // Before the first descent, errors of some thousandths of the diagonal are usual.
-        let target = refine::target(solid, &coarse, Penalty::new(1e-5), plan.spacing);
+        let target = target(solid, &coarse, Penalty::new(1e-5), plan.spacing);
         let surplus = complex.balls.len().saturating_sub(spheres);
         let limits = Limits { edges: plan.edges.saturating_add(surplus), faces: plan.faces };
         let cones = touching.iter().map(|&pair| Primitive::Cone(pair)).collect();
@@ -201,7 +199,7 @@ impl Search {
         if refine::refine(complex, parts, solid, coarse, plan, &between(progress, 0.2, 0.7)).is_break() {
             return Err(BuildError::Cancelled);
         }
-        let target = refine::target_for(complex, solid, fine, SPACING[1]);
+        let target = target_for(complex, solid, fine, SPACING[1]);
         let even = Target { uncovered: 1.0, creases: 0.0, ..target };
         if plan.hurried {
             // A hurried shape is not judged, because there is no other shape to compare it with.

@@ -7,14 +7,12 @@
 use std::ops::ControlFlow;
 
 use super::{
-    envelope::Complex,
     judge::{Judge, Verdict},
-    progress::Progress,
-    refine::{Change, Plan, target_for},
-    search::{CREASES, SPACING},
-    surface_samples::Samples,
+    refine::Change,
+    state::{CREASES, Plan, SPACING, target_for},
     target::Target,
 };
+use crate::builder::{envelope::Complex, progress::Progress, surface_samples::Samples};
 
 /// Number of steps of a descent.
 const STEPS: usize = 6;

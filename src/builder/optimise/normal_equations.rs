@@ -4,10 +4,12 @@ use glam::DVec4;
 
 use super::{
     clusters::solve_symmetric,
-    envelope::{Complex, Envelope, Hit},
     target::{Anchor, Target},
 };
-use crate::geometry::Primitive;
+use crate::{
+    builder::envelope::{Complex, Envelope, Hit},
+    geometry::Primitive,
+};
 
 /// Upper half of a symmetric 4x4 matrix.
 #[derive(Clone, Copy, Default)]

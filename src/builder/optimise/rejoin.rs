@@ -4,15 +4,20 @@ use glam::DVec3;
 
 use super::{
     connect::{self, Limits},
-    envelope::{Complex, edges_of},
-    hull::Hull,
-    parallel,
-    points::Points,
-    refine::State,
-    surface_samples::Samples,
+    state::State,
     target::Target,
 };
-use crate::{disjoint_sets::DisjointSets, geometry::Primitive};
+use crate::{
+    builder::{
+        envelope::{Complex, edges_of},
+        hull::Hull,
+        parallel,
+        points::Points,
+        surface_samples::Samples,
+    },
+    disjoint_sets::DisjointSets,
+    geometry::Primitive,
+};
 
 /// Removes edges and faces of little use, except edges that connect the shape.
 pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, target: &Target) {
