@@ -63,9 +63,8 @@ fn nearer(best: Nearest, first: vec4f, second: vec4f) -> Nearest {
     return best;
 }
 
-// Tests the spheres of two cones where they cross, and the ends of each cone against the other one.
-fn between_edges(given: Nearest, cone1: Edge, cone2: Edge) -> Nearest {
-    var best = given;
+// Returns the fractions along two cones of the spheres with which they cross. Without a crossing they are 0.
+fn crossing(cone1: Edge, cone2: Edge) -> vec2f {
     let u = cone1.axis;
     let v = cone2.axis;
     let offset = cone1.start.xyz - cone2.start.xyz;
@@ -74,20 +73,25 @@ fn between_edges(given: Nearest, cone1: Edge, cone2: Edge) -> Nearest {
     let uv = dot(u.xyz, v.xyz);
     let vv = dot(v.xyz, v.xyz);
     let det = dot(normal, normal);
+    let x = u.w * vv + v.w * uv;
+    let y = -(v.w * uu + u.w * uv);
+    let slope_squared = (x * u.w - y * v.w) / det;
     // Parallel axes do not cross.
-    if det > 1.0e-12 * uu * vv {
-        let x = (u.w * vv + v.w * uv) / det;
-        let y = -(v.w * uu + u.w * uv) / det;
-        let slope_squared = x * u.w - y * v.w;
-        if slope_squared < 1.0 {
-            let distance = abs(dot(offset, normal)) / sqrt(det * (1.0 - slope_squared));
-            let p = distance * u.w - dot(offset, u.xyz);
-            let q = -distance * v.w - dot(offset, v.xyz);
-            best = nearer(best, sphere_at(cone1, (p * vv - q * uv) / det), sphere_at(cone2, (p * uv - q * uu) / det));
-        }
+    if !(det > 1.0e-12 * uu * vv && slope_squared < 1.0) {
+        return vec2f(0.0);
     }
-    let end1 = cone1.start + u;
-    let end2 = cone2.start + v;
+    let distance = abs(dot(offset, normal)) / sqrt(det * (1.0 - slope_squared));
+    let p = distance * u.w - dot(offset, u.xyz);
+    let q = -distance * v.w - dot(offset, v.xyz);
+    return vec2f(p * vv - q * uv, p * uv - q * uu) / det;
+}
+
+// Tests the spheres of two cones where they cross, and the ends of each cone against the other one.
+fn between_edges(given: Nearest, cone1: Edge, cone2: Edge) -> Nearest {
+    let at = crossing(cone1, cone2);
+    let end1 = cone1.start + cone1.axis;
+    let end2 = cone2.start + cone2.axis;
+    var best = nearer(given, sphere_at(cone1, at.x), sphere_at(cone2, at.y));
     best = nearer(best, cone1.start, on_edge(cone1.start.xyz, cone2));
     best = nearer(best, end1, on_edge(end1.xyz, cone2));
     best = nearer(best, on_edge(cone2.start.xyz, cone1), cone2.start);

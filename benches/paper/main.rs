@@ -125,7 +125,7 @@ fn run(args: &Args) -> Result<(), String> {
             let rows =
                 results.iter().map(|result| device.run((result.scene.name, result.busiest.0), &result.busiest.1));
             let rows = rows.collect::<Result<Vec<_>, _>>()?;
-            Some((device.name, rows))
+            Some((device.name, rows.into_iter().flatten().collect()))
         }
         None => None,
     };

@@ -132,11 +132,11 @@ fn device_section(text: &mut String, device: Option<&(String, Vec<DeviceRow>)>) 
     write!(
         text,
         "Adapter: {name}. llvmpipe is a software adapter, which here shares one CPU core with the program. The table shows, for each scene, the frame with most primitive pairs after the culling of bodies. This crate's flat mode finds the bounds of all of them. A call includes upload, wait and readback.\n\n\
-         | scene | frame | primitive pairs | call, ms | on the device, ms |\n|---|---|---|---|---|\n"
+         | scene | frame | method | primitive pairs | call, ms | on the device, ms |\n|---|---|---|---|---|---|\n"
     )?;
-    for DeviceRow { scene, frame, pairs, call_ms, device_ms } in rows {
+    for DeviceRow { scene, frame, method, pairs, call_ms, device_ms } in rows {
         let on_device = device_ms.map_or_else(String::new, |ms| format!("{ms:.2}"));
-        writeln!(text, "| {scene} | {frame} | {pairs} | {call_ms:.1} | {on_device} |")?;
+        writeln!(text, "| {scene} | {frame} | {method} | {pairs} | {call_ms:.1} | {on_device} |")?;
     }
     Ok(())
 }

@@ -54,7 +54,8 @@ impl MovingPair {
     }
 }
 
-/// Lower bounds of the times of impact of lists of pairs: the kernel of the narrow phase by itself, for tests and benchmarks.
+/// Lower bounds of the times of impact of lists of pairs: the kernel of the narrow phase by itself, for tests and benchmarks. Or the times of the published
+/// alternation, for comparison.
 pub struct GpuBounds {
     gpu: GpuDevice,
     /// One pass for each kind of pairs.
@@ -64,13 +65,25 @@ pub struct GpuBounds {
 }
 
 impl GpuBounds {
-    /// Creates the kernels on a device.
+    /// Creates the kernels of the narrow phase on a device.
     ///
     /// # Errors
     /// If the device refuses a shader.
     pub fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
-        let passes =
-            Kind::ALL.into_iter().map(|kind| Pass::new(gpu, "pair_bounds", text(kind))).collect::<Result<_, _>>()?;
+        Self::of(gpu, "pair_bounds", text)
+    }
+
+    /// Creates the kernels of the published [alternation](crate::query::alternating()). Their times are not bounds: they may be late or missing. A box
+    /// counts as a primitive of zero size at its centre.
+    ///
+    /// # Errors
+    /// If the device refuses a shader.
+    pub fn alternating(gpu: &GpuDevice) -> Result<Self, GpuError> {
+        Self::of(gpu, "alternating", alternating_text)
+    }
+
+    fn of(gpu: &GpuDevice, label: &'static str, text: impl Fn(Kind) -> String) -> Result<Self, GpuError> {
+        let passes = Kind::ALL.into_iter().map(|kind| Pass::new(gpu, label, text(kind))).collect::<Result<_, _>>()?;
         Ok(Self { passes, timer: Timer::new(gpu, 1)?, time: None, gpu: gpu.clone() })
     }
 
@@ -82,17 +95,19 @@ impl GpuBounds {
     /// Returns a lower bound of the time of the first touch of each pair, as a fraction of the step. It exceeds 1 if the pair does not touch.
     ///
     /// # Errors
-    /// If there are more pairs than the device can process at once, or if it is lost.
+    /// If the device has not enough memory, or if it is lost.
     pub fn run(&mut self, pairs: &[MovingPair]) -> Result<Vec<f32>, GpuError> {
         let mut bounds = vec![0.0; pairs.len()];
         self.time = None;
         for kind in Kind::ALL {
             let of_kind = || pairs.iter().enumerate().filter(|(_, pair)| pair.kind == kind);
             let sides: Vec<[Side; 2]> = of_kind().map(|(_, pair)| pair.sides).collect();
-            if !sides.is_empty() {
-                let found = self.run_kind(kind, &sides)?;
-                of_kind().zip(found).for_each(|((index, _), bound)| bounds[index] = bound);
+            let most = self.gpu.device.limits().max_storage_buffer_binding_size as usize / size_of::<[Side; 2]>();
+            let mut found = Vec::with_capacity(sides.len());
+            for chunk in sides.chunks(most) {
+                found.extend(self.run_kind(kind, chunk)?);
             }
+            of_kind().zip(found).for_each(|((index, _), bound)| bounds[index] = bound);
         }
         Ok(bounds)
     }
@@ -100,7 +115,6 @@ impl GpuBounds {
     fn run_kind(&mut self, kind: Kind, pairs: &[[Side; 2]]) -> Result<Vec<f32>, GpuError> {
         let (gpu, limits) = (&self.gpu, self.gpu.device.limits());
         let bytes = size_of_val(pairs) as u64;
-        gpu.require("bytes in a storage buffer", limits.max_storage_buffer_binding_size, bytes)?;
         let groups = pairs.len().div_ceil(WORKGROUP as usize) as u32;
         let wide = groups.min(limits.max_compute_workgroups_per_dimension);
         let size = (pairs.len() * size_of::<f32>()) as u64;
@@ -131,6 +145,11 @@ impl GpuBounds {
         }
         Ok(pod_collect_to_vec(&data[..size as usize]))
     }
+}
+
+/// Text of the shader of the alternation for one kind of pairs.
+fn alternating_text(kind: Kind) -> String {
+    shader_of_kind(kind, [NEAREST, BOUNDS, include_str!("../../shaders/alternating.wgsl")])
 }
 
 /// Text of the shader for one kind of pairs.

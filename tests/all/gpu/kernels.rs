@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use bevy_medial::{
     gpu::{GpuBounds, MovingPair},
-    query::{TimeOfImpactStatus, Touch, time_of_impact},
+    query::{TimeOfImpactStatus, Touch, alternating, time_of_impact},
 };
 
 use super::device;
@@ -85,6 +85,33 @@ fn bounds_are_never_late_and_rarely_early() {
 #[ignore = "exhaustive"]
 fn a_million_bounds_are_never_late_and_rarely_early() {
     check(10_000);
+}
+
+/// The alternation depends on which of two spheres is nearer, so the rounding of f32 decides between results that have little in common.
+#[test]
+fn the_alternation_finds_the_times_of_the_cpu_in_nearly_all_pairs() {
+    let Some(gpu) = device() else { return };
+    let kernel = Mutex::new(GpuBounds::alternating(gpu).unwrap());
+    let counts = for_each_case(6, |category, kind, mut random| {
+        let pairs: Vec<Pair> = (0..200).map(|_| random_pair(&mut random, category, KINDS[kind])).collect();
+        let both = pairs.iter().filter_map(|pair| {
+            let (first, second) = pair.relative();
+            for_kinds!(first, second, |a, b| hulls: Some((MovingPair::new(&a, &b), alternating(&a, &b))), cuboid: None)
+        });
+        let (moving, exact): (Vec<_>, Vec<_>) = both.unzip();
+        let found = kernel.lock().unwrap().run(&moving).unwrap();
+        let mut counts = [0; 3];
+        for (found, exact) in found.into_iter().zip(exact) {
+            let is_hit = exact.status == TimeOfImpactStatus::Hit;
+            let is_same = if is_hit { (found - exact.fraction).abs() < 1e-3 } else { found > 1.0 };
+            counts = [counts[0] + 1, counts[1] + usize::from(is_hit), counts[2] + usize::from(is_same)];
+        }
+        counts
+    });
+    let [pairs, hits, same] = counts.into_iter().fold([0; 3], |sum, more| [0, 1, 2].map(|i| sum[i] + more[i]));
+    println!("{same} of {pairs} pairs are the same, {hits} are hits");
+    assert!(4 * hits > pairs && pairs > 5_000, "{hits} of {pairs}");
+    assert!(100 * same >= 99 * pairs, "{same} of {pairs}");
 }
 
 #[test]
