@@ -34,9 +34,11 @@ are the paper's: cone against cone and cone against box for bodies, then the tim
 the same in SIMD lanes. They find no contacts, and run in every fifth frame.
 
 In *awake* frames a body does not sleep. *Active* frames have at least 30 % of the max number of touching pairs and 3 % of the max kinetic energy. In the charts, dashes are the averages in
-the paper.
+the paper. `frames.csv` has the times of all frames.
+";
 
-The paper names 66,300 primitive pairs for the tori, which is 51 times 50 times 26. All pairs of two tori with 26 cones each are 861,900.
+const RATIOS: &str = "
+Mean time of the hybrid in awake and in active frames, and times of the other methods over those of the hybrid:
 ";
 
 /// The page as Markdown.
@@ -44,9 +46,8 @@ pub fn page([machine, command]: [&str; 2], findings: &Findings) -> String {
     let Findings { models, criteria, hierarchies, chains, scenes, device } = findings;
     let mut text = format!("{HEAD}\nMachine: {machine}. Date: {}. Command: `{command}`.\n{SCENES}", today());
     // Writing to a string cannot fail.
-    for result in scenes {
-        let _ = scene(&mut text, result);
-    }
+    let _ = scene_section(&mut text, scenes);
+    let _ = ratios(&mut text, scenes);
     let _ = averages(&mut text, scenes);
     let _ = device_section(&mut text, device.as_ref());
     let _ = hierarchy_section(&mut text, hierarchies);
@@ -60,35 +61,55 @@ pub fn page([machine, command]: [&str; 2], findings: &Findings) -> String {
     text
 }
 
-fn scene(text: &mut String, result: &SceneResult) -> std::fmt::Result {
-    let name = result.scene.name;
-    let busiest = result.frames.iter().map(|frame| frame.cullings[0][0].candidates).fold(0.0, f64::max);
-    let flat = result.frames.iter().filter_map(|frame| Some(frame.flat.as_ref()?[0].primitive_pairs)).max();
-    writeln!(
-        text,
-        "\n### {name} (figure {})\n\n![{name}]({name}.svg)\n\n{} bodies at a budget of {:.2} %: {} primitive pairs, {} in the paper. At most {busiest:.0} are left by the hybrid culling in \
-         a frame, and {} by the culling of bodies alone.\n",
-        result.scene.figure,
-        result.bodies,
-        result.budget,
-        result.pairs,
-        result.scene.pairs,
-        flat.unwrap_or(0)
-    )?;
-    writeln!(
-        text,
-        "| method | awake frames, ms | over hybrid | active frames, ms | over hybrid |\n|---|---|---|---|---|"
-    )?;
-    for (method, name) in METHODS.iter().enumerate() {
-        let [awake, active] = [Over::Awake, Over::Active]
-            .map(|over| format!("{:.3} | {:.2}", over.mean_ms(result, method), over.ratio(result, method)));
-        writeln!(text, "| {name} | {awake} | {active} |")?;
+fn scene_section(text: &mut String, results: &[SceneResult]) -> std::fmt::Result {
+    for result in results {
+        let name = result.scene.name;
+        writeln!(text, "\n![{name}]({name}.svg)")?;
     }
-    let Faults { touches, missed, late, false_positives } = faults(result);
     writeln!(
         text,
-        "\nOf {touches} first touches of body pairs, the alternation misses {missed}, reports {late} late by more than {LATE} of a frame, and reports {false_positives} that do not exist."
-    )
+        "\n*Left* is the max number of primitive pairs in a frame after the hybrid culling, and after the culling of bodies alone. The last column counts the first touches of body pairs, then those\n\
+         that the alternation misses, those that it reports late by more than {LATE} of a frame, and its false positives. The paper names 66,300 pairs for the tori, which is 51 times 50 times 26.\n\
+         All pairs of two tori with 26 cones each are 861,900.\n\n\
+         | scene | figures | bodies | budget, % | primitive pairs | in the paper | left | first touches |\n|---|---|---|---|---|---|---|---|"
+    )?;
+    for result in results {
+        let scene = result.scene;
+        let busiest = result.frames.iter().map(|frame| frame.cullings[0][0].candidates).fold(0.0, f64::max);
+        let flat = result.frames.iter().filter_map(|frame| Some(frame.flat.as_ref()?[0].primitive_pairs)).max();
+        let Faults { touches, missed, late, false_positives } = faults(result);
+        writeln!(
+            text,
+            "| {} | {} | {} | {:.2} | {} | {} | {busiest:.0}, {} | {touches}: {missed}, {late}, {false_positives} |",
+            scene.name,
+            scene.figure,
+            result.bodies,
+            result.budget,
+            result.pairs,
+            scene.pairs,
+            flat.unwrap_or(0)
+        )?;
+    }
+    Ok(())
+}
+
+fn ratios(text: &mut String, results: &[SceneResult]) -> std::fmt::Result {
+    *text += RATIOS;
+    write!(text, "\n| method |")?;
+    results.iter().try_for_each(|result| write!(text, " {} |", result.scene.name))?;
+    writeln!(text, "\n|---|{}", "---|".repeat(results.len()))?;
+    for (method, name) in METHODS.iter().enumerate() {
+        write!(text, "| {name}{} |", if method == 0 { ", ms" } else { "" })?;
+        for result in results {
+            let [awake, active] = [Over::Awake, Over::Active].map(|over| match method {
+                0 => format!("{:.3}", over.mean_ms(result, method)),
+                _ => format!("{:.2}", over.ratio(result, method)),
+            });
+            write!(text, " {awake}, {active} |")?;
+        }
+        writeln!(text)?;
+    }
+    Ok(())
 }
 
 fn averages(text: &mut String, results: &[SceneResult]) -> std::fmt::Result {
@@ -119,7 +140,6 @@ fn averages(text: &mut String, results: &[SceneResult]) -> std::fmt::Result {
             Over::Awake.ratio(result, 3)
         )?;
     }
-    *text += "\nFigure 9 names 0.15 ms for culling and 6.78 ms for detection, figure 10 names 6.48 ms for both.\n";
     Ok(())
 }
 
@@ -144,25 +164,24 @@ fn device_section(text: &mut String, device: Option<&(String, Vec<DeviceRow>)>) 
 fn hierarchy_section(text: &mut String, rows: &[HierarchyRow]) -> std::fmt::Result {
     *text += "\n## Hierarchies\n\n\
         The paper suggests a hierarchy of the medial axis for culling between bodies. Here it is beside trees of other volumes: a leaf is a primitive, and an inner node is a medial cone around \
-        the primitives below it. All pairs of the models of Table 1 stand at a distance of the sum of their bounding radii times the first column, move by up to a tenth of the smaller radius and turn by up to 0.1 radians. \
-        The hybrid has no trees to update: it bounds the relative motion of a pair. *Update* is the time for both trees, once per step; *search* is that of a pair.\n\n\
-        | distance | volume | node pairs tested | candidates | update, us | search, us | build, ms | bytes of a primitive |\n|---|---|---|---|---|---|---|---|\n";
-    for (distance, rows) in DISTANCES.iter().zip(rows.chunks(rows.len().div_ceil(DISTANCES.len()).max(1))) {
-        for row in rows {
-            let number =
-                |value: Option<f64>, digits: usize| value.map_or_else(String::new, |value| format!("{value:.digits$}"));
-            writeln!(
-                text,
-                "| {distance} | {} | {} | {:.1} | {} | {:.1} | {} | {} |",
-                row.volume,
-                number(row.tests, 0),
-                row.candidates,
-                number(row.update_us, 1),
-                row.search_us,
-                number(row.build_ms, 2),
-                number(row.bytes, 0)
-            )?;
+        the primitives below it.\n\
+        All pairs of the models of Table 1 stand at a distance of a part of the sum of their bounding radii, move by up to a tenth of the smaller radius and turn by up to 0.1 radians.\n\
+        *Update* is the time for both trees, once per step. The columns of distances have the tested node pairs, the candidates, and the time of a search in us. The hybrid has no trees to \
+        update, and does not count node pairs.\n\n\
+        | volume | update, us | build, ms | bytes of a primitive |";
+    DISTANCES.iter().try_for_each(|distance| write!(text, " distance {distance} |"))?;
+    writeln!(text, "\n|---|---|---|---|{}", "---|".repeat(DISTANCES.len()))?;
+    let number =
+        |value: Option<f64>, digits: usize| value.map_or_else(String::new, |value| format!("{value:.digits$}"));
+    let volumes = rows.len() / DISTANCES.len();
+    for (i, row) in rows.iter().take(volumes).enumerate() {
+        let [update, build, bytes] = [number(row.update_us, 1), number(row.build_ms, 2), number(row.bytes, 0)];
+        write!(text, "| {} | {update} | {build} | {bytes} |", row.volume)?;
+        for row in rows.iter().skip(i).step_by(volumes) {
+            let tests = row.tests.map_or_else(String::new, |tests| format!("{tests:.0}, "));
+            write!(text, " {tests}{:.1}, {:.1} |", row.candidates, row.search_us)?;
         }
+        writeln!(text)?;
     }
     *text += "\nA cone fits the primitives below it better than a box of the world, but its test takes many times as long, so trees of aligned boxes are faster everywhere. Both have \
         the same leaves in the end. The hybrid keeps its trees of boxes.\n";
@@ -172,13 +191,16 @@ fn hierarchy_section(text: &mut String, rows: &[HierarchyRow]) -> std::fmt::Resu
 fn chain_section(text: &mut String, rows: &[ChainRow]) -> std::fmt::Result {
     *text += "\n## Chains of cones\n\n\
         The paper approximates a curved path by a chain of cones. This table counts the body pairs that chains of one to eight links leave, over the first 100 steps of each scene and for \
-        bodies in flight that spin. Each link is as wide as its part of the rotation requires. A *look-ahead* of 4 steps is that of the pipelined culling on the GPU.\n\n";
-    write!(text, "| bodies | look-ahead |")?;
+        bodies in flight that spin: over one step, and over the four steps of the pipelined culling on the GPU. Each link is as wide as its part of the rotation requires.\n\n";
+    write!(text, "| bodies |")?;
     LINKS.iter().try_for_each(|links| write!(text, " {links} |"))?;
-    writeln!(text, "\n|---|---|{}", "---|".repeat(LINKS.len()))?;
-    for ChainRow { name, look_ahead, pairs } in rows {
-        write!(text, "| {name} | {look_ahead} |")?;
-        pairs.iter().try_for_each(|pairs| write!(text, " {pairs} |"))?;
+    writeln!(text, "\n|---|{}", "---|".repeat(LINKS.len()))?;
+    for rows in rows.chunk_by(|a, b| a.name == b.name) {
+        write!(text, "| {} |", rows[0].name)?;
+        for links in 0..LINKS.len() {
+            let pairs: Vec<String> = rows.iter().map(|row| row.pairs[links].to_string()).collect();
+            write!(text, " {} |", pairs.join(", "))?;
+        }
         writeln!(text)?;
     }
     *text += "\nThe centre of the bounding sphere lies near the centre of mass, so its path hardly bends: in the scenes one cone leaves almost the same pairs. Bodies that spin fast gain \
@@ -190,13 +212,13 @@ fn table_1(text: &mut String, models: &[ModelRow]) -> std::fmt::Result {
     *text += "\n## Table 1: models\n\n\
         Models have the names of the paper's, but are this project's own. Each is shown at the level of detail with about as many primitives. *Error* is the largest distance from the mesh to the \
         medial mesh, as in the paper. *Two-sided error* is the larger one of both directions. All errors are in percent of the diagonal.\n\n\
-        | model | | triangles | cones | slabs | error | two-sided error |\n|---|---|---|---|---|---|---|\n";
+        | model | paper: triangles | cones | slabs | error | here: triangles | cones | slabs | error | two-sided error |\n|---|---|---|---|---|---|---|---|---|---|\n";
     for row in models {
         let [triangles, cones, slabs] = row.paper;
-        writeln!(text, "| {} | paper | {triangles} | {cones} | {slabs} | {:.2} | |", row.name, row.paper_error)?;
+        write!(text, "| {} | {triangles} | {cones} | {slabs} | {:.2} |", row.name, row.paper_error)?;
         let ([triangles, cones, slabs], error) = (row.ours, &row.error);
         let (one, both) = (error.mesh_to_envelope.max, error.max());
-        writeln!(text, "| {} | here | {triangles} | {cones} | {slabs} | {one:.2} | {both:.2} |", row.name)?;
+        writeln!(text, " {triangles} | {cones} | {slabs} | {one:.2} | {both:.2} |")?;
     }
     Ok(())
 }
@@ -205,18 +227,14 @@ fn criteria_section(text: &mut String, (slabs, conic): &(slabs::Verdicts, conic:
     writeln!(
         text,
         "\n## The criteria on random input\n\n\
-         **Degenerate slabs (section 3.2).** {} slabs, {} of them degenerate: random spheres, radii near the limit, a sphere that bulges out of the cone of two others or lies in it, and {} triangles \
-         of radius 0. *Wrong* means wrong by more than rounding (1e-6).\n\n\
-         | rule | wrong verdicts | results that lose volume | largest loss |\n|---|---|---|---|\n\
-         | gradient of the radius, one or two cones (this crate) | {} | {} | {:.1e} |\n\
-         | two circles on the largest sphere, the cone of the two larger spheres (paper) | {}, all of them triangles | {} | {:.2} |\n\n\
-         The largest loss is how far the slab protrudes from its result. Coordinates are from -1 to 1.\n\n\
-         **Cone and box (section 4.1).** {} pairs, {} of them overlapping, {} of them spheres.\n\n\
-         | rule | overlaps missed or invented |\n|---|---|\n\
-         | exact min (this crate) | {} |\n\
-         | the conic on all 81 faces of the tesseract | {} |\n\
-         | the conic on the edges of the tesseract, and the centre of an ellipsoid (words of the paper) | {} missed, {} invented |\n\n\
-         The conic was an ellipsoid in four dimensions in {} cases. It never is: its quadratic form is the square of a vector of three coordinates, minus the square of a radius.",
+         - **Degenerate slabs (section 3.2).** {} slabs, {} of them degenerate: random spheres, radii near the limit, a sphere that bulges out of the cone of two others or lies in it, and {} triangles \
+         of radius 0. Coordinates are from -1 to 1. *Wrong* means wrong by more than rounding (1e-6), and a *loss* is how far the slab protrudes from its result.\n\
+         - This crate (gradient of the radius, one or two cones): {} wrong verdicts, and {} results that lose volume, by up to {:.1e}.\n\
+         - The paper (two circles on the largest sphere, the cone of the two larger spheres): {} wrong verdicts, all of them triangles, and {} results that lose volume, by up to {:.2}.\n\
+         - **Cone and box (section 4.1).** {} pairs, {} of them overlapping, {} of them spheres.\n\
+         - Overlaps missed or invented: {} by the exact min (this crate), and {} by the conic on all 81 faces of the tesseract. The conic on the edges of the tesseract and the centre of an ellipsoid \
+         (words of the paper) misses {} and invents {}.\n\
+         - The conic was an ellipsoid in four dimensions in {} cases. It never is: its quadratic form is the square of a vector of three coordinates, minus the square of a radius.",
         slabs.slabs,
         slabs.degenerate,
         slabs.triangles,

@@ -81,8 +81,8 @@ pub const TECHNIQUES: [Technique; 12] = [
         section: "4.2",
         name: "continuous collision detection of all primitive pairs on the GPU",
         code: "`src/gpu/`, `shaders/`; in lanes on the CPU: `times_of_impact`",
-        difference: "A tree over the primitives of each shape leaves few pairs. The GPU finds those that come within the prediction distance, and the CPU computes their times of \
-            impact, so both back ends give the same bits.",
+        difference: "A tree over the primitives of each shape leaves few pairs. The GPU computes a lower bound of each first touch, and the CPU the exact times in the order of the \
+            bounds, so both back ends give the same bits.",
         test: "`gpu::parity::scenes_are_identical_on_all_back_ends`",
     },
     Technique {

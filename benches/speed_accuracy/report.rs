@@ -96,6 +96,8 @@ struct Run<'a> {
 }
 
 const HEAD: &str = "\
+This page shows the error and the time of a query for medial meshes, convex decompositions and other shapes, so that you can choose a shape and a budget.
+
 Two bodies approach each other within a step, and each method computes the time of their first touch. The reference is the first touch of the exact
 triangle meshes, by conservative advancement in f64, confirmed by bisection. In a step, bodies move by 10 to 100 % of the smaller body's size, and
 turn by up to a radian. Of five approaches, three are hits, one is a graze (the path of the contact point is within 12 degrees of the surface), and
@@ -103,20 +105,20 @@ one is a near miss (by less than 2 % of the size).
 
 - *error*: path of the contact point between the true and the computed time, in percent of the smaller body's diagonal;
 - *missed*: hits, and grazes, that a method does not report; *phantoms*: false positives, which are near misses that a method reports as hits;
-- *time*: of a query on one thread, the min of three, and the mean over all approaches. Triangle meshes are so slow that they are queried once, for
-  every tenth approach;
+- *time*: of a query on one thread, the min of three, and the mean over all approaches (for triangle meshes one run of every tenth approach);
 - *bytes*: vertices, spheres and index lists, without hierarchies; *preparation*: time to make the shape from a mesh.
 
-Convex decompositions, convex hulls and triangle meshes are queried by parry's nonlinear shape cast, which rapier's CCD uses. \"Spheres only\" are
-inscribed spheres, with the same queries as medial meshes. \"Alternating TOI\" is the published scheme on the same medial meshes, for the pairs that a
-BVH of spheres finds. Everything else is the same: it also divides a long path into parts. Other cullings, \"BVH of\", change only the time: the chart
-of cullings and `queries.csv` show them.
+By the median, a fine convex decomposition is better, if a query may take a millisecond, because its pieces contain vertices of the mesh where most
+first touches are. One in twenty of its answers is wrong by several percent, because the pieces fill hollows. By the 95th percentile, a medial mesh is
+better. A method misses touches where its shape is thinner than the body, and reports false positives where it is thicker.
 
-The error of a medial mesh is about the same everywhere, and so is that of spheres. The pieces of a convex decomposition contain vertices of the mesh
-at everything that protrudes, where most first touches are, and fill its hollows. Half of their answers are nearly exact, and one in twenty is wrong
-by several percent. By the median, a fine decomposition is better, if a query may take a millisecond. By the 95th percentile, a medial mesh is better.
-A method misses touches where its shape is thinner than the body, and reports false positives where it is thicker.
+Convex shapes and triangle meshes are queried by parry's nonlinear shape cast, which rapier's CCD uses. \"Spheres only\" are inscribed spheres.
+\"Alternating TOI\" is the published scheme on the same medial meshes, for the pairs that a BVH of spheres finds. `queries.csv` has the rows of these
+two, and of other cullings, which change only the time.
 ";
+
+/// Methods whose queries are only in the CSV.
+const OTHERS: [&str; 3] = ["BVH", "alternating", "spheres"];
 
 fn queries_table(rows: &[Row]) -> Vec<Vec<String>> {
     let head = [
@@ -149,7 +151,7 @@ fn queries_table(rows: &[Row]) -> Vec<Vec<String>> {
             format!("{:.2}", row.preparation_s),
         ]
     };
-    let rows = rows.iter().filter(|row| !row.method.contains("BVH"));
+    let rows = rows.iter().filter(|row| !OTHERS.iter().any(|other| row.method.contains(other)));
     std::iter::once(head.map(String::from).into()).chain(rows.map(row)).collect()
 }
 
@@ -173,63 +175,53 @@ fn verdicts_table(rows: &[Row]) -> Vec<Vec<String>> {
             times(p95.nearer, "never that fast"),
         ]
     };
-    std::iter::once(head.map(String::from).into()).chain(verdicts(rows).into_iter().map(row)).collect()
+    std::iter::once(head.map(String::from).into())
+        .chain(verdicts(rows).into_iter().filter(|verdict| !verdict.rival.contains("alternating")).map(row))
+        .collect()
 }
 
+/// A row for each kind of shapes, and a column for each scene.
 fn scenes_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
-    let head =
-        ["scene", "shapes", "budget, %", "surface, %", "collision, ms", "step, ms", "deepest overlap, %", "lost"];
-    let row = |row: &SceneRow| {
-        vec![
-            row.scene.into(),
-            row.method.into(),
-            row.budget_percent.map_or_else(String::new, |budget| budget.to_string()),
-            format!("{:.2}", row.surface_error_percent),
-            format!("{:.3}", row.collision_ms),
-            format!("{:.3}", row.step_ms),
-            format!("{:.2}", row.overlap_max_percent),
-            row.lost.to_string(),
-        ]
+    let scenes: Vec<&[SceneRow]> = rows.chunk_by(|a, b| a.scene == b.scene).collect();
+    let names = scenes.iter().map(|rows| rows[0].scene.into());
+    let head = std::iter::once("surface, %; step, ms; deepest overlap, %".into()).chain(names).collect();
+    let row = |(number, first): (usize, &SceneRow)| {
+        let shapes = match first.budget_percent {
+            None => first.method.into(),
+            Some(percent) if percent > 0.0 => format!("{}, {percent} %", first.method),
+            Some(_) => format!("{}, finest", first.method),
+        };
+        let figures = scenes
+            .iter()
+            .filter_map(|rows| rows.get(number))
+            .map(|row| format!("{:.2}; {:.3}; {:.2}", row.surface_error_percent, row.step_ms, row.overlap_max_percent));
+        std::iter::once(shapes).chain(figures).collect()
     };
-    std::iter::once(head.map(String::from).into()).chain(rows.iter().map(row)).collect()
-}
-
-/// The default budget compared with the finest level.
-fn budget_table(rows: &[SceneRow]) -> Vec<Vec<String>> {
-    let head = ["scene", "step at 1 %, ms", "at the finest level, ms", "part", "deepest overlap at 1 %, %"];
-    let with = |percent: f32| rows.iter().filter(move |row| row.budget_percent == Some(percent));
-    let row = |(row, finest): (&SceneRow, &SceneRow)| {
-        vec![
-            row.scene.into(),
-            format!("{:.3}", row.step_ms),
-            format!("{:.3}", finest.step_ms),
-            format!("{:.2}", row.step_ms / finest.step_ms),
-            format!("{:.2}", row.overlap_max_percent),
-        ]
-    };
-    std::iter::once(head.map(String::from).into()).chain(with(1.0).zip(with(0.0)).map(row)).collect()
+    let rows = scenes.first().into_iter().flat_map(|rows| rows.iter()).enumerate();
+    std::iter::once(head).chain(rows.map(row)).collect()
 }
 
 /// All tables, with their titles.
-fn tables(rows: &[Row], scenes: &[SceneRow]) -> [(&'static str, Vec<Vec<String>>); 4] {
+fn tables(rows: &[Row], scenes: &[SceneRow]) -> [(&'static str, Vec<Vec<String>>); 3] {
     [
         ("The medial mesh beside the others", verdicts_table(rows)),
         ("Queries", queries_table(rows)),
         ("Scenes", scenes_table(scenes)),
-        ("Savings of a budget", budget_table(scenes)),
     ]
 }
 
 fn markdown<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
     let mut text = {
         let Run { date, machine, command, gpu } = run;
-        format!(
-            "# Speed against accuracy\n\n{HEAD}\n{date}. Machine: {machine}. Command: `{command}`. {gpu}\n\n## Charts\n"
-        )
+        format!("# Speed against accuracy\n\n{HEAD}\n{date}. Machine: {machine}. Command: `{command}`. {gpu}\n")
     };
-    for name in charts {
+    let (of_scenes, others): (Vec<&str>, Vec<&str>) =
+        charts.partition(|name| scenes.iter().any(|row| row.scene == *name));
+    for name in others {
         let _ = writeln!(text, "\n![{name}]({name}.svg)");
     }
+    let links: Vec<String> = of_scenes.iter().map(|name| format!("[{name}]({name}.svg)")).collect();
+    let _ = writeln!(text, "\nCharts of the scenes: {}.", links.join(", "));
     for (title, table) in tables(rows, scenes) {
         let _ = writeln!(text, "\n## {title}\n");
         for (i, row) in table.iter().enumerate() {

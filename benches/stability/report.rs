@@ -81,14 +81,14 @@ impl Report<'_> {
         let failing = self.cells.iter().filter(|cell| cell.passed() < cell.results.len());
         let ours = failing.filter(|cell| self.methods[cell.method].is_ours).count();
         let mut text = format!(
-            "# Stability: where methods fail\n\n`{}`, {}, {cores} cores.\n\n\
+            "# Stability: where methods fail\n\n\
+             This page shows in which situations collision methods fail, so that you can choose one for your scenes. This crate fails in {ours} of {} cells.\n\n\
              Each hazard has one criterion for all methods, and is run with one or more seeds. On the GPU only the first seed is run, because results have the same bits \
-             as on the CPU. Each cell shows how many seeds pass. \
-             This crate fails in {ours} of {} cells.\n\n![Seeds passed by each method](images/stability.svg)\n\n{}\n\
+             as on the CPU. Each cell shows how many seeds pass.\n\nCommand: `{}`. Date: {}. Cores: {cores}.\n\n![Seeds passed by each method](images/stability.svg)\n\n{}\n\
              ## Methods\n\n",
+            self.cells.iter().filter(|cell| self.methods[cell.method].is_ours).count(),
             self.command,
             today(),
-            self.cells.iter().filter(|cell| self.methods[cell.method].is_ours).count(),
             self.table(),
         );
         for method in self.methods {
