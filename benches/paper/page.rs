@@ -151,7 +151,7 @@ fn device_section(text: &mut String, device: Option<&(String, Vec<DeviceRow>)>) 
     };
     write!(
         text,
-        "Adapter: {name}. llvmpipe is a software adapter, which here shares one CPU core with the program. The table shows, for each scene, the frame with most primitive pairs after the culling of bodies. This crate's flat mode finds the bounds of all of them. A call includes upload, wait and readback.\n\n\
+        "Adapter: {name}. llvmpipe is a software adapter, which here shares one CPU core with the program. The table shows, for each scene, the frame with most primitive pairs after the culling of bodies. The flat mode of this crate culls the bodies, and finds a bound for each pair. The published alternation gets the pairs as a list from the CPU. A call includes upload, wait and readback.\n\n\
          | scene | frame | method | primitive pairs | call, ms | on the device, ms |\n|---|---|---|---|---|---|\n"
     )?;
     for DeviceRow { scene, frame, method, pairs, call_ms, device_ms } in rows {

@@ -73,8 +73,9 @@ pub const TECHNIQUES: [Technique; 12] = [
         section: "4.2, figure 6",
         name: "generalized medial mesh",
         code: "`PackedMedialMesh`, `src/medial_axis/packed.rs`",
-        difference: "Shapes are uploaded in this form, without their bounds. Bounds lie in the records of bodies and statics: a body scales its bound, and the broad phase already \
-            reads the eight storage buffers that every adapter supports.",
+        difference: "Shapes are uploaded in this form, without their bounds. Bounds lie in the records of bodies and statics, because boxes and other colliders have no sphere list, and \
+            because the broad phase already reads the eight storage buffers that every adapter supports. A box is a unit quaternion and half extents: three vectors would have to be \
+            normalised in each test.",
         test: "`medial_axis::packed::tests::kinds_and_indices_are_those_of_the_paper`",
     },
     Technique {
@@ -88,7 +89,7 @@ pub const TECHNIQUES: [Technique; 12] = [
     Technique {
         section: "2 (Song et al.)",
         name: "alternating time of impact",
-        code: "`alternating` for comparison; `time_of_impact` in a step",
+        code: "`src/query/alternating.rs`, `shaders/alternating.wgsl`, for comparison; `time_of_impact` in a step",
         difference: "Conservative advancement instead, because the alternation misses hits and reports late ones.",
         test: "`kernels::judge_finds_faults_of_wrong_kernels`",
     },

@@ -29,7 +29,7 @@ const CHORD: &[&str] = &[include_str!("../../shaders/chord.wgsl")];
 
 /// The labels of the passes, and the source of their shaders. Labels of the narrow phase are listed in [`NARROW`].
 const ENTRIES: [(&str, &[&[&str]]); 10] = [
-    ("place", &[STEP, &[include_str!("../../shaders/place.wgsl")]]),
+    ("place", &[STEP, &[include_str!("../../shaders/swept_sphere.wgsl")]]),
     ("sort_blocks", &[SORT]),
     ("sort_far", &[SORT]),
     ("sort_near", &[SORT]),
@@ -37,7 +37,7 @@ const ENTRIES: [(&str, &[&[&str]]); 10] = [
     ("tree_top", &[STEP, TREE]),
     ("broad_phase", &[&[NEAREST], STEP, &[include_str!("../../shaders/broad_phase.wgsl")]]),
     ("dispatch", &[STEP, KINDS_FILE, &[include_str!("../../shaders/dispatch.wgsl")]]),
-    ("place_chords", &[STEP, CHORD, &[include_str!("../../shaders/chords.wgsl")]]),
+    ("place_chords", &[STEP, CHORD, &[include_str!("../../shaders/place_chords.wgsl")]]),
     ("mid_phase", &[STEP, KINDS_FILE, CHORD, &[include_str!("../../shaders/mid_phase.wgsl")]]),
 ];
 

@@ -1,4 +1,4 @@
-//! What the main world knows of the steps that the GPU looks ahead.
+//! State of the look-ahead of the GPU in the main world.
 
 use std::{
     sync::{Arc, Mutex, mpsc::Receiver},

@@ -30,8 +30,8 @@ use crate::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
     Cpu,
+    /// The GPU culls for later steps.
     Gpu,
-    GpuAhead,
     Alternating,
 }
 
@@ -46,12 +46,12 @@ pub struct Medial {
 impl Medial {
     /// An empty world.
     pub fn new(setup: Setup, variant: Variant) -> Self {
-        let mut app = if variant == Variant::GpuAhead { rendering_app(setup.dt) } else { headless_app(setup.dt) };
+        let on_gpu = variant == Variant::Gpu;
+        let mut app = if on_gpu { rendering_app(setup.dt) } else { headless_app(setup.dt) };
         set_dt(&mut app, setup.dt);
-        let on_gpu = matches!(variant, Variant::Gpu | Variant::GpuAhead);
         app.insert_resource(MedialSettings {
             backend: if on_gpu { MedialBackend::Gpu } else { MedialBackend::Cpu },
-            pipelined: variant == Variant::GpuAhead,
+            pipelined: on_gpu,
             stop_at_impact: variant != Variant::Alternating,
             ..default()
         });

@@ -30,15 +30,8 @@ pub const METHODS: &[Method] = &[
     },
     Method {
         name: "medial, GPU",
-        about: "this crate, culling on the GPU in the same step",
-        make: |setup| Ok(Box::new(Medial::new(setup, Variant::Gpu))),
-        needs_adapter: true,
-        is_ours: true,
-    },
-    Method {
-        name: "medial, GPU ahead",
         about: "this crate, the GPU culls for later steps and no step waits for it (`MedialSettings::pipelined`)",
-        make: |setup| Ok(Box::new(Medial::new(setup, Variant::GpuAhead))),
+        make: |setup| Ok(Box::new(Medial::new(setup, Variant::Gpu))),
         needs_adapter: true,
         is_ours: true,
     },

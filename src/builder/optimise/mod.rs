@@ -3,7 +3,7 @@
 //! ```text
 //! search: surface samples --clusters--> spheres --connect--> edges, faces --refine--> fitted spheres --mend--> better worst places
 //! refine: merge --> exchange, rejoin --> descent, repeated until the cost hardly falls
-//! judge:  the error of a candidate, by which searches are compared
+//! judge:  a candidate --> its error, for comparison with the best one
 //! ```
 
 mod clusters;

@@ -16,9 +16,10 @@ use crate::{
             motion::{Motions, PairMotion, Paths, with_sides},
             moving_boxes::{BoxCache, TimedBoxes},
             separating_axis::{SeparatingAxis, SphereBuffers},
+            touch::{Touch, touch},
         },
     },
-    query::{Chord, RigidStart, TimeOfImpact, TimeOfImpactStatus, rigid_end, rigid_impact, rigid_start},
+    query::{Chord, RigidStart, TimeOfImpact, rigid_start},
 };
 
 /// The first impact of a pair, and a hint for later searches.
@@ -143,16 +144,6 @@ impl Question<'_> {
         });
         places.map(|place| place.map(|(place, times)| cache.between(place, times)))
     }
-}
-
-/// The kind of touch of two primitives in an interval.
-enum Touch {
-    /// An impact: cores touch, or surfaces touch and separate again.
-    Stop(TimeOfImpact),
-    /// Surfaces touch and are still in touch at the end of the interval. Cores do not touch.
-    Graze(TimeOfImpact),
-    /// Surfaces that touched in an earlier interval separate.
-    GrazeEnd,
 }
 
 /// The start of a touch of surfaces in an earlier interval of the step.
@@ -298,7 +289,16 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         let known_overlap =
             |deepest| motion.tolerances.known_overlap(motion.thickness(pair), overlap, deepest).max(start.overlap());
         let shallow = self.deepest.map_or(0.0, known_overlap);
-        let found = match touch(motion, &chords[index], pair, start, limit, shallow, graze.is_some(), self.tally) {
+        let found = match touch(
+            motion,
+            &chords[index],
+            pair,
+            start,
+            limit,
+            shallow,
+            graze.is_some(),
+            &mut self.tally.unresolved,
+        ) {
             Some(Touch::Stop(toi)) => in_world(motion, pair, &toi, times),
             Some(Touch::GrazeEnd) => graze.expect("only known grazes end"),
             Some(Touch::Graze(toi)) => {
@@ -377,44 +377,6 @@ fn in_steps(fraction: f32, times: [f32; 2]) -> f32 {
 /// Returns the relative position of two primitives at the start of an interval.
 fn start_of(motion: &PairMotion, chord: &Chord, [first, second]: PrimitivePair) -> RigidStart {
     with_sides!(motion.other, motion.shape1.hull(first), second, |first, second| rigid_start(&first, second, chord))
-}
-
-/// Returns the touch of two primitives in an interval, up to a fraction of it.
-///
-/// `shallow`: overlap of the surfaces that the solver handles. `grazes`: true if the surfaces touched in an earlier interval.
-fn touch(
-    motion: &PairMotion,
-    chord: &Chord,
-    pair: PrimitivePair,
-    start: &RigidStart,
-    limit: f32,
-    shallow: f32,
-    grazes: bool,
-    tally: &mut Tally,
-) -> Option<Touch> {
-    let core = motion.core_overlap(pair);
-    with_sides!(motion.other, motion.shape1.hull(pair[0]), pair[1], |first, second| {
-        let mut impact = |depth: f32, limit: f32| {
-            let toi = rigid_impact(&first, second, chord, start, limit, depth);
-            tally.unresolved += usize::from(toi.status == TimeOfImpactStatus::IterationLimit);
-            (toi.status != TimeOfImpactStatus::Separated).then_some(toi)
-        };
-        // Test surfaces before cores, because most candidates do not even touch with their surfaces.
-        let is_above = core > shallow && start.distance() > -shallow;
-        let surface = if is_above { impact(shallow, limit) } else { None };
-        let may_reach_core = !is_above || surface.is_some();
-        // Surfaces whose cores touch after the limit do not separate before.
-        let limit = if surface.is_some() { 1.0 } else { limit };
-        if may_reach_core && let Some(core) = impact(core.max(shallow), limit) {
-            return Some(Touch::Stop(core));
-        }
-        let separates = || rigid_end(&first, second, chord) > motion.tolerances.touch;
-        match surface {
-            Some(surface) if separates() => Some(Touch::Stop(surface)),
-            Some(surface) => Some(Touch::Graze(surface)),
-            None => (grazes && separates()).then_some(Touch::GrazeEnd),
-        }
-    })
 }
 
 #[cfg(test)]

@@ -6,5 +6,6 @@ pub(in crate::pipeline) mod mid_phase;
 pub(in crate::pipeline) mod motion;
 pub(in crate::pipeline) mod moving_boxes;
 mod separating_axis;
+mod touch;
 
 pub use first_touch::first_touch;

@@ -96,7 +96,7 @@ fn the_alternation_finds_the_times_of_the_cpu_in_nearly_all_pairs() {
         let pairs: Vec<Pair> = (0..200).map(|_| random_pair(&mut random, category, KINDS[kind])).collect();
         let both = pairs.iter().filter_map(|pair| {
             let (first, second) = pair.relative();
-            for_kinds!(first, second, |a, b| hulls: Some((MovingPair::new(&a, &b), alternating(&a, &b))), cuboid: None)
+            for_kinds!(first, second, |a, b| hulls: Some((MovingPair::new(&a, &b), alternating(&a, &b))), cuboid: { let _ = (a, b); None })
         });
         let (moving, exact): (Vec<_>, Vec<_>) = both.unzip();
         let found = kernel.lock().unwrap().run(&moving).unwrap();
