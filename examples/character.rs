@@ -2,7 +2,7 @@
 //! Bullets of 10 to 1,000 m/s hit it. A mark on the joint shows each hit, and the program prints the joint.
 //!
 //! ```text
-//! cargo run --release --example character [-- biped|spider] [--frames N] [--screenshot FILE] [--medial] [--ragdoll HITS]
+//! cargo run --release --example character [-- biped|spider] [--frames N] [--screenshot FILE] [--movie FILE] [--medial] [--ragdoll HITS]
 //! ```
 
 mod common;
@@ -30,7 +30,7 @@ use bevy_medial::{
 };
 use bevy_rapier3d::prelude::{GravityScale, RigidBody, TimestepMode, Velocity};
 use clap::Parser;
-use common::{display::has_display, studio::Studio};
+use common::{display::has_display, movie, studio::Studio};
 
 /// An animated character under fire.
 #[derive(Parser)]
@@ -44,6 +44,9 @@ struct Options {
     /// Writes a picture of the last frame. It needs a graphics adapter, but no display
     #[arg(long)]
     screenshot: Option<PathBuf>,
+    /// Writes a movie as GIF. It needs a graphics adapter, but no display
+    #[arg(long)]
+    movie: Option<PathBuf>,
     /// Draws the lines of the medial mesh over the character
     #[arg(long)]
     medial: bool,
@@ -52,6 +55,8 @@ struct Options {
     ragdoll: Option<u32>,
 }
 
+/// Size of movies, in pixels.
+const MOVIE: UVec2 = UVec2::new(480, 360);
 /// Length of a step in seconds.
 const DT: f32 = 1.0 / 60.0;
 /// Speeds of bullets in metres per second, in turn.
@@ -92,7 +97,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let axis = levels.into_medial_axis().ok_or("the builder has made no level")?;
     println!("{}: {} spheres, {} primitives", character.name, axis.spheres().len(), axis.primitives().len());
     let cast = Cast { character, mesh, axis, ragdoll: options.ragdoll };
-    if options.frames.is_none() && options.screenshot.is_none() && has_display() {
+    let is_headless = options.frames.is_some() || options.screenshot.is_some() || options.movie.is_some();
+    if !is_headless && has_display() {
         let mut app = App::new();
         app.add_plugins(DefaultPlugins);
         build(&mut app, cast, options.medial, RenderTarget::default());
@@ -100,6 +106,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Ok(());
     }
     let frames = options.frames.unwrap_or(120);
+    if let Some(file) = options.movie {
+        let mut studio = Studio::new(MOVIE, |app, target| build(app, cast, options.medial, target));
+        movie::record(&mut studio, frames, DT, &file)?;
+        return report(&studio.app);
+    }
     let Some(file) = options.screenshot else {
         let mut app = App::new();
         let log = LogPlugin { filter: "warn".into(), ..default() };

@@ -296,7 +296,7 @@ fn kept_by((input, statics): &(StepInput, Statics), pool: &TaskPool) -> f64 {
 fn view(deer: &Shape, count: usize, steps: usize) -> [(&'static str, f64); 4] {
     let shapes = ["spheres", "cones", "slabs"];
     let mut app = rainy(deer, count);
-    app.add_plugins(MedialDebugPlugin { enabled: false });
+    MedialDebugPlugin { enabled: false }.build(&mut app);
     let switch = |app: &mut App, is_on: &dyn Fn(&str) -> bool| {
         let mut store = app.world_mut().resource_mut::<GizmoConfigStore>();
         let (group, layers) = store.config_mut::<MedialGizmos>();

@@ -4,6 +4,7 @@
 pub mod button;
 pub mod display;
 pub mod dress;
+pub mod movie;
 pub mod slider;
 pub mod stage;
 pub mod studio;

@@ -25,6 +25,8 @@ const PATIENCE: u32 = 20;
 /// An app that renders to an image.
 pub struct Studio {
     pub app: App,
+    /// Size of pictures, in pixels.
+    pub size: UVec2,
     target: Handle<Image>,
 }
 
@@ -44,7 +46,7 @@ impl Studio {
         build(&mut app, RenderTarget::Image(target.clone().into()));
         app.finish();
         app.cleanup();
-        Self { app, target }
+        Self { app, size, target }
     }
 
     /// Requests a picture of this frame.
@@ -80,4 +82,10 @@ impl Studio {
         }
         Err(format!("{}: the renderer returned no picture", file.display()))
     }
+}
+
+/// Turns all cameras on or off.
+pub fn set_camera(app: &mut App, active: bool) {
+    let mut cameras = app.world_mut().query::<&mut Camera>();
+    cameras.iter_mut(app.world_mut()).for_each(|mut camera| camera.is_active = active);
 }

@@ -12,7 +12,6 @@
 mod common;
 mod control;
 mod grab;
-mod movie;
 mod offscreen;
 mod overlay;
 mod panel;

@@ -8,8 +8,7 @@
 //! The kernels rest on one fact: the distance of two primitives is the minimum of the convex function
 //! `|c2(w2) - c1(w1)| - r1(w1) - r2(w2)` of the barycentric weights, and for *any* unit direction `n` the gap between
 //! the two support planes, `min_j (c2_j . n - r2_j) - max_i (c1_i . n + r1_i)`, is a lower bound of it. The best
-//! direction attains this bound. [`separation`] searches for the weights, [`time_of_impact`] follows the gap over time; [`times_of_impact`] does so
-//! for many pairs in SIMD lanes.
+//! direction attains this bound. [`separation`] searches for the weights, [`time_of_impact`] follows the gap over time.
 
 mod alternating;
 mod batch;
@@ -23,6 +22,8 @@ mod support;
 mod time_of_impact;
 
 pub use alternating::alternating;
+// For measurements only: a step searches its pairs one by one.
+#[doc(hidden)]
 pub use batch::{MovingPair, Touch, times_of_impact};
 pub use ray::{RayHit, ray_cast};
 pub use rigid::{Chord, Rigid, RigidStart, rigid_end, rigid_impact, rigid_start};

@@ -224,7 +224,12 @@ fn through_text(
 
 #[test]
 fn components_and_resources_survive_a_round_trip_as_text() {
-    let plugins = (MedialPhysicsPlugins::default(), MedialBuildPlugin::default(), MedialPickingPlugin);
+    let plugins = (
+        MedialPhysicsPlugins::default(),
+        MedialBuildPlugin::default(),
+        MedialDebugPlugin::default(),
+        MedialPickingPlugin,
+    );
     let mut app = app_with(plugins, &assets());
     add_monitor(&mut app);
     let mesh = load(&app, "models/bear.medial");

@@ -15,7 +15,7 @@ use crate::common::{self, *};
 
 fn app() -> App {
     let mut app = common::app();
-    app.add_plugins(MedialDebugPlugin { enabled: false });
+    MedialDebugPlugin { enabled: false }.build(&mut app);
     app
 }
 
