@@ -44,6 +44,7 @@ mod pipelined;
 mod report;
 mod screw;
 mod skeletons;
+mod skin_motion;
 mod skinned;
 mod step;
 #[cfg(any(test, not(feature = "rapier")))]
@@ -217,7 +218,7 @@ impl Plugin for MedialPhysicsPlugin {
             .add_systems(
                 self.schedule,
                 (
-                    (levels::check_budgets, levels::check_levels),
+                    (levels::check_budgets, levels::check_levels, skinned::check_shapes),
                     importance::look_from_focuses
                         .run_if(any_with_component::<MedialFocus>.or_else(any_with_component::<importance::Nearness>)),
                 )
