@@ -1,9 +1,6 @@
 //! Poses the skinned shapes by the transforms of their joints.
 
-use std::{
-    collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::{collections::HashMap, sync::Arc};
 
 #[cfg(feature = "bevy_mesh")]
 use bevy::mesh::skinning::SkinnedMesh;
@@ -11,6 +8,7 @@ use bevy::{
     asset::LoadState,
     ecs::{entity::EntityHashMap, system::SystemParam},
     prelude::*,
+    tasks::ComputeTaskPool,
 };
 
 use super::{
@@ -24,6 +22,7 @@ use super::{
 use crate::{
     geometry::{Aabb, Pose3},
     medial_axis::{JointPose, MedialAxis, Skin, SkinJoint},
+    pipeline::parallel,
 };
 
 type Skinned =
@@ -84,17 +83,15 @@ impl Skeletons<'_, '_> {
     ) {
         let Self { commands, skinned, scene, step, refused } = self;
         refused.retain(|entity, _| skinned.contains(*entity));
-        let events = Mutex::new(Vec::new());
-        skinned.par_iter_mut().for_each(|(name, mesh, mut pose, detail, nearness)| {
+        // Bevy's parallel queries do not use the thread that waits.
+        let mut items: Vec<_> = skinned.iter_mut().collect();
+        items.sort_unstable_by_key(|(name, ..)| name.entity);
+        let events = parallel::change(ComputeTaskPool::get(), &mut items, 4, |(name, mesh, pose, detail, nearness)| {
             let entity = name.entity;
-            if is_running(entity)
-                && let Some(event) = scene.advance(entity, &mesh, &mut pose, &detail, nearness, frame_of(entity))
-            {
-                events.lock().unwrap_or_else(PoisonError::into_inner).push((entity, name.to_string(), event));
-            }
+            let runs = is_running(entity);
+            let event = runs.then(|| scene.advance(entity, mesh, pose, detail, *nearness, frame_of(entity))).flatten();
+            event.map(|event| (entity, name.to_string(), event))
         });
-        let mut events = events.into_inner().unwrap_or_else(PoisonError::into_inner);
-        events.sort_by_key(|(entity, ..)| *entity);
         for (entity, name, event) in events {
             match event {
                 Event::Placed(pose) => {

@@ -25,7 +25,7 @@ pub enum Shapes {
 pub struct Scene {
     pub shapes: Shapes,
     pub characters: usize,
-    /// Number of dynamic balls that fall on each character.
+    /// Number of dynamic balls around the legs of each character.
     pub balls: usize,
     /// Number of steps.
     pub steps: u32,
@@ -43,6 +43,8 @@ pub struct Cost {
 const DT: f32 = 1.0 / 60.0;
 /// Number of steps before the first one that is measured.
 const WARM_UP: u32 = 12;
+/// Radius of a ball in metres.
+const RADIUS: f32 = 0.1;
 /// Distance between neighbours in metres.
 const SPACING: f32 = 3.0;
 
@@ -97,14 +99,25 @@ impl Scene {
         }
     }
 
-    /// Balls in a column around and above the character.
+    /// Balls within walls around the character.
     fn drop_balls(&self, app: &mut App, offset: Vec3, seed: usize) {
+        if self.balls == 0 {
+            return;
+        }
         let mut random = Random(seed as u64 + 1);
-        let Ok(ball) = MedialAxis::sphere(0.1) else { return };
+        let Ok(ball) = MedialAxis::sphere(RADIUS) else { return };
         let mesh = MedialMesh(add_axis(app, &ball));
+        let mut wall = |place: Vec3, half: Vec3| {
+            let wall = StaticObb { half_extents: half };
+            app.world_mut().spawn((wall, Transform::from_translation(offset + place)));
+        };
+        wall(Vec3::NEG_Y * 0.6, Vec3::new(0.8, 0.5, 0.8));
+        for (side, along) in [(Vec3::X, Vec3::Z), (Vec3::Z, Vec3::X)] {
+            [-0.7, 0.7].map(|aside| wall(side * aside + Vec3::Y * 0.7, side * 0.1 + (along + Vec3::Y) * 0.8));
+        }
         for number in 0..self.balls {
-            let aside = Vec3::new(0.25 * random.signed(), 0.0, 0.25 * random.signed());
-            let place = offset + aside + Vec3::Y * (2.0 + 0.25 * number as f32);
+            let cell = Vec3::new((number % 2) as f32 - 0.5, 0.0, (number / 2 % 2) as f32 - 0.5) * 0.8;
+            let place = offset + cell + random.in_cube() * 0.02 + Vec3::Y * (0.1 + 0.22 * (number / 4) as f32);
             app.world_mut().spawn((RigidBody::Dynamic, mesh.clone(), Transform::from_translation(place)));
         }
     }
