@@ -23,7 +23,7 @@ mod joint_islands;
 mod narrow_phase;
 mod output;
 mod pairs;
-pub(crate) pub(crate) mod parallel;
+pub(crate) mod parallel;
 mod parts;
 mod respond;
 mod shape;

@@ -28,9 +28,9 @@ impl SkinPose {
         let regions = regions(axis, mesh);
         let spheres = posed(axis, &poses);
         let frame = frame.unwrap_or_else(|| frame_around(&spheres));
-        let shape = Arc::new(Deforming::new(axis, vec![seen_from(&frame, spheres)]));
-        let before = poses.clone();
-        Self { bound, regions, before, poses, span: 1, shape, frame, age: 0, teleports: false, has_jumped: false }
+        let shape = Arc::new(Deforming::new(axis, vec![seen_from(&frame, spheres.clone())]));
+        let (before, span) = (poses.clone(), 1);
+        Self { bound, regions, before, poses, spheres, span, shape, frame, age: 0, teleports: false, has_jumped: false }
     }
 
     /// Moves the shape to the pose of its joints. Returns the displacement in metres if it is too long to be swept, for the first time.
@@ -51,13 +51,14 @@ impl SkinPose {
             (self.span, self.age) = (self.age, 0);
         }
         let before = if is_due { &self.before } else { &self.poses };
-        let rests = self.poses == *before
-            && axis.address() == self.bound.axis.address()
-            && frame.is_none_or(|frame| frame == self.frame);
+        let is_known = axis.address() == self.bound.axis.address();
+        let rests = self.poses == *before && is_known && frame.is_none_or(|frame| frame == self.frame);
         if rests && self.shape.path() == 0.0 {
             return None;
         }
-        let [start, end] = [before, &self.poses].map(|poses| posed(axis, poses));
+        // Another level of detail has other spheres.
+        let start = if is_known { std::mem::take(&mut self.spheres) } else { posed(axis, before) };
+        let end = posed(axis, &self.poses);
         let displacement = std::iter::zip(&start, &end).map(|(a, b)| a.center.distance(b.center)).fold(0.0, f32::max);
         let jumps = displacement > TELEPORT * self.shape.axis().bounding_sphere().radius;
         let mut knots = if jumps || teleports { Vec::new() } else { between(axis, before, &self.poses) };
@@ -68,6 +69,7 @@ impl SkinPose {
         if !jumps && !teleports {
             knots.insert(0, start);
         }
+        self.spheres.clone_from(&end);
         knots.push(end);
         let knots = knots.into_iter().map(|knot| seen_from(&self.frame, knot)).collect();
         self.shape = Arc::new(Deforming::new(axis, knots));

@@ -90,6 +90,8 @@ pub struct SkinPose {
     pub(super) before: Vec<JointPose>,
     /// The same at the last update.
     pub(super) poses: Vec<JointPose>,
+    /// The spheres at the last update, in the world.
+    pub(super) spheres: Vec<Sphere>,
     /// Number of steps between these two updates.
     pub(super) span: u32,
     pub(super) shape: Arc<Deforming>,
