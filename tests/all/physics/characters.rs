@@ -140,8 +140,9 @@ fn a_second_shape_is_named_and_has_no_effect() {
     let ball = mesh(&mut app, MedialAxis::sphere(3.0).unwrap());
     app.world_mut().entity_mut(tentacle.entity).insert((Name::new("eel with a ball"), ball));
     (0..4).for_each(|_| tentacle.step(&mut app));
+    let entity = tentacle.entity;
     let size = |app: &App| {
-        let collider = app.world().get::<Collider>(tentacle.entity).unwrap();
+        let collider = app.world().get::<Collider>(entity).unwrap();
         collider.raw.compute_local_bounding_sphere().radius
     };
     assert!(size(&app) < 2.0, "{}", size(&app));
