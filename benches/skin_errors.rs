@@ -7,19 +7,15 @@
 //! Errors are two-sided, as in `medial measure`, and in millimetres. Folds of the skin, where it lies inside the body, do not count. With `--out` it writes `animated.csv`, a row for each frame, and `animated.svg`. Frame 0 of
 //! the table is the bind pose.
 
-use std::{error::Error, ops::ControlFlow, path::PathBuf, process::ExitCode};
+use std::{error::Error, path::PathBuf, process::ExitCode};
 
-use bevy_medial::{
-    builder::{FitOptions, SkinnedTriangleMesh, TwoSidedError, fit_skinned, measure_without_folds},
-    medial_axis::MedialAxis,
-    scenes::characters::Character,
-};
+use bevy_medial::scenes::characters::Character;
 use bevy_medial_compare::{
+    characters::Actor,
     figures, outcome,
     tables::{self, Table},
 };
 use clap::Parser;
-use glam::Affine3A;
 use serde::Serialize;
 
 #[derive(Parser)]
@@ -57,15 +53,13 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     println!("|---|---|---|---|---|---|---|---|---|---|");
     let mut rows: Vec<Row> = vec![];
     for character in [Character::biped(), Character::spider()] {
-        let mesh = character.mesh()?;
-        let options = FitOptions { spheres: Some(args.spheres), ..FitOptions::default() };
-        let chain = fit_skinned(&mesh, &options, &|_| ControlFlow::Continue(()))?;
-        let axis = &chain.levels.first().ok_or("the character has no level")?.axis;
+        let actor = Actor::new(character, args.spheres, 0.0)?;
+        let Actor { character, axis, .. } = &actor;
         let clip = (0..args.frames).map(|frame| character.pose(frame as f32 / args.frames as f32 * character.period));
         let poses = std::iter::once(character.bind_pose()).chain(clip);
         let first = rows.len();
         for (frame, joints) in (0..).zip(poses) {
-            let (max, mean) = error(&mesh, axis, &joints)?;
+            let [max, mean] = actor.error(&joints)?.map(|metres| metres * 1000.0);
             rows.push(Row { character: character.name, frame, max, mean });
         }
         let [bind, clip @ ..] = &rows[first..] else { return Err("there are no frames".into()) };
@@ -91,14 +85,4 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
         tables::write(&folder.join(name + ".svg"), &chart)?;
     }
     Ok(())
-}
-
-/// Max and mean error in a pose, in either direction, in millimetres.
-fn error(mesh: &SkinnedTriangleMesh, axis: &MedialAxis, joints: &[Affine3A]) -> Result<(f32, f32), Box<dyn Error>> {
-    let mut poses = vec![];
-    mesh.skin().joint_poses(joints, &mut poses);
-    let TwoSidedError { mesh_to_envelope: to, envelope_to_mesh: from, diagonal } =
-        measure_without_folds(&mesh.posed(&poses), &axis.posed(&poses)?);
-    let millimetres = |percent: f32| percent / 100.0 * diagonal * 1000.0;
-    Ok((millimetres(to.max.max(from.max)), millimetres(to.mean.max(from.mean))))
 }

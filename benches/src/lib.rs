@@ -9,6 +9,7 @@
 //! | [`measure`], [`overlap`], [`activity`] | the run of a scene in an engine: times, overlaps, losses |
 //! | [`culling`], [`baselines`] | culling by trees of bounding volumes, compared with the hybrid culling |
 //! | [`stability`] | situations in which collision methods fail |
+//! | [`characters`] | animated characters: the cost of a step, bullets, a crowd of bodies |
 //! | [`pairs`] | moving primitives, and files of moving pairs |
 //! | [`convex`] | minimisation by plain search |
 //! | [`paper`] | the rules and the method of the paper |
@@ -21,6 +22,7 @@
 pub mod activity;
 pub mod baselines;
 pub mod body;
+pub mod characters;
 pub mod charts;
 pub mod convex;
 pub mod culling;

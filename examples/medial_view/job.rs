@@ -11,9 +11,12 @@ use std::{
 };
 
 use bevy::prelude::Resource;
-use bevy_medial::builder::{FitOptions, MedialLevels, TriangleMesh, fit};
+use bevy_medial::builder::{BuildError, MedialLevels};
 
 type Outcome = Result<MedialLevels, String>;
+
+/// Reports the part of a build that is done, from 0 to 1, and returns whether to go on.
+pub type Progress<'a> = &'a (dyn Fn(f32) -> ControlFlow<()> + Sync);
 
 /// A running or finished build. Dropping it cancels the build.
 #[derive(Resource)]
@@ -25,7 +28,7 @@ pub struct Job {
 
 impl Job {
     /// Starts a build.
-    pub fn start(mesh: TriangleMesh, options: FitOptions) -> Self {
+    pub fn start(build: impl FnOnce(Progress) -> Result<MedialLevels, BuildError> + Send + 'static) -> Self {
         let (sender, receiver) = channel();
         let progress = Arc::new(AtomicU32::new(0));
         let watched = Arc::downgrade(&progress);
@@ -38,7 +41,7 @@ impl Job {
                 None => ControlFlow::Break(()),
             };
             // The receiver of a cancelled build is dropped.
-            let _ = sender.send(fit(&mesh, &options, &report).map_err(|error| error.to_string()));
+            let _ = sender.send(build(&report).map_err(|error| error.to_string()));
         });
         Self { progress, outcome: Mutex::new(receiver) }
     }

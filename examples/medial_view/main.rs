@@ -1,15 +1,17 @@
 //! Shows a triangle mesh and its medial mesh side by side, with the error as colour, and spheres, cones and slabs as lines. Sliders select the level of
-//! detail.
+//! detail. With `--skin` it shows the binding of a skinned glTF file instead, with a colour for each joint, and plays the first animation.
 //!
 //! ```text
 //! cargo run --release --example medial_view -- MESH [--spheres N] [--medial FILE] [--budget PERCENT] [--save FILE]
-//!                                              [--screenshot FILE]
+//!                                              [--skin] [--time SECONDS] [--screenshot FILE]
 //! ```
 //!
 //! Without `--medial`, the medial mesh is built while the window shows the progress. Without a display, or with `--screenshot`, no window opens.
 
 #[path = "../common/mod.rs"]
 mod common;
+
+mod binding;
 mod job;
 mod panel;
 mod shown;
@@ -21,12 +23,17 @@ use std::{
 
 use bevy::{camera::RenderTarget, light::GlobalAmbientLight, prelude::*};
 use bevy_medial::{
-    builder::{FitOptions, Level, MedialLevels, TriangleMesh, load::load, measure},
+    builder::{
+        FitOptions, Level, MedialLevels, TriangleMesh, fit, fit_skinned,
+        load::{load, read_clip, read_skinned},
+        measure,
+    },
     medial_axis::ma,
     plugin::MedialDebugPlugin,
 };
 use bevy_medial_compare::outcome;
 use bevy_panorbit_camera::{PanOrbitCamera, PanOrbitCameraPlugin};
+use binding::Binding;
 use clap::Parser;
 use common::{display::has_display, studio::Studio};
 use job::Job;
@@ -49,6 +56,12 @@ struct Args {
     /// File for the levels. They are saved at once if no window opens, else by a button. Default: the mesh's name with `.medial`, saved only by the button.
     #[arg(long, value_name = "FILE")]
     save: Option<PathBuf>,
+    /// Show the binding to the joints of a skinned glTF file, and play its first animation.
+    #[arg(long)]
+    skin: bool,
+    /// Time of the animation in a picture, in seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    time: f32,
     /// Write a picture as PNG and exit. Needs a graphics adapter (a software adapter is enough), but no display.
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
@@ -59,10 +72,21 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
-    let mesh = load(&args.mesh)?;
-    let job = match &args.medial {
-        Some(file) => Job::done(read(file, &mesh)?),
-        None => Job::start(mesh.clone(), FitOptions { spheres: Some(args.spheres), levels: true, ..default() }),
+    let skinned = if args.skin { Some(read_skinned(&args.mesh)?.mesh) } else { None };
+    let mesh = match &skinned {
+        Some(skinned) => skinned.mesh().clone(),
+        None => load(&args.mesh)?,
+    };
+    let options = FitOptions { spheres: Some(args.spheres), levels: true, ..default() };
+    let job = match (&args.medial, mesh.clone(), skinned.clone()) {
+        (Some(file), mesh, _) => Job::done(read(file, &mesh)?),
+        (None, _, Some(skinned)) => Job::start(move |progress| fit_skinned(&skinned, &options, progress)),
+        (None, mesh, None) => Job::start(move |progress| fit(&mesh, &options, progress)),
+    };
+    let still = args.screenshot.as_ref().map(|_| args.time);
+    let binding = match skinned {
+        Some(mesh) => Some(Binding { mesh, clip: read_clip(&args.mesh)?, still }),
+        None => None,
     };
     let save_as = args.save.clone().unwrap_or_else(|| args.mesh.with_extension("medial"));
     let shown = Shown::new(mesh, args.budget, save_as);
@@ -73,7 +97,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
             DefaultPlugins.set(WindowPlugin { primary_window: Some(Window { title, ..default() }), ..default() }),
         )
         .add_plugins(PanOrbitCameraPlugin);
-        add_view(&mut app, shown, job, RenderTarget::default());
+        add_view(&mut app, shown, job, binding, RenderTarget::default());
         app.run();
         return Ok(());
     }
@@ -86,7 +110,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     }
     if let Some(file) = &args.screenshot {
         let mut studio = Studio::new(UVec2::new(1280, 640), |app, target| {
-            add_view(app, shown, Job::done(levels), target);
+            add_view(app, shown, Job::done(levels), binding, target);
         });
         // New meshes and text take a frame or two to reach the renderer.
         (0..6).for_each(|_| studio.app.update());
@@ -107,8 +131,11 @@ fn read(file: &Path, mesh: &TriangleMesh) -> Result<MedialLevels, Box<dyn std::e
     Ok(MedialLevels { levels: vec![Level { error: measure(mesh, &axis), axis }] })
 }
 
-fn add_view(app: &mut App, shown: Shown, job: Job, target: RenderTarget) {
-    app.add_plugins((MedialDebugPlugin::default(), shown::plugin, panel::plugin))
+fn add_view(app: &mut App, shown: Shown, job: Job, binding: Option<Binding>, target: RenderTarget) {
+    if let Some(binding) = binding {
+        app.insert_resource(binding);
+    }
+    app.add_plugins((MedialDebugPlugin::default(), shown::plugin, panel::plugin, binding::plugin))
         .insert_resource(ClearColor(Color::srgb(0.93, 0.94, 0.95)))
         .insert_resource(GlobalAmbientLight { brightness: 450.0, ..default() })
         .insert_resource(shown)

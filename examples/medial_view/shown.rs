@@ -9,7 +9,7 @@ use bevy_medial::{
     plugin::{MedialGizmos, MedialLevel, MedialMesh},
 };
 
-use crate::job::Job;
+use crate::{binding::Binding, job::Job};
 
 /// Distance of the middle of each mesh from the middle of the view, in diagonals of the mesh.
 const ASIDE: f32 = 0.47;
@@ -62,14 +62,15 @@ impl Shown {
 
 /// Marks the entity of the triangle mesh.
 #[derive(Component)]
-struct Source;
+pub struct Source;
 
 /// Marks the entity of the medial mesh.
 #[derive(Component)]
-struct Fitted;
+pub struct Fitted;
 
 pub fn plugin(app: &mut App) {
-    app.add_systems(Startup, (spawn, set_lines)).add_systems(Update, (take_levels, show_level).chain());
+    app.add_systems(Startup, (spawn, set_lines))
+        .add_systems(Update, (take_levels, show_level.run_if(not(resource_exists::<Binding>))).chain());
 }
 
 fn spawn(
@@ -105,12 +106,16 @@ fn take_levels(
     mut commands: Commands,
     mut shown: ResMut<Shown>,
     job: Res<Job>,
+    binding: Option<Res<Binding>>,
     fitted: Single<Entity, With<Fitted>>,
     mut axes: ResMut<Assets<MedialAxis>>,
 ) {
     match job.take() {
         Some(Ok(levels)) => {
-            if let Some(axis) = levels.clone().into_medial_axis() {
+            // The balls of a skinned mesh are not lines.
+            if binding.is_none()
+                && let Some(axis) = levels.clone().into_medial_axis()
+            {
                 commands.entity(*fitted).insert((MedialMesh(axes.add(axis)), MedialLevel(0)));
             }
             shown.levels = Some(levels);

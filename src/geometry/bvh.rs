@@ -71,10 +71,10 @@ impl Bvh {
         }
     }
 
-    /// The same tree over other boxes of the same items. It is built again if they are too far from their neighbours.
+    /// The same tree over other boxes of the same items, such as those of the same body in another pose. Its structure is kept.
     pub(crate) fn refitted(&self, boxes: &[Aabb]) -> Self {
         let mut bvh = self.clone();
-        bvh.update(boxes, &mut Vec::new());
+        bvh.refit(boxes);
         bvh
     }
 

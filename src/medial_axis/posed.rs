@@ -1,4 +1,4 @@
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 
@@ -14,7 +14,7 @@ impl MedialAxis {
     /// If the number of spheres is another one.
     #[must_use]
     pub(crate) fn with_spheres(&self, spheres: Vec<Sphere>) -> Self {
-        let Data { primitives, bvh, mass, .. } = &*self.0;
+        let Data { primitives, bvh, .. } = &*self.0;
         assert_eq!(spheres.len(), self.0.spheres.len());
         let boxes: Vec<Aabb> =
             primitives.iter().map(|p| Aabb::from_spheres(p.indices().iter().map(|&i| spheres[i as usize]))).collect();
@@ -27,7 +27,7 @@ impl MedialAxis {
             aabb,
             bounding_sphere: Sphere::new(center, radius),
             center_reach: most(|s, center| s.center.distance(center)),
-            mass: mass.clone(),
+            mass: OnceLock::from(self.mass().clone()),
             min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
             coarser: Vec::new(),
             skin: None,

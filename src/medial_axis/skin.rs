@@ -209,8 +209,9 @@ impl Skin {
     pub fn pose(&self, spheres: &[Sphere], poses: &[JointPose], posed: &mut Vec<Sphere>) {
         posed.clear();
         posed.extend(spheres.iter().enumerate().map(|(point, sphere)| {
-            let scale = self.blend(point, poses, |pose| pose.scale);
-            Sphere::new(self.pose_point(point, sphere.center, poses), sphere.radius * scale)
+            let place = |pose: &JointPose| pose.transform.transform_point3(sphere.center).extend(pose.scale);
+            let placed = self.blend(point, poses, place);
+            Sphere::new(placed.truncate(), sphere.radius * placed.w)
         }));
     }
 

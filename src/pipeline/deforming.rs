@@ -54,8 +54,12 @@ impl Deforming {
         }
         knots.dedup();
         let end = axis.with_spheres(knots[knots.len() - 1].clone());
-        let boxes: Vec<Aabb> = end.primitives().iter().map(|primitive| swept_box(primitive, &knots)).collect();
-        let swept = end.bvh().refitted(&boxes);
+        let swept = if knots.len() > 1 {
+            let boxes: Vec<Aabb> = end.primitives().iter().map(|primitive| swept_box(primitive, &knots)).collect();
+            end.bvh().refitted(&boxes)
+        } else {
+            end.bvh().clone()
+        };
         let center = swept.aabb().center();
         let radius = knots.iter().flatten().map(|s| s.center.distance(center) + s.radius).fold(0.0, f32::max);
         let path = (0..end.spheres().len()).map(|sphere| path(sphere, &knots)).fold(0.0, f32::max);

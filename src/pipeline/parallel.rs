@@ -71,6 +71,27 @@ pub(crate) fn gather<S: Default + Send, T: Sync, R: Send + 'static>(
     results.extend(chunks.into_iter().flatten());
 }
 
+/// Changes every item on the pool's threads. The results are in the order of the items, for any number of threads.
+pub(crate) fn change<T: Send, R: Send + 'static>(
+    pool: &TaskPool,
+    items: &mut [T],
+    least_per_task: usize,
+    function: impl Fn(&mut T) -> Option<R> + Sync,
+) -> Vec<R> {
+    let workers = (pool.thread_num() + 1).min(*CORES);
+    let chunk = items.len().div_ceil(workers * 8).max(least_per_task);
+    if workers == 1 || items.len() <= chunk {
+        return items.iter_mut().filter_map(function).collect();
+    }
+    let function = &function;
+    let chunks = pool.scope(|scope| {
+        for items in items.chunks_mut(chunk) {
+            scope.spawn(async move { items.iter_mut().filter_map(function).collect::<Vec<_>>() });
+        }
+    });
+    chunks.into_iter().flatten().collect()
+}
+
 /// Computes one result for each item. See [`gather`].
 pub(crate) fn map<S: Default + Send, T: Sync, R: Send + 'static>(
     pool: &TaskPool,

@@ -48,6 +48,7 @@ mod report;
 mod screw;
 mod settings;
 mod skeletons;
+mod skin_motion;
 mod skinned;
 mod step;
 mod transforms;
@@ -178,7 +179,7 @@ impl Plugin for MedialCollisionPlugin {
             .add_systems(
                 self.schedule,
                 (
-                    (levels::check_budgets, levels::check_levels),
+                    (levels::check_budgets, levels::check_levels, skinned::check_shapes),
                     importance::look_from_focuses
                         .run_if(any_with_component::<MedialFocus>.or_else(any_with_component::<importance::Nearness>)),
                 )

@@ -56,6 +56,14 @@ impl Screw {
     }
 }
 
+/// Returns true if a joint turns by more than an angle in radians, below half a turn.
+pub(super) fn turns_by_more([start, end]: [&JointPose; 2], angle: f32) -> bool {
+    let [a, b] = [start, end].map(|pose| pose.transform.matrix3);
+    // The trace of a rotation by an angle is 1 + 2 cos(angle).
+    let trace = a.x_axis.dot(b.x_axis) + a.y_axis.dot(b.y_axis) + a.z_axis.dot(b.z_axis);
+    trace < (1.0 + 2.0 * angle.cos()) * start.scale * end.scale
+}
+
 /// Returns the rotation of a pose.
 fn rotation(pose: &JointPose) -> Option<Quat> {
     let matrix = pose.transform.matrix3;
@@ -94,6 +102,11 @@ mod tests {
             };
             let screw = Screw::new([start, about(angle)].map(JointPose::new));
             assert!((screw.angle() - angle).abs() < 1e-5);
+            let ends = [start, about(angle)].map(JointPose::new);
+            // The trace of a small rotation is rounded.
+            for (factor, is_more) in [(0.9, true), (1.1, false)].into_iter().filter(|_| angle > 0.1) {
+                assert_eq!(turns_by_more([&ends[0], &ends[1]], factor * angle), is_more, "case {case}");
+            }
             let point = random.in_cube();
             for fraction in [0.0, 0.25, 0.7, 1.0] {
                 let found = screw.at(fraction).transform.transform_point3(point);

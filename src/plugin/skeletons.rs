@@ -1,33 +1,32 @@
 //! Poses the skinned shapes by the transforms of their joints.
 
-use std::{
-    collections::HashMap,
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::{collections::HashMap, sync::Arc};
 
+#[cfg(feature = "bevy_mesh")]
+use bevy::mesh::skinning::SkinnedMesh;
 use bevy::{
     asset::LoadState,
-    ecs::{entity::EntityHashSet, system::SystemParam},
+    ecs::{entity::EntityHashMap, system::SystemParam},
     prelude::*,
+    tasks::ComputeTaskPool,
 };
 
 use super::{
     Detail,
     importance::{DetailItem, Nearness},
     is_bounded,
-    screw::Screw,
-    skinned::{Bound, SkinPose, SkinnedMedialMesh},
+    skin_motion::regions,
+    skinned::{SkinPose, SkinnedMedialMesh},
     step::MedialStep,
 };
 use crate::{
-    constants::{MAX_JOINT_TURN, MAX_SEGMENTS, TELEPORT},
-    geometry::{Aabb, Pose3, Sphere},
+    geometry::{Aabb, Pose3},
     medial_axis::{JointPose, MedialAxis, Skin, SkinJoint},
-    pipeline::Deforming,
+    pipeline::parallel,
 };
 
 type Skinned =
-    (NameOrEntity, &'static SkinnedMedialMesh, Option<&'static mut SkinPose>, Detail, Option<&'static Nearness>);
+    (NameOrEntity, Ref<'static, SkinnedMedialMesh>, Option<&'static mut SkinPose>, Detail, Option<&'static Nearness>);
 
 /// Events of a shape, other than moving with its joints.
 enum Event {
@@ -46,9 +45,12 @@ pub(crate) struct Skeletons<'w, 's> {
     skinned: Query<'w, 's, Skinned>,
     scene: Scene<'w, 's>,
     step: ResMut<'w, MedialStep>,
-    /// Entities that cannot be placed. This has been logged.
-    told: Local<'s, EntityHashSet>,
+    /// Number of steps in which an entity could not be placed.
+    refused: Local<'s, EntityHashMap<u32>>,
 }
+
+/// Number of steps in which an entity cannot be placed before the reason is logged. An entity that is spawned or despawned in parts needs two.
+const PATIENCE: u32 = 2;
 
 /// Assets and entities that determine the poses.
 #[derive(SystemParam)]
@@ -58,7 +60,10 @@ struct Scene<'w, 's> {
     names: Query<'w, 's, &'static Name>,
     children: Query<'w, 's, &'static Children>,
     #[cfg(feature = "bevy_mesh")]
-    meshes: Query<'w, 's, &'static bevy::mesh::skinning::SkinnedMesh>,
+    meshes: Query<'w, 's, (&'static SkinnedMesh, Option<&'static ViewVisibility>)>,
+    #[cfg(feature = "bevy_mesh")]
+    cameras: Query<'w, 's, (), With<Camera>>,
+    shapes: Query<'w, 's, (), With<SkinnedMedialMesh>>,
     transforms: Query<'w, 's, &'static GlobalTransform>,
 }
 
@@ -76,30 +81,36 @@ impl Skeletons<'_, '_> {
         is_running: impl Fn(Entity) -> bool + Sync,
         frame_of: impl Fn(Entity) -> Option<Pose3> + Sync,
     ) {
-        let Self { commands, skinned, scene, step, told } = self;
-        told.retain(|entity| skinned.contains(*entity));
-        let events = Mutex::new(Vec::new());
-        skinned.par_iter_mut().for_each(|(name, mesh, mut pose, detail, nearness)| {
-            let entity = name.entity;
-            if is_running(entity)
-                && let Some(event) = scene.advance(entity, mesh, &mut pose, &detail, nearness, frame_of(entity))
-            {
-                events.lock().unwrap_or_else(PoisonError::into_inner).push((entity, name.to_string(), event));
-            }
-        });
-        let mut events = events.into_inner().unwrap_or_else(PoisonError::into_inner);
-        events.sort_by_key(|(entity, ..)| *entity);
+        let Self { commands, skinned, scene, step, refused } = self;
+        refused.retain(|entity, _| skinned.contains(*entity));
+        // Bevy's parallel queries do not use the thread that waits.
+        let mut items: Vec<_> = skinned.iter_mut().collect();
+        items.sort_unstable_by_key(|(name, ..)| name.entity);
+        let events = parallel::change(
+            ComputeTaskPool::get_or_init(Default::default),
+            &mut items,
+            4,
+            |(name, mesh, pose, detail, nearness)| {
+                let entity = name.entity;
+                let runs = is_running(entity);
+                let event =
+                    runs.then(|| scene.advance(entity, mesh, pose, detail, *nearness, frame_of(entity))).flatten();
+                event.map(|event| (entity, name.to_string(), event))
+            },
+        );
         for (entity, name, event) in events {
             match event {
                 Event::Placed(pose) => {
-                    told.remove(&entity);
+                    refused.remove(&entity);
                     commands.entity(entity).try_insert(pose);
                 }
                 Event::Jumped(metres) => warn!(
                     "{name}: its joints moved by {metres} m in one step, too far to be swept; call SkinPose::teleport where the animation jumps"
                 ),
                 Event::Refused(reason) => {
-                    if told.insert(entity) {
+                    let steps = refused.entry(entity).or_default();
+                    *steps = steps.saturating_add(1);
+                    if *steps == PATIENCE {
                         error!("{name}: {reason}, so it collides with nothing");
                     }
                     commands.entity(entity).try_remove::<SkinPose>();
@@ -120,7 +131,7 @@ impl Scene<'_, '_> {
     fn advance(
         &self,
         entity: Entity,
-        mesh: &SkinnedMedialMesh,
+        mesh: &Ref<SkinnedMedialMesh>,
         pose: &mut Option<Mut<SkinPose>>,
         detail: &DetailItem,
         nearness: Option<&Nearness>,
@@ -128,8 +139,11 @@ impl Scene<'_, '_> {
     ) -> Option<Event> {
         match (self.place(entity, mesh, detail, pose.as_deref()), pose) {
             (Ok((axis, None, poses)), Some(pose)) => {
-                let is_far = nearness.is_none_or(Nearness::is_far);
-                pose.advance(axis, poses, frame, if is_far { mesh.interval } else { 1 }).map(Event::Jumped)
+                if mesh.is_changed() {
+                    pose.regions = regions(axis, mesh);
+                }
+                let is_slow = mesh.interval > 1 && self.is_remote(entity, nearness);
+                pose.advance(axis, poses, frame, if is_slow { mesh.interval } else { 1 }).map(Event::Jumped)
             }
             (Ok((axis, joints, poses)), _) => {
                 Some(Event::Placed(SkinPose::new(axis, joints.unwrap_or_default(), poses, mesh, frame)))
@@ -166,7 +180,7 @@ impl Scene<'_, '_> {
         });
         let new = if known.is_none() { Some(self.bind(entity, mesh, skin)?) } else { None };
         let joints = new.as_deref().or(known.map(|known| &*known.joints)).unwrap_or_default();
-        let poses = self.poses(skin, joints)?;
+        let poses = self.poses(axis, skin, joints)?;
         Ok((axis, new, poses))
     }
 
@@ -217,9 +231,7 @@ impl Scene<'_, '_> {
     /// Returns true if the scene of an entity has been spawned: it has a skinned triangle mesh.
     fn has_skinned_mesh(&self, entity: Entity) -> bool {
         #[cfg(feature = "bevy_mesh")]
-        return std::iter::once(entity)
-            .chain(self.children.iter_descendants(entity))
-            .any(|entity| self.meshes.contains(entity));
+        return self.members(entity).into_iter().any(|entity| self.meshes.contains(entity));
         #[cfg(not(feature = "bevy_mesh"))]
         return {
             let _ = entity;
@@ -228,18 +240,54 @@ impl Scene<'_, '_> {
     }
 
     /// Returns the entities that may be joints.
-    fn candidates(&self, entity: Entity) -> impl Iterator<Item = Entity> {
-        let all = || std::iter::once(entity).chain(self.children.iter_descendants(entity));
+    fn candidates(&self, entity: Entity) -> Vec<Entity> {
+        let members = self.members(entity);
         #[cfg(feature = "bevy_mesh")]
         let listed =
-            all().filter_map(|entity| self.meshes.get(entity).ok()).flat_map(|mesh| mesh.joints.iter().copied());
+            members.iter().filter_map(|entity| self.meshes.get(*entity).ok()).flat_map(|(mesh, _)| &mesh.joints);
         #[cfg(not(feature = "bevy_mesh"))]
         let listed = std::iter::empty();
-        listed.chain(all())
+        listed.chain(&members).copied().collect()
+    }
+
+    /// Returns an entity and its descendants, nearer ones first, without those of another skinned shape below it, such as a rider.
+    fn members(&self, entity: Entity) -> Vec<Entity> {
+        let mut members = vec![entity];
+        let mut next = 0;
+        while let Some(&member) = members.get(next) {
+            let children = self.children.get(member).into_iter().flatten();
+            members.extend(children.filter(|child| !self.shapes.contains(**child)));
+            next += 1;
+        }
+        members
+    }
+
+    /// Returns true for a shape that is far from every point of interest, or that no camera sees, and for one about which neither is known.
+    fn is_remote(&self, entity: Entity, nearness: Option<&Nearness>) -> bool {
+        match (nearness.map(Nearness::is_far), self.is_hidden(entity)) {
+            (None, None) => true,
+            (is_far, is_hidden) => is_far == Some(true) || is_hidden == Some(true),
+        }
+    }
+
+    /// Returns true if no camera sees a skinned mesh of an entity; `None` without cameras or without such meshes.
+    fn is_hidden(&self, entity: Entity) -> Option<bool> {
+        #[cfg(feature = "bevy_mesh")]
+        if !self.cameras.is_empty() {
+            let seen = |member: &Entity| self.meshes.get(*member).ok()?.1;
+            // While Bevy updates it, the visibility of the last frame counts.
+            let is_hidden = |visibility: &ViewVisibility| *visibility == ViewVisibility::HIDDEN;
+            let members = self.members(entity);
+            let mut known = members.iter().filter_map(seen).peekable();
+            known.peek()?;
+            return Some(known.all(is_hidden));
+        }
+        let _ = entity;
+        None
     }
 
     /// Returns the motion of each joint since the bind pose, in the world.
-    fn poses(&self, skin: &Skin, joints: &[Entity]) -> Result<Vec<JointPose>, Unplaced> {
+    fn poses(&self, axis: &MedialAxis, skin: &Skin, joints: &[Entity]) -> Result<Vec<JointPose>, Unplaced> {
         let place = |(joint, &entity): (&SkinJoint, &Entity)| {
             self.transforms.get(entity).map(GlobalTransform::affine).map_err(|_| {
                 Unplaced::Refused(format!(
@@ -251,104 +299,19 @@ impl Scene<'_, '_> {
         let places = std::iter::zip(skin.joints().iter(), joints).map(place).collect::<Result<Vec<_>, _>>()?;
         let mut poses = Vec::with_capacity(joints.len());
         skin.joint_poses(&places, &mut poses);
+        let Aabb { min, max } = axis.aabb();
+        let reach = min.abs().max(max.abs()).length();
         let is_sound = |pose: &JointPose| {
-            is_bounded(pose.transform.translation.into()) && pose.transform.matrix3.is_finite() && pose.is_uniform()
+            is_bounded(pose.transform.translation.into())
+                && is_bounded(Vec3::splat(reach * pose.scale))
+                && pose.is_uniform()
         };
         match std::iter::zip(skin.joints().iter(), &poses).find(|(_, pose)| !is_sound(pose)) {
             Some((joint, pose)) => Err(Unplaced::Refused(format!(
-                "its joint `{}` has the transform {:?}; give it and its ancestors finite values and a uniform scale",
+                "its joint `{}` has the transform {:?}; give it and its ancestors finite values of a moderate size and a uniform scale",
                 joint.name, pose.transform
             ))),
             None => Ok(poses),
         }
     }
-}
-
-impl SkinPose {
-    /// Creates the pose of a shape that is placed for the first time.
-    fn new(
-        axis: &MedialAxis,
-        joints: Vec<Entity>,
-        poses: Vec<JointPose>,
-        mesh: &SkinnedMedialMesh,
-        frame: Option<Pose3>,
-    ) -> Self {
-        let bound = Bound { axis: axis.clone(), joints: joints.into() };
-        let names = axis.skin().map_or(&[][..], |skin| skin.joints());
-        let regions = names.iter().map(|joint| mesh.regions.get(&joint.name).cloned()).collect();
-        let spheres = posed(axis, &poses);
-        let frame = frame.unwrap_or_else(|| frame_around(&spheres));
-        let shape = Arc::new(Deforming::new(axis, vec![seen_from(&frame, spheres)]));
-        Self { bound, regions, before: poses.clone(), poses, shape, frame, age: 0, teleports: false, has_jumped: false }
-    }
-
-    /// Moves the shape to the pose of its joints. Returns the displacement in metres if it is too long to be swept, for the first time.
-    ///
-    /// `interval`: number of steps between two updates.
-    fn advance(
-        &mut self,
-        axis: &MedialAxis,
-        poses: Vec<JointPose>,
-        frame: Option<Pose3>,
-        interval: u32,
-    ) -> Option<f32> {
-        self.age += 1;
-        let teleports = std::mem::take(&mut self.teleports);
-        self.before.clone_from(&self.poses);
-        if self.age >= interval || teleports {
-            (self.age, self.poses) = (0, poses);
-        }
-        let rests = self.poses == self.before
-            && axis.address() == self.bound.axis.address()
-            && frame.is_none_or(|frame| frame == self.frame);
-        if rests && self.shape.path() == 0.0 {
-            return None;
-        }
-        let [start, end] = [&self.before, &self.poses].map(|poses| posed(axis, poses));
-        let displacement = std::iter::zip(&start, &end).map(|(a, b)| a.center.distance(b.center)).fold(0.0, f32::max);
-        let jumps = displacement > TELEPORT * self.shape.axis().bounding_sphere().radius;
-        let mut knots = if jumps || teleports { Vec::new() } else { between(axis, &self.before, &self.poses) };
-        if jumps || teleports {
-            self.before.clone_from(&self.poses);
-        }
-        self.frame = frame.unwrap_or_else(|| if rests { self.frame } else { frame_around(&end) });
-        if !jumps && !teleports {
-            knots.insert(0, start);
-        }
-        knots.push(end);
-        let knots = knots.into_iter().map(|knot| seen_from(&self.frame, knot)).collect();
-        self.shape = Arc::new(Deforming::new(axis, knots));
-        self.bound.axis = axis.clone();
-        let is_new = jumps && !teleports && !self.has_jumped;
-        self.has_jumped |= is_new;
-        is_new.then_some(displacement)
-    }
-}
-
-fn posed(axis: &MedialAxis, poses: &[JointPose]) -> Vec<Sphere> {
-    let mut spheres = Vec::new();
-    if let Some(skin) = axis.skin() {
-        skin.pose(axis.spheres(), poses, &mut spheres);
-    }
-    spheres
-}
-
-/// Returns the spheres at equal fractions between two poses, so that no joint turns by more than [`MAX_JOINT_TURN`] from one to the next.
-fn between(axis: &MedialAxis, before: &[JointPose], now: &[JointPose]) -> Vec<Vec<Sphere>> {
-    let screws: Vec<Screw> = std::iter::zip(before, now).map(|(before, now)| Screw::new([*before, *now])).collect();
-    let turn = screws.iter().map(Screw::angle).fold(0.0, f32::max);
-    let segments = ((turn / MAX_JOINT_TURN).ceil() as usize).clamp(1, MAX_SEGMENTS);
-    let at = |fraction: f32| screws.iter().map(|screw| screw.at(fraction)).collect::<Vec<_>>();
-    (1..segments).map(|i| posed(axis, &at(i as f32 / segments as f32))).collect()
-}
-
-/// Returns a frame with the axes of the world in the middle of the spheres.
-fn frame_around(spheres: &[Sphere]) -> Pose3 {
-    Pose3::from_translation(Aabb::from_spheres(spheres.iter().copied()).center())
-}
-
-fn seen_from(frame: &Pose3, spheres: Vec<Sphere>) -> Vec<Sphere> {
-    let turn = frame.rotation.inverse();
-    let place = |s: Sphere| Sphere::new(turn * (s.center - frame.translation), s.radius);
-    spheres.into_iter().map(place).collect()
 }

@@ -4,6 +4,7 @@ use bevy::prelude::*;
 
 #[cfg(feature = "rapier")]
 use super::screw::Screw;
+use super::{MedialMesh, StaticObb};
 use crate::{
     geometry::{Aabb, Pose3, Sphere},
     medial_axis::{JointPose, MedialAxis},
@@ -29,6 +30,8 @@ use crate::{
 /// }
 /// ```
 ///
+/// A [`MedialMesh`] or [`StaticObb`] on the same entity has no effect, which is logged.
+///
 /// An error is logged once, with the name of the entity, and the entity collides with nothing: a mesh without a skin, an unknown joint, a joint that was
 /// despawned, a scale that is not uniform. A motion of more than [`TELEPORT`](crate::constants::TELEPORT) radii within a step is logged once. It is not
 /// swept.
@@ -41,8 +44,11 @@ pub struct SkinnedMedialMesh {
     /// The entities of the joints, in the order of the skin. Default: none, so that they are found by name.
     #[entities]
     pub joints: Vec<Entity>,
-    /// Number of steps between two updates of the shape. It applies to a shape that is farther than `near` metres from every
-    /// [`MedialFocus`](super::MedialFocus), or to each shape if there is no such point. Set a larger value for shapes that are not visible. Default: 1.
+    /// Number of steps between two updates of a shape that is far or hidden. A shape is far if it is farther than `near` metres from every
+    /// [`MedialFocus`](super::MedialFocus). It is hidden if no camera sees its skinned meshes, by Bevy's `ViewVisibility`, with the feature `bevy_mesh`. The
+    /// interval also applies to each shape for which neither is known, because there is no focus and no camera or mesh. Default: 1.
+    ///
+    /// The motion between two updates is swept in the step of the update, so nothing passes through the shape.
     pub interval: u32,
     /// Hit regions: a label for each joint, by its name. [`SkinPose::region`] returns them. Default: none.
     pub regions: HashMap<String, String>,
@@ -78,10 +84,16 @@ pub struct SkinHit {
 #[derive(Component, Debug)]
 pub struct SkinPose {
     pub(super) bound: Bound,
+    /// The hit region of each joint.
     pub(super) regions: Vec<Option<String>>,
-    /// Motion of the joints from the bind pose to their place in the world, before the last step and after it.
+    /// Motion of the joints from the bind pose to their place in the world, at the last update but one.
     pub(super) before: Vec<JointPose>,
+    /// The same at the last update.
     pub(super) poses: Vec<JointPose>,
+    /// The spheres at the last update, in the world.
+    pub(super) spheres: Vec<Sphere>,
+    /// Number of steps between these two updates.
+    pub(super) span: u32,
     pub(super) shape: Arc<Deforming>,
     pub(super) frame: Pose3,
     /// Number of steps since the last update.
@@ -161,12 +173,14 @@ impl SkinPose {
         self.joint_at(primitive, point, 1.0)
     }
 
-    /// Returns the displacement of a point in the last step if it has moved with a joint, and the rotation of the joint in radians. `point`: in the world.
+    /// Returns the displacement per step of a point that moves with a joint, and the rotation of the joint per step in radians: the mean between the last two
+    /// updates. `point`: in the world.
     #[cfg(feature = "rapier")]
     pub(crate) fn moved_with(&self, joint: usize, point: Vec3) -> [Vec3; 2] {
         let [before, now] = [self.before[joint], self.poses[joint]];
         let start = (before.transform * now.transform.inverse()).transform_point3(point);
-        [if start.is_finite() { point - start } else { Vec3::ZERO }, Screw::new([before, now]).turn()]
+        let moved = if start.is_finite() { point - start } else { Vec3::ZERO };
+        [moved, Screw::new([before, now]).turn()].map(|motion| motion / self.span.max(1) as f32)
     }
 
     /// Returns the place of a joint at the last update, in the world. It may have a scale.
@@ -201,6 +215,25 @@ impl SkinPose {
         let (time, normal, primitive) = first?;
         let joint = self.joint_at(primitive, origin + direction * time, fraction)?;
         Some(SkinHit { time, normal: self.frame.rotation * normal, primitive, joint })
+    }
+}
+
+/// Logs that an entity has another shape as well, which does not count.
+pub(super) fn check_shapes(
+    twice: Query<
+        (NameOrEntity, Has<MedialMesh>),
+        (
+            With<SkinnedMedialMesh>,
+            Or<(With<MedialMesh>, With<StaticObb>)>,
+            Or<(Added<SkinnedMedialMesh>, Added<MedialMesh>, Added<StaticObb>)>,
+        ),
+    >,
+) {
+    for (name, has_mesh) in &twice {
+        let other = if has_mesh { "MedialMesh" } else { "StaticObb" };
+        warn!(
+            "{name}: its {other} has no effect beside its SkinnedMedialMesh; remove one of them, or move it to a child"
+        );
     }
 }
 

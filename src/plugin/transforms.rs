@@ -13,7 +13,7 @@ use bevy::{
 
 use super::{
     BodyInfo, Detail, DetailItem, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep, MedialSystems,
-    Skeletons, SkinPose, StaticObb, is_bounded, is_sound_pose, is_uniform,
+    Skeletons, SkinPose, SkinnedMedialMesh, StaticObb, is_bounded, is_sound_pose, is_uniform,
 };
 use crate::{
     constants::DEFAULT_PREDICTION,
@@ -157,7 +157,7 @@ impl PartialEq for KnownSolid {
 fn gather_statics(
     mut commands: Commands,
     mut step: ResMut<MedialStep>,
-    statics: Query<(NameOrEntity, &StaticObb, Option<&MedialMesh>, Told, &GlobalTransform)>,
+    statics: Query<(NameOrEntity, &StaticObb, Option<&MedialMesh>, Told, &GlobalTransform), Without<SkinnedMedialMesh>>,
     axes: Res<Assets<MedialAxis>>,
     mut known: Local<Vec<Known>>,
     mut refused: Local<Refused>,
@@ -202,7 +202,10 @@ fn detect(
     settings: Res<MedialSettings>,
     time: Res<Time>,
     axes: Res<Assets<MedialAxis>>,
-    bodies: Query<(NameOrEntity, &MedialMesh, Told, &GlobalTransform, Option<&MedialCcd>), Without<StaticObb>>,
+    bodies: Query<
+        (NameOrEntity, &MedialMesh, Told, &GlobalTransform, Option<&MedialCcd>),
+        (Without<StaticObb>, Without<SkinnedMedialMesh>),
+    >,
     skins: Query<(Entity, &SkinPose, Option<&MedialCcd>)>,
     mut poses: Local<HashMap<Entity, Pose3>>,
     mut refused: Local<Refused>,

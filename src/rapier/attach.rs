@@ -62,7 +62,10 @@ fn scale_of(entity: Entity, transform: &Transform, is_child: bool, hierarchy: &T
 /// Inserts a collider on every entity with a loaded [`MedialMesh`], and replaces it when shape, level of detail or scale change.
 pub(super) fn attach_shapes(
     mut commands: Commands,
-    meshes: Query<(NameOrEntity, &MedialMesh, Detail, &Transform, Has<ChildOf>, Option<&Attached>)>,
+    meshes: Query<
+        (NameOrEntity, &MedialMesh, Detail, &Transform, Has<ChildOf>, Option<&Attached>),
+        Without<SkinnedMedialMesh>,
+    >,
     assets: Res<Assets<MedialAxis>>,
     server: Option<Res<AssetServer>>,
     hierarchy: TransformHelper,
@@ -181,7 +184,11 @@ pub(super) fn attach_boxes(
     boxes: Query<
         (Entity, Ref<StaticObb>, Has<RigidBody>, Option<&ColliderScale>),
         // Rapier applies a parent's transform to a child in this step, but the child's `GlobalTransform` changes only in the next. So all children are checked.
-        (Or<(Changed<StaticObb>, Changed<Transform>, Changed<GlobalTransform>, With<ChildOf>)>, Without<MedialMesh>),
+        (
+            Or<(Changed<StaticObb>, Changed<Transform>, Changed<GlobalTransform>, With<ChildOf>)>,
+            Without<MedialMesh>,
+            Without<SkinnedMedialMesh>,
+        ),
     >,
     hierarchy: TransformHelper,
 ) {

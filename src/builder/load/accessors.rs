@@ -20,6 +20,12 @@ pub(super) enum Values {
     Weights,
     /// f32: matrices of 4 x 4.
     InverseBinds,
+    /// f32: seconds.
+    Times,
+    /// f32: translations and scales.
+    Vectors,
+    /// f32, or normalized integers: quaternions.
+    Rotations,
 }
 
 impl Values {
@@ -31,6 +37,9 @@ impl Values {
             Self::Joints => ("joints", Dimensions::Vec4, &[U8, U16]),
             Self::Weights => ("weights", Dimensions::Vec4, &[F32, U8, U16]),
             Self::InverseBinds => ("inverse bind poses", Dimensions::Mat4, &[F32]),
+            Self::Times => ("times", Dimensions::Scalar, &[F32]),
+            Self::Vectors => ("vectors", Dimensions::Vec3, &[F32]),
+            Self::Rotations => ("rotations", Dimensions::Vec4, &[F32, I8, U8, I16, U16]),
         }
     }
 }

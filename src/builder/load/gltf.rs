@@ -11,6 +11,8 @@ use gltf::{Document, Gltf, Mesh, Node, Primitive, Semantic, buffer::Source, mesh
 use super::{
     FormatError,
     accessors::{Values, indices, values},
+    clip::Clip,
+    nodes::nodes,
     skins::Skins,
 };
 use crate::{
@@ -54,23 +56,15 @@ pub(super) fn parse_skinned(
 /// Reads meshes, with their skins if `skins` are given.
 fn read(bytes: &[u8], folder: &Path, skins: Option<Skins>, warnings: &mut Vec<String>) -> Result<File, FormatError> {
     let (document, blob) = document(bytes)?;
-    let scene = document.default_scene().or_else(|| document.scenes().next());
-    let scene = scene.ok_or_else(|| {
-        FormatError::new("the glTF document", "it has no scene", "put the meshes into a scene and export it again")
-    })?;
     let mut file = File { buffers: buffers(&document, blob, folder)?, skins, ..File::default() };
     let mut poses: HashMap<usize, DMat4> = HashMap::new();
-    let mut open: Vec<(Node, DMat4)> = scene.nodes().map(|node| (node, DMat4::IDENTITY)).collect();
-    while let Some((node, parent)) = open.pop() {
-        let pose = parent * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
-        if poses.insert(node.index(), pose).is_some() {
-            let place = format!("node {}", node.index());
-            return Err(FormatError::damaged(place, "the scene reaches it twice, so its nodes are not a tree"));
-        }
+    for (node, parent) in nodes(&document)? {
+        let above = parent.and_then(|parent| poses.get(&parent)).copied().unwrap_or(DMat4::IDENTITY);
+        let pose = above * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
+        poses.insert(node.index(), pose);
         if let Some(mesh) = node.mesh() {
             file.add(&node, &mesh, &pose)?;
         }
-        open.extend(node.children().map(|child| (child, pose)));
     }
     if let Some(skins) = &file.skins {
         skins.check_scales(&poses)?;
@@ -84,6 +78,14 @@ fn read(bytes: &[u8], folder: &Path, skins: Option<Skins>, warnings: &mut Vec<St
         warnings.push(format!("left out: {problem}"));
     }
     Ok(file)
+}
+
+/// Reads the first animation; `None` without one.
+pub(super) fn parse_clip(bytes: &[u8], folder: &Path) -> Result<Option<Clip>, FormatError> {
+    let (document, blob) = document(bytes)?;
+    let Some(animation) = document.animations().next() else { return Ok(None) };
+    let buffers = buffers(&document, blob, folder)?;
+    Clip::read(&animation, nodes(&document)?, &buffers).map(Some)
 }
 
 /// The document of a file, and the binary part of a GLB file.

@@ -8,7 +8,9 @@
 //! start with `solid` as text, although such files are common.
 
 mod accessors;
+mod clip;
 mod gltf;
+mod nodes;
 mod obj;
 mod ply;
 mod polygon;
@@ -20,6 +22,8 @@ use std::path::{Path, PathBuf};
 use bevy::log::warn;
 use glam::Vec3;
 use thiserror::Error;
+
+pub use clip::Clip;
 
 use super::{MeshError, SkinnedTriangleMesh, TriangleMesh};
 use crate::medial_axis::ma::without_mark;
@@ -198,6 +202,17 @@ pub fn read(path: &Path) -> Result<Loaded, LoadError> {
 /// The path of the file, the place in it, the reason and advice.
 pub fn read_skinned(path: &Path) -> Result<Loaded<SkinnedTriangleMesh>, LoadError> {
     read_with(path, MeshFormat::parse_skinned)
+}
+
+/// Reads the first animation of a glTF file; `None` without one, and for other formats.
+///
+/// # Errors
+/// The path of the file, the place in it, the reason and advice.
+pub fn read_clip(path: &Path) -> Result<Option<Clip>, LoadError> {
+    read_with(path, |format, bytes, folder| match format {
+        MeshFormat::Gltf => gltf::parse_clip(bytes, folder),
+        _ => Ok(None),
+    })
 }
 
 fn read_with<M>(

@@ -8,6 +8,7 @@ use gltf::{Node, Primitive, Semantic};
 use super::{
     FormatError,
     accessors::{Values, values},
+    nodes::name,
 };
 use crate::medial_axis::{JointPose, JointWeights, SkinJoint, strongest};
 
@@ -51,8 +52,7 @@ impl Skins {
             }
             return Ok(known);
         }
-        // Bevy gives the same names to nodes without a name.
-        let name = node.name().map_or_else(|| format!("GltfNode{}", node.index()), Into::into);
+        let name = name(node);
         let number = u16::try_from(self.joints.len());
         let number =
             number.map_err(|_| FormatError::new(place, "the file has more than 65536 joints", "remove some"))?;

@@ -3,6 +3,7 @@
 mod builds;
 mod bullets;
 mod casts;
+mod characters;
 mod colliders;
 mod contacts;
 mod culling;

@@ -138,3 +138,43 @@ fn damaged_skins_are_meshes_or_clear_errors() {
     println!("{meshes} meshes, {} errors", ROUNDS - meshes);
     assert!(meshes > 20 && ROUNDS - meshes > 300, "{meshes}");
 }
+
+#[test]
+fn a_clip_moves_the_joints_of_a_file() {
+    let json = skinned(JOINTS, WEIGHTS);
+    assert_eq!(super::super::gltf::parse_clip(json.as_bytes(), Path::new("no such folder")).unwrap(), None);
+    // The root moves by 2 m along x in a second, and the tip makes half a turn about z.
+    let numbers: [&[f32]; 3] =
+        [&[0.0, 1.0], &[1.0, 0.0, 0.0, 3.0, 0.0, 0.0], &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0]];
+    let bytes: Vec<u8> = numbers.concat().iter().flat_map(|number| number.to_le_bytes()).collect();
+    let uri = format!("data:application/octet-stream;base64,{}", data_encoding::BASE64.encode(&bytes));
+    let view =
+        |start: usize, length: usize| format!(r#", {{ "buffer": 1, "byteOffset": {start}, "byteLength": {length} }}"#);
+    let views = [view(0, 8), view(8, 24), view(32, 32)].concat();
+    let accessors = r#", { "bufferView": 5, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1] },
+      { "bufferView": 6, "componentType": 5126, "count": 2, "type": "VEC3" },
+      { "bufferView": 7, "componentType": 5126, "count": 2, "type": "VEC4" }]"#;
+    let animations = r#"{ "animations": [{ "channels": [
+        { "sampler": 0, "target": { "node": 1, "path": "translation" } },
+        { "sampler": 1, "target": { "node": 2, "path": "rotation" } }],
+      "samplers": [{ "input": 5, "output": 6 }, { "input": 5, "output": 7 }] }],"#;
+    let json = json
+        .replacen('{', animations, 1)
+        .replacen("], \"bufferViews\"", &format!("{accessors}, \"bufferViews\""), 1)
+        .replacen("],\n  \"buffers\"", &format!("{views}],\n  \"buffers\""), 1)
+        .replacen("\" }] }", &format!("\" }}, {{ \"byteLength\": {}, \"uri\": \"{uri}\" }}] }}", bytes.len()), 1);
+    let clip = super::super::gltf::parse_clip(json.as_bytes(), Path::new("no such folder")).unwrap().unwrap();
+    assert_eq!(clip.duration, 1.0);
+    let mesh = read(&json).unwrap();
+    for (time, root, along) in
+        [(0.0, 1.0, Vec3::X), (0.5, 2.0, Vec3::Y), (1.25, 1.5, Vec3::new(0.5, 0.5, 0.0).normalize())]
+    {
+        let places = clip.places(mesh.skin().joints(), time).unwrap();
+        let tip = places[1].transform_vector3(Vec3::X);
+        assert!((places[0].translation.x - root).abs() < 1e-5, "{time}: {}", places[0].translation);
+        assert!(tip.distance(along) < 1e-5 && (places[1].translation.x - (root - 1.0)).abs() < 1e-5, "{time}: {tip}");
+    }
+    let mut unknown = mesh.skin().joints().to_vec();
+    unknown[1].name = "wing".into();
+    assert_eq!(clip.places(&unknown, 0.0), None);
+}
