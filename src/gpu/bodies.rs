@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     geometry::Pose3,
-    pipeline::{Body, ConvexParts, Core, Side, Solid, StaticBody},
+    pipeline::{Body, ConvexParts, Core, OtherShape, Side, Solid, StaticBody},
 };
 
 /// Returns the first of these bodies and statics whose numbers, as far as the passes use them, are NaN or infinite.
@@ -37,12 +37,12 @@ fn is_finite_solid(solid: &Solid) -> bool {
 pub(super) fn body(body: &Body, is_awake: bool, [margin, slack]: [f32; 2], shapes: &mut Shapes) -> layout::Body {
     let sweep = &body.sweep;
     let bound = body.solid.bounding_sphere();
-    let (shape, scale, arm, (half, rounding)) = match &body.solid {
-        Solid::Medial(shape) => {
+    let (shape, scale, arm, (half, rounding)) = match body.solid.second() {
+        OtherShape::Shape(shape) => {
             (shapes.index_of(&shape.axis), shape.scale, shape.arm(sweep.local_center), (Vec3::ZERO, 0.0))
         }
-        Solid::Parts(parts) => {
-            let single_box = single_box(&**parts).filter(|_| parts.aabb().center() == bound.center);
+        OtherShape::Parts(parts) => {
+            let single_box = single_box(parts).filter(|_| parts.aabb().center() == bound.center);
             let shape = if single_box.is_some() { BOX_SHAPE } else { OTHER_SHAPE };
             (shape, 1.0, bound.farthest(sweep.local_center), single_box.unwrap_or_default())
         }
@@ -72,9 +72,9 @@ pub(super) fn body(body: &Body, is_awake: bool, [margin, slack]: [f32; 2], shape
 
 pub(super) fn still(body: &StaticBody, shapes: &mut Shapes) -> layout::Static {
     let obb = body.obb();
-    let (shape, scale, half, rounding) = match &body.solid {
-        Solid::Medial(shape) => (shapes.index_of(&shape.axis), shape.scale, obb.half_extents, 0.0),
-        Solid::Parts(parts) => match single_box(&**parts) {
+    let (shape, scale, half, rounding) = match body.solid.second() {
+        OtherShape::Shape(shape) => (shapes.index_of(&shape.axis), shape.scale, obb.half_extents, 0.0),
+        OtherShape::Parts(parts) => match single_box(parts) {
             Some((half, rounding)) => (BOX_SHAPE, 1.0, half, rounding),
             None => (OTHER_SHAPE, 1.0, obb.half_extents, 0.0),
         },

@@ -11,7 +11,7 @@ use bevy::tasks::TaskPool;
 use crate::{
     constants::{LOOK_AHEAD_SLACK, LOOK_AHEAD_STEPS},
     geometry::{Pose3, Sweep},
-    pipeline::{self, Body, BoundedPair, Candidates, KinematicReach, Primitives, Side, Solid, Statics, StepInput},
+    pipeline::{self, Body, BoundedPair, Candidates, KinematicReach, Primitives, Side, Statics, StepInput},
 };
 
 /// Prediction of the next [`LOOK_AHEAD_STEPS`] steps.
@@ -158,12 +158,7 @@ fn continued(sweep: &Sweep, start: Pose3) -> Sweep {
 
 /// Returns true if the pairs of a body, apart from its motion, are valid for another body.
 fn is_same(known: &Body, body: &Body) -> bool {
-    let solid = match (&known.solid, &body.solid) {
-        (Solid::Medial(a), Solid::Medial(b)) => a.axis.address() == b.axis.address() && a.scale == b.scale,
-        (Solid::Parts(a), Solid::Parts(b)) => a.address() == b.address(),
-        _ => false,
-    };
-    solid
+    known.solid.id() == body.solid.id()
         && (known.groups, known.rigid_body, known.world) == (body.groups, body.rigid_body, body.world)
         && (known.active || !body.active)
         && (known.stops || !body.stops)

@@ -158,10 +158,6 @@ impl ConvexParts for Deforming {
         parts
     }
 
-    fn deforming(&self) -> Option<&Deforming> {
-        Some(self)
-    }
-
     fn address(&self) -> usize {
         self.id
     }
@@ -323,7 +319,7 @@ mod tests {
             };
             let body = moving(shape, &mut random, 1.2, 1.5, [0.0, 0.5][case / 2 % 2]);
             let ring = ring(&mut random, 1 + case % 5, 0.3);
-            let other = Body::new(Solid::Parts(ring.clone()), Sweep::at_rest(Pose3::IDENTITY));
+            let other = Body::new(Solid::Deforming(ring.clone()), Sweep::at_rest(Pose3::IDENTITY));
             let distances: Vec<f32> =
                 (0..=SAMPLES).map(|i| distance_at(&body, &ring, i as f32 / SAMPLES as f32)).collect();
             let least = distances.iter().copied().fold(f32::INFINITY, f32::min);
@@ -379,7 +375,7 @@ mod tests {
             let ball = Body::new(Shape::new(MedialAxis::sphere(0.1).unwrap()), rest);
             let swing = Sweep::at_rates(Pose3::IDENTITY, Vec3::ZERO, Vec3::ZERO, Vec3::Z * angle);
             let solids: [(Solid, Sweep); 2] = [
-                (Solid::Parts(limb.clone()), Sweep::at_rest(Pose3::IDENTITY)),
+                (Solid::Deforming(limb.clone()), Sweep::at_rest(Pose3::IDENTITY)),
                 (Shape::new(axis.clone()).into(), swing),
             ];
             let [deforming, rigid] = solids.map(|(solid, sweep)| {

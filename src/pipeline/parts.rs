@@ -3,7 +3,7 @@
 use glam::Vec3;
 use smallvec::{SmallVec, smallvec};
 
-use super::{Deforming, Hull};
+use super::Hull;
 use crate::{
     geometry::{Aabb, Pose3, Sphere, part_within},
     query::{Cuboid, Separation, Support, SupportShape, separation},
@@ -27,11 +27,6 @@ pub trait ConvexParts: Send + Sync {
 
     /// Returns the parts that overlap with `reach`, a box in the collider's frame, in ascending order of their ids.
     fn within(&self, reach: &Aabb) -> Parts<'_>;
-
-    /// Returns the motion of the parts within the step, if they move in the collider's frame. [`within`](Self::within) returns the parts at the end.
-    fn deforming(&self) -> Option<&Deforming> {
-        None
-    }
 
     /// Returns an id that no other shape has while this one exists. Results can be cached under this id.
     fn address(&self) -> usize {

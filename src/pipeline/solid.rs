@@ -12,6 +12,8 @@ pub enum Solid {
     Medial(Shape),
     /// Any other collider.
     Parts(Arc<dyn ConvexParts>),
+    /// A medial mesh whose spheres move in the body's frame.
+    Deforming(Arc<Deforming>),
 }
 
 /// The second side of a pair.
@@ -24,35 +26,36 @@ pub enum OtherShape<'a> {
 }
 
 impl Solid {
-    /// Returns the medial mesh; `None` for any other collider.
+    /// Returns the medial mesh of a rigid body; `None` for any other collider.
     pub fn medial(&self) -> Option<&Shape> {
-        match self {
-            Solid::Medial(shape) => Some(shape),
-            Solid::Parts(_) => None,
+        match self.second() {
+            OtherShape::Shape(shape) => Some(shape),
+            OtherShape::Parts(_) => None,
         }
     }
 
-    /// Returns the motion of the parts within the step, if they move in the body's frame.
+    /// Returns the motion of the spheres within the step, if they move in the body's frame.
     pub fn deforming(&self) -> Option<&Deforming> {
         match self {
-            Solid::Medial(_) => None,
-            Solid::Parts(parts) => parts.deforming(),
+            Solid::Deforming(shape) => Some(shape),
+            Solid::Medial(_) | Solid::Parts(_) => None,
         }
     }
 
-    /// Returns the shape as the second side of a pair.
+    /// Returns the shape as the second side of a pair. A deforming shape is that at the end of the step.
     pub fn second(&self) -> OtherShape<'_> {
         match self {
             Solid::Medial(shape) => OtherShape::Shape(shape),
             Solid::Parts(parts) => OtherShape::Parts(&**parts),
+            Solid::Deforming(shape) => OtherShape::Parts(&**shape),
         }
     }
 
     /// Returns the number of primitives or parts.
     pub fn len(&self) -> usize {
-        match self {
-            Solid::Medial(shape) => shape.len(),
-            Solid::Parts(parts) => parts.len(),
+        match self.second() {
+            OtherShape::Shape(shape) => shape.len(),
+            OtherShape::Parts(parts) => parts.len(),
         }
     }
 
@@ -61,19 +64,27 @@ impl Solid {
         self.len() == 0
     }
 
-    /// Returns the bounding box in the body's frame.
+    /// Returns the bounding box in the body's frame. A deforming shape has that of its motion.
     pub fn aabb(&self) -> Aabb {
-        match self {
-            Solid::Medial(shape) => shape.aabb(),
-            Solid::Parts(parts) => parts.aabb(),
+        match self.second() {
+            OtherShape::Shape(shape) => shape.aabb(),
+            OtherShape::Parts(parts) => parts.aabb(),
         }
     }
 
     /// Returns a bounding sphere in the body's frame.
     pub fn bounding_sphere(&self) -> Sphere {
-        match self {
-            Solid::Medial(shape) => shape.bounding_sphere(),
-            Solid::Parts(parts) => parts.bounding_sphere(),
+        match self.second() {
+            OtherShape::Shape(shape) => shape.bounding_sphere(),
+            OtherShape::Parts(parts) => parts.bounding_sphere(),
+        }
+    }
+
+    /// Returns the identity of the shape.
+    pub fn id(&self) -> ShapeId {
+        match self.second() {
+            OtherShape::Shape(shape) => shape.into(),
+            OtherShape::Parts(parts) => ShapeId::of_parts(parts),
         }
     }
 }
@@ -83,6 +94,7 @@ impl fmt::Debug for Solid {
         match self {
             Solid::Medial(shape) => f.debug_tuple("Medial").field(shape).finish(),
             Solid::Parts(parts) => f.debug_tuple("Parts").field(&parts.aabb()).finish(),
+            Solid::Deforming(shape) => f.debug_tuple("Deforming").field(&shape.aabb()).finish(),
         }
     }
 }
@@ -98,16 +110,6 @@ impl From<Shape> for Solid {
 pub struct ShapeId {
     address: usize,
     scale: f32,
-}
-
-impl Solid {
-    /// Returns the identity of the shape.
-    pub fn id(&self) -> ShapeId {
-        match self {
-            Solid::Medial(shape) => shape.into(),
-            Solid::Parts(parts) => ShapeId::of_parts(&**parts),
-        }
-    }
 }
 
 impl From<&Shape> for ShapeId {

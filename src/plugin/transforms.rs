@@ -240,7 +240,7 @@ fn detect(
     for (entity, pose, ccd) in skins.iter().sort::<Entity>() {
         step.infos.push(BodyInfo { body: Some(entity), ..BodyInfo::at_rest(entity) });
         let passes = ccd.is_some_and(|ccd| !ccd.enabled);
-        let solid = Solid::Parts(pose.shape().clone());
+        let solid = Solid::Deforming(pose.shape().clone());
         step.input.bodies.push(Body { stops: false, passes, ..Body::new(solid, Sweep::at_rest(pose.frame())) });
     }
     step.run(|_, _, _| PairFilter::Stopping);

@@ -280,7 +280,7 @@ impl Gather<'_, '_, '_> {
             passes: self.passes(entity, collider),
             sensor: collider.is_sensor(),
             next_displacement: Some(next.unwrap_or(Displacement::REST)),
-            ..Body::new(Solid::Parts(skin.clone()), Sweep::at_rest(pose))
+            ..Body::new(Solid::Deforming(skin.clone()), Sweep::at_rest(pose))
         });
         self.step.infos.push(BodyInfo {
             body: collider.parent().and_then(|parent| context.bodies.rigid_body_entity(parent)),

@@ -170,7 +170,7 @@ impl<'a> PairMotion<'a> {
                     }
                 };
                 let reach = reach(shape1, &sweep1, &sweep2, arm2);
-                match parts.deforming() {
+                match second.deforming() {
                     Some(shape2) => {
                         let parts = shape2.moving_within(&reach, from);
                         parts.map(|part| motion(Pose3::IDENTITY, OtherPart::Moving(part))).collect()
