@@ -29,7 +29,7 @@ use serde::Serialize;
 #[derive(Parser)]
 #[command(about = "Animated characters: cost of a step, hits of bullets, a crowd of bodies")]
 struct Args {
-    /// What to run. Default: all.
+    /// Measurements to run. Default: all.
     what: Vec<What>,
     /// Few characters, bullets and runs: a short test of the program.
     #[arg(long)]

@@ -45,11 +45,12 @@ pub(crate) struct Skeletons<'w, 's> {
     skinned: Query<'w, 's, Skinned>,
     scene: Scene<'w, 's>,
     step: ResMut<'w, MedialStep>,
-    /// Number of steps in which an entity could not be placed.
+    /// Number of steps in a row in which an entity could not be placed.
     refused: Local<'s, EntityHashMap<u32>>,
 }
 
-/// Number of steps in which an entity cannot be placed before the reason is logged. An entity that is spawned or despawned in parts needs two.
+/// Number of steps in a row in which an entity cannot be placed before the reason is logged and its pose is removed. An entity that is spawned or despawned
+/// in parts needs two.
 const PATIENCE: u32 = 2;
 
 /// Assets and entities that determine the poses.
@@ -82,28 +83,23 @@ impl Skeletons<'_, '_> {
         frame_of: impl Fn(Entity) -> Option<Pose3> + Sync,
     ) {
         let Self { commands, skinned, scene, step, refused } = self;
-        refused.retain(|entity, _| skinned.contains(*entity));
         // Bevy's parallel queries do not use the thread that waits.
         let mut items: Vec<_> = skinned.iter_mut().collect();
         items.sort_unstable_by_key(|(name, ..)| name.entity);
-        let events = parallel::change(
-            ComputeTaskPool::get_or_init(Default::default),
-            &mut items,
-            4,
-            |(name, mesh, pose, detail, nearness)| {
-                let entity = name.entity;
-                let runs = is_running(entity);
-                let event =
-                    runs.then(|| scene.advance(entity, mesh, pose, detail, *nearness, frame_of(entity))).flatten();
-                event.map(|event| (entity, name.to_string(), event))
-            },
-        );
+        let pool = ComputeTaskPool::get_or_init(Default::default);
+        let events = parallel::change(pool, &mut items, 4, |(name, mesh, pose, detail, nearness)| {
+            let entity = name.entity;
+            let runs = is_running(entity);
+            let event = runs.then(|| scene.advance(entity, mesh, pose, detail, *nearness, frame_of(entity))).flatten();
+            event.map(|event| (entity, name.to_string(), event))
+        });
+        let is_refused = |entity: &Entity| {
+            events.iter().any(|(known, _, event)| known == entity && matches!(event, Event::Refused(_)))
+        };
+        refused.retain(|entity, _| is_refused(entity));
         for (entity, name, event) in events {
             match event {
-                Event::Placed(pose) => {
-                    refused.remove(&entity);
-                    commands.entity(entity).try_insert(pose);
-                }
+                Event::Placed(pose) => _ = commands.entity(entity).try_insert(pose),
                 Event::Jumped(metres) => warn!(
                     "{name}: its joints moved by {metres} m in one step, too far to be swept; call SkinPose::teleport where the animation jumps"
                 ),
@@ -113,7 +109,9 @@ impl Skeletons<'_, '_> {
                     if *steps == PATIENCE {
                         error!("{name}: {reason}, so it collides with nothing");
                     }
-                    commands.entity(entity).try_remove::<SkinPose>();
+                    if *steps >= PATIENCE {
+                        commands.entity(entity).try_remove::<SkinPose>();
+                    }
                 }
             }
         }

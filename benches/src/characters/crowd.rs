@@ -28,7 +28,7 @@ const SAMPLE: f32 = 1.0 / 60.0;
 /// Duration before the start of the run in which the bodies come to rest, in seconds.
 const REST: f32 = 0.5;
 
-/// What a run has done to the bodies.
+/// State of the bodies after a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
     /// Mean kinetic energy of a body over the time of the run, in joules.
@@ -79,7 +79,7 @@ pub fn run(actor: &Actor, dt: f32, seed: u64) -> Result<Outcome, Box<dyn Error>>
     Ok(outcome)
 }
 
-/// Balls, capsules and rings on the way of the character.
+/// Spheres, capsules and tori in front of the character.
 fn spawn_bodies(app: &mut App, seed: u64) -> Result<Vec<(Entity, MedialAxis)>, Box<dyn Error>> {
     let capsule = [-0.15, 0.15].map(|x| Sphere::new(Vec3::X * x, 0.06));
     let (capsule, _) = MedialAxis::new(capsule.to_vec(), vec![Primitive::Cone([0, 1])])?;

@@ -33,7 +33,7 @@ const LIMBS: f32 = 20.0;
 /// Least displacement between two samples of the reference, in metres.
 const SAMPLE: f32 = 5.0e-4;
 
-/// A bullet, what it has hit in the app, and what the reference says.
+/// A bullet, its hit in the app, and its touch of the triangles in the reference.
 #[derive(Clone, Debug)]
 pub struct Flight {
     /// Velocity in the world in metres per second.
@@ -215,7 +215,7 @@ fn spawn(app: &mut App, ball: &MedialMesh, flight: &Flight, way: Vec3) -> Entity
     app.world_mut().spawn((RigidBody::Dynamic, ball.clone(), place, motion, only_others, Bullet)).id()
 }
 
-/// What a flight does next in the reference.
+/// The next event of a flight in the reference.
 #[derive(Clone, Copy)]
 enum Event {
     /// The flight goes on at this time since its start.
