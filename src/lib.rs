@@ -81,6 +81,7 @@
 //! | `gpu` | no | culling on the GPU |
 //! | `serialize` | no | serde for all components except `MedialMesh`, for settings, messages, layers of the debug view and geometry |
 //! | `bevy_mesh` | no | conversion of Bevy's meshes to triangle meshes, and building of medial meshes while the app runs |
+//! | `gltf_scenes` | no | shapes of the meshes in Bevy's glTF scenes: `MedialScene` |
 //! | `mesh_files` | no | triangle meshes from OBJ, glTF, STL and PLY files |
 //! | `cli` | no | the program `medial` |
 //!
@@ -129,6 +130,8 @@ pub mod prelude {
         builder::FitOptions,
         plugin::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus},
     };
+    #[cfg(feature = "gltf_scenes")]
+    pub use crate::{builder::NodeBody, plugin::MedialScene};
     pub use crate::{
         medial_axis::MedialAxis,
         plugin::{

@@ -105,7 +105,7 @@ pub fn fit(
         let progress = between(progress, share(spheres), 1.0);
         levels.extend(coarser(&judge, mesh, &with(spheres), search, level, &progress)?);
     }
-    Ok(MedialLevels { levels: useful(levels) })
+    Ok(MedialLevels { levels: useful(levels), mass: solid.mass, ..MedialLevels::default() })
 }
 
 /// A finest level with one number of spheres.

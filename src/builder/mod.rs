@@ -40,6 +40,8 @@ mod measure;
 mod mend;
 mod merge;
 mod mesh;
+#[cfg(any(feature = "gltf_scenes", feature = "mesh_files"))]
+pub(crate) mod nodes;
 mod normal_equations;
 mod orient;
 mod parallel;
@@ -61,9 +63,11 @@ pub use bind::fit_skinned;
 pub use build::{BuildError, BuildOptions, BuildReport, Built, DEFAULT_SEED, build, build_levels};
 pub use fit::{FitOptions, fit};
 pub use folds::measure_without_folds;
-pub use levels::{Level, MedialFileError, MedialLevels, MedialLevelsError};
+pub use levels::{Level, MedialFileError, MedialLevels, MedialLevelsError, SideLimits};
 pub use measure::{Deviation, TwoSidedError, measure, vertex_errors};
 pub use mesh::{MAX_MESH_SIZE, MeshError, TriangleMesh};
+#[cfg(any(feature = "gltf_scenes", feature = "mesh_files"))]
+pub use nodes::{NodeBody, NodeMark, is_named};
 #[cfg(feature = "bevy_mesh")]
 pub(crate) use parallel::on_this_thread;
 pub use report::MeshReport;

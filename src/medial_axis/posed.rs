@@ -1,4 +1,4 @@
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 
@@ -28,6 +28,7 @@ impl MedialAxis {
             bounding_sphere: Sphere::new(center, radius),
             center_reach: most(|s, center| s.center.distance(center)),
             mass: mass.clone(),
+            mirrored: OnceLock::new(),
             min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
             coarser: Vec::new(),
             skin: None,

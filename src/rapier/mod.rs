@@ -57,6 +57,8 @@ mod quarantine;
 pub mod query;
 mod ragdoll;
 mod rays;
+#[cfg(feature = "gltf_scenes")]
+mod scene;
 mod shape;
 mod shape_cast;
 mod skinned;
@@ -89,6 +91,8 @@ pub(crate) use interpolation::fix_steps;
 pub use owed::OwedTime;
 pub use query::MedialQueries;
 pub use ragdoll::MedialRagdoll;
+#[cfg(feature = "gltf_scenes")]
+pub(crate) use scene::insert_body;
 pub use shape::MedialShape;
 pub use table::ContactTable;
 

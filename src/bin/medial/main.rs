@@ -4,6 +4,7 @@ mod build;
 mod files;
 mod info;
 mod rows;
+mod scene;
 
 use std::{
     fmt::Write as _,
@@ -64,6 +65,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let succeeded = match Args::parse().command {
+        Command::Build(args) if args.per_mesh => scene::run(&args),
         Command::Build(args) => print(build::run(&args)),
         Command::Measure { mesh, medial, close_holes, json } => print(measured(&mesh, &medial, close_holes, json)),
         Command::Info { files, json } => files.iter().filter(|file| !print(info::of(file, json))).count() == 0,

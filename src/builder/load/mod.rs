@@ -9,6 +9,7 @@
 
 mod accessors;
 mod gltf;
+mod nodes;
 mod obj;
 mod ply;
 mod polygon;
@@ -20,6 +21,8 @@ use std::path::{Path, PathBuf};
 use bevy::log::warn;
 use glam::Vec3;
 use thiserror::Error;
+
+pub use nodes::NodeMesh;
 
 use super::{MeshError, SkinnedTriangleMesh, TriangleMesh};
 use crate::medial_axis::ma::without_mark;
@@ -172,6 +175,17 @@ impl MeshFormat {
         let mesh = gltf::parse_skinned(bytes, folder, &mut warnings)?;
         Ok(Loaded { mesh: mesh.welded(), warnings })
     }
+}
+
+/// Reads the nodes of a glTF file that have a mesh, in the order of the file.
+///
+/// # Errors
+/// The path of the file, the place in it, the reason and advice. A mesh that cannot be used is an error of its node.
+pub fn read_nodes(path: &Path) -> Result<Vec<NodeMesh>, LoadError> {
+    read_with(path, |format, bytes, folder| match format {
+        MeshFormat::Gltf => nodes::parse(bytes, folder),
+        _ => Err(FormatError::new("the file", format!("the format {format:?} has no nodes"), "export it as .glb")),
+    })
 }
 
 /// Reads a mesh file and logs its warnings: see [`read`].
