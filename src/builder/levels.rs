@@ -13,6 +13,7 @@ use std::{
     sync::Arc,
 };
 
+use bevy::prelude::{Reflect, ReflectDefault};
 use glam::{Affine3A, Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -58,7 +59,8 @@ pub struct MedialLevels {
 }
 
 /// Limits of a shape on either side of the surface of its triangle mesh, in percent of the mesh's diagonal. `None`: no limit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Reflect)]
+#[reflect(Default, Clone, PartialEq)]
 pub struct SideLimits {
     /// Largest distance by which the shape protrudes from the mesh.
     pub inside: Option<f32>,

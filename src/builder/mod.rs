@@ -18,6 +18,7 @@
 //! Within a build, the diagonal of the mesh's bounding box is 1. The same mesh and options give the same bytes, for any number of threads.
 
 mod bind;
+mod boxes;
 mod build;
 mod check;
 mod clean;
@@ -52,6 +53,7 @@ mod rejoin;
 mod report;
 mod samples;
 mod search;
+mod sides;
 mod skinned;
 mod solid;
 mod surface_samples;

@@ -2,6 +2,7 @@
 
 mod arguments;
 mod outputs;
+mod scenes;
 mod skins;
 
 use std::{

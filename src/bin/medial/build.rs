@@ -5,7 +5,7 @@ use std::{
 };
 
 use bevy_medial::{
-    builder::{DEFAULT_SEED, FitOptions, Level, MedialLevels, MeshReport, TriangleMesh, fit},
+    builder::{DEFAULT_SEED, FitOptions, Level, MedialLevels, MeshReport, SideLimits, TriangleMesh, fit},
     medial_axis::MAX_SPHERES,
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -32,6 +32,12 @@ pub struct Args {
     /// Error of the finest level above which the build fails.
     #[arg(long, value_name = "PERCENT", default_value_t = FitOptions::default().error_limit, allow_negative_numbers = true, value_parser = percent)]
     error_limit: f32,
+    /// Largest distance by which the medial mesh protrudes from the triangle mesh, in percent of the diagonal. Dense samples verify it.
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
+    inside: Option<f32>,
+    /// Largest distance by which the triangle mesh lies outside of the medial mesh, in percent of the diagonal. Dense samples verify it.
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
+    enclose: Option<f32>,
     /// Bind the medial mesh to the joints of a skinned glTF file, which is read in its bind pose. The output must be OUT.medial.
     #[arg(long)]
     skin: bool,
@@ -111,10 +117,18 @@ impl<'a> Outputs<'a> {
     /// Writes all files or none.
     fn write(self, chain: &MedialLevels) -> Result<(), String> {
         let finest = self.finest.zip(chain.levels.first());
-        let finest = finest.map(|(path, level)| (path.to_owned(), files::text(&level.axis)));
+        let text = |level: &Level| [stated(&chain.sides).into_bytes(), files::text(&level.axis)].concat();
+        let finest = finest.map(|(path, level)| (path.to_owned(), text(level)));
         let levels = self.levels.map(|path| (path, chain.to_bytes()));
         files::write(&finest.into_iter().chain(levels).collect::<Vec<_>>())
     }
+}
+
+/// The limits of the sides, as comments of a `.ma` file.
+pub fn stated(sides: &SideLimits) -> String {
+    let line = |(limit, what): (Option<f32>, &str)| limit.map(|limit| format!("# {what} {limit} % of the diagonal\n"));
+    let limits = [(sides.inside, "protrudes from the mesh by at most"), (sides.enclose, "covers the mesh up to")];
+    limits.into_iter().filter_map(line).collect()
 }
 
 /// Returns true if both paths lead to one existing file.
@@ -176,6 +190,7 @@ pub fn fitted(args: &Args, mesh: &TriangleMesh, levels: bool) -> Result<MedialLe
         spheres: args.spheres.map(|spheres| spheres as usize),
         max_error: args.max_error,
         error_limit: args.error_limit,
+        sides: SideLimits { inside: args.inside, enclose: args.enclose },
         levels,
         searches: args.searches.map(|searches| searches as usize),
         seed: args.seed,

@@ -132,8 +132,8 @@ fn cleaned(medial: &Path, output: &Path) -> Outcome {
 /// Returns the medial meshes of a file: one, or one for each level with its number.
 fn read_axes(path: &Path) -> Result<Vec<(Option<usize>, MedialAxis)>, String> {
     match Content::read(path)? {
-        Content::Levels(levels) => {
-            Ok(levels.into_iter().enumerate().map(|(number, level)| (Some(number), level.axis)).collect())
+        Content::Levels(chain) => {
+            Ok(chain.levels.into_iter().enumerate().map(|(number, level)| (Some(number), level.axis)).collect())
         }
         Content::Medial(file) => {
             let (axis, _) = file.into_medial_axis().map_err(|error| at(path, error))?;
