@@ -37,6 +37,7 @@ use bevy_medial::{
 use bevy_rapier3d::prelude::{RapierConfiguration, TimestepMode};
 use clap::Parser;
 use common::{display::has_display, studio::Studio};
+use yard::{MOVING, STILL, register, yard};
 
 /// A glTF scene in which everything collides.
 #[derive(Parser)]
@@ -62,7 +63,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options = Options::parse();
     let animal = load::load(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/models/deer.obj")))?;
     let glb = options.glb.clone().unwrap_or_else(|| env::temp_dir().join("bevy_medial_yard.glb"));
-    fs::write(&glb, yard::yard(&animal))?;
+    fs::write(&glb, yard(&animal))?;
     let folder = glb.parent().filter(|folder| *folder != Path::new("")).map_or(env::current_dir(), fs::canonicalize)?;
     let file = glb.file_name().ok_or("the scene needs a file name")?.to_string_lossy().into_owned();
     let assets = AssetPlugin { file_path: folder.to_string_lossy().into_owned(), ..default() };
@@ -99,6 +100,7 @@ struct Scene(String);
 
 /// Adds everything that does not draw.
 fn simulate(app: &mut App, file: String) {
+    register(app);
     app.add_plugins((MedialPhysicsPlugin::default(), MedialBuildPlugin::default()))
         .insert_resource(Scene(file))
         .insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })
@@ -152,7 +154,9 @@ fn run(app: &mut App, frames: u32) {
 /// Prints where the bodies are. It is an error if a shape is missing, or if a body has left the yard.
 fn report(app: &mut App) -> Result<(), Box<dyn Error>> {
     let mut shapes = app.world_mut().query::<(&Name, &MedialBuildStatus, &GlobalTransform)>();
-    for (name, status, place) in shapes.iter(app.world()) {
+    for node in MOVING.iter().chain(&STILL) {
+        let found = shapes.iter(app.world()).find(|(name, ..)| name.as_str() == *node);
+        let (name, status, place) = found.ok_or_else(|| format!("{node} has no shape"))?;
         let at = place.translation();
         println!("{name}: {status:?} at {at:.2}");
         if *status != MedialBuildStatus::Built || at.abs().max_element() > 6.0 || at.y < -0.3 {

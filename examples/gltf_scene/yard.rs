@@ -1,8 +1,11 @@
 //! A scene made by code, as the bytes of a .glb file: a yard with walls, crates, a plank, a ball and two animals.
 
 use bevy::{
+    camera::{primitives::Aabb, visibility::VisibilityClass},
+    gltf::{GltfExtras, GltfMaterialName, GltfMeshExtras, GltfMeshName},
     mesh::{Indices, Mesh, VertexAttributeValues},
     prelude::*,
+    transform::components::TransformTreeChanged,
 };
 use bevy_medial::builder::TriangleMesh;
 use serde_json::{Value, json};
@@ -25,6 +28,27 @@ pub const STILL: [&str; 5] = [
     "wall-medialstatic.002",
     "wall-medialstatic.003",
 ];
+
+/// Registers the components of scenes. Bevy's feature `reflect_auto_register`, a default, does it as well.
+pub fn register(app: &mut App) {
+    app.register_type::<Transform>()
+        .register_type::<GlobalTransform>()
+        .register_type::<TransformTreeChanged>()
+        .register_type::<Visibility>()
+        .register_type::<InheritedVisibility>()
+        .register_type::<ViewVisibility>()
+        .register_type::<VisibilityClass>()
+        .register_type::<Name>()
+        .register_type::<Children>()
+        .register_type::<ChildOf>()
+        .register_type::<Aabb>()
+        .register_type::<Mesh3d>()
+        .register_type::<MeshMaterial3d<StandardMaterial>>()
+        .register_type::<GltfExtras>()
+        .register_type::<GltfMeshExtras>()
+        .register_type::<GltfMeshName>()
+        .register_type::<GltfMaterialName>();
+}
 
 /// The bytes of the file. The height of the animal is about 1 m.
 pub fn yard(animal: &TriangleMesh) -> Vec<u8> {

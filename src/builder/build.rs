@@ -135,7 +135,7 @@ pub enum BuildError {
     Sides {
         /// Number of spheres of the shape.
         spheres: usize,
-        /// Distance by which it protrudes from the mesh, beyond the limit, in percent of the diagonal.
+        /// Protrusion of the shape from the mesh, beyond the limit, in percent of the diagonal.
         out: f32,
         /// Distance of the mesh outside of the shape, beyond the limit, in percent of the diagonal.
         gap: f32,

@@ -62,7 +62,7 @@ pub struct MedialLevels {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Reflect)]
 #[reflect(Default, Clone, PartialEq)]
 pub struct SideLimits {
-    /// Largest distance by which the shape protrudes from the mesh.
+    /// Largest protrusion of the shape from the mesh.
     pub inside: Option<f32>,
     /// Largest distance of a point of the mesh from the shape, outside of the shape.
     pub enclose: Option<f32>,

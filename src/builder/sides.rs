@@ -38,7 +38,7 @@ struct Excess {
     by: f64,
 }
 
-/// The distances by which a shape protrudes from the solid, and by which the surface lies outside of the shape, where they exceed the limits. Limits are parts of
+/// Protrusions of a shape from the solid, and distances of the surface outside of the shape, beyond the limits. Limits are parts of
 /// the diagonal.
 fn excesses(
     solid: &Solid,
@@ -77,7 +77,7 @@ fn protrusion(solid: &Solid, point: DVec3) -> f64 {
 /// Reduces radii where a shape protrudes, and increases them where the surface lies outside of it, until the limits are kept.
 ///
 /// # Errors
-/// The distances in percent of the diagonal by which dense samples exceed the limits afterwards.
+/// Excesses of dense samples over the limits afterwards, in percent of the diagonal.
 pub(super) fn keep(solid: &Solid, axis: &MedialAxis, limits: SideLimits) -> Result<MedialAxis, [f32; 2]> {
     let limits =
         [limits.inside, limits.enclose].map(|limit| limit.map_or(f64::INFINITY, |limit| f64::from(limit) / 100.0));
@@ -148,7 +148,7 @@ mod tests {
     fn limits_hold_at_other_samples() {
         let mesh = torus();
         let percent = mesh.diagonal() / 100.0;
-        // Largest distance by which the shape protrudes, and by which the surface lies outside.
+        // Largest protrusion of the shape, and largest distance of the surface outside of it.
         let worst = |sides: SideLimits| {
             let options =
                 FitOptions { spheres: Some(14), sides, levels: true, searches: Some(1), ..FitOptions::default() };

@@ -1,3 +1,5 @@
+use std::sync::{Arc, OnceLock};
+
 use glam::{Mat3, Vec3};
 
 use super::{MassProperties, MedialAxis};
@@ -7,6 +9,14 @@ use crate::geometry::Sphere;
 const MIRROR: Vec3 = Vec3::new(-1.0, 1.0, 1.0);
 
 impl MedialAxis {
+    /// The same shape with these mass properties at unit density, for example those of the solid that it approximates. Coarser levels keep theirs.
+    #[must_use]
+    pub fn with_mass(mut self, mass: MassProperties) -> Self {
+        let data = Arc::make_mut(&mut self.0);
+        (data.mass, data.mirrored) = (mass.into(), OnceLock::new());
+        self
+    }
+
     /// The mirror image at the plane x = 0, without coarser levels and without a skin. Spheres and primitives have the same indices. All clones share it; the
     /// first call computes it.
     pub fn mirrored(&self) -> &MedialAxis {

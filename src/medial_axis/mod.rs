@@ -202,14 +202,6 @@ impl MedialAxis {
         self
     }
 
-    /// The same shape with these mass properties at unit density, for example those of the solid that it approximates. Coarser levels keep theirs.
-    #[must_use]
-    pub fn with_mass(mut self, mass: MassProperties) -> Self {
-        let data = Arc::make_mut(&mut self.0);
-        (data.mass, data.mirrored) = (mass.into(), OnceLock::new());
-        self
-    }
-
     /// The same shape, bound to the joints of a skeleton. Its spheres are those of the bind pose. Coarser levels keep their own skins.
     ///
     /// # Errors

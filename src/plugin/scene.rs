@@ -85,7 +85,7 @@ fn find_nodes(
         let Some(scene) = parents.iter_ancestors(entity).find(|above| scenes.contains(*above)) else { continue };
         let parent = parents.get(entity).ok().map(ChildOf::parent);
         let node = parent.filter(|_| gltf_mesh(mesh).is_some()).unwrap_or(entity);
-        if !children.iter_descendants(node).any(|child| shapes.contains(child)) {
+        if !children.get(node).is_ok_and(|below| below.iter().any(|child| shapes.contains(child))) {
             commands.entity(node).try_insert(Unshaped { scene });
         }
     }

@@ -34,7 +34,7 @@ fn each_mesh_of_a_scene_gets_a_file() {
     let expected = [
         "animal.medial",
         "ball.medial",
-        "box_0.05556x0.1111x1.medial",
+        "box_0.05555x0.1111x1.medial",
         "box_1x0.05x0.2.medial",
         "box_1x0.05x1.medial",
         "crate.medial",
@@ -42,7 +42,7 @@ fn each_mesh_of_a_scene_gets_a_file() {
     ];
     assert_eq!(names(&out), expected);
     assert!(expected.iter().all(|name| text.contains(&format!("{name} level 0: "))), "{text}");
-    let wall = MedialLevels::load(&Path::new(&out).join("box_0.05556x0.1111x1.medial")).unwrap();
+    let wall = MedialLevels::load(&Path::new(&out).join("box_0.05555x0.1111x1.medial")).unwrap();
     let half = wall.levels[0].axis.aabb().half_extents();
     assert!(half.abs_diff_eq(0.5 * Vec3::new(1.0 / 18.0, 1.0 / 9.0, 1.0), 1e-4), "{half}");
     assert!((wall.mass.unwrap().volume * 162.0 - 1.0).abs() < 1e-2);

@@ -32,10 +32,10 @@ pub struct Args {
     /// Error of the finest level above which the build fails.
     #[arg(long, value_name = "PERCENT", default_value_t = FitOptions::default().error_limit, allow_negative_numbers = true, value_parser = percent)]
     error_limit: f32,
-    /// Largest distance by which the medial mesh protrudes from the triangle mesh, in percent of the diagonal. Dense samples verify it.
+    /// Let the medial mesh protrude from the triangle mesh by at most this part of the diagonal. Dense samples verify it.
     #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
     inside: Option<f32>,
-    /// Largest distance by which the triangle mesh lies outside of the medial mesh, in percent of the diagonal. Dense samples verify it.
+    /// Let the triangle mesh protrude from the medial mesh by at most this part of the diagonal. Dense samples verify it.
     #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
     enclose: Option<f32>,
     /// Bind the medial mesh to the joints of a skinned glTF file, which is read in its bind pose. The output must be OUT.medial.

@@ -22,7 +22,7 @@ pub struct NodeMesh {
     pub mark: NodeMark,
     /// Name of the file of its shape, without the extension. Nodes with the same mesh in the same proportions have the same name.
     pub file: String,
-    /// The triangles in the node's own frame, or the reason why there are none. A non-uniform scale is applied; its largest factor becomes 1.
+    /// The triangles in the node's own frame, or the reason why they cannot be used. A non-uniform scale is applied; its largest factor becomes 1.
     pub triangles: Result<TriangleMesh, String>,
 }
 

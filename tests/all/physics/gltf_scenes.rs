@@ -1,6 +1,12 @@
 //! Shapes of the meshes in glTF scenes that Bevy spawns.
 
-use std::{collections::HashSet, fs, ops::ControlFlow, path::PathBuf, time::Duration};
+use std::{
+    collections::HashSet,
+    fs,
+    ops::ControlFlow,
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use bevy::{
     gltf::{GltfAssetLabel, GltfPlugin},
@@ -16,7 +22,7 @@ use bevy_medial::{
     rapier::MedialShape,
 };
 use bevy_rapier3d::prelude::{Collider, RapierConfiguration, RigidBody};
-use yard::{MOVING, STILL, yard};
+use yard::{MOVING, STILL, register, yard};
 
 use crate::{common::*, log};
 
@@ -24,16 +30,9 @@ use crate::{common::*, log};
 mod yard;
 
 /// Few spheres, so that tests take little time.
-const FEW: FitOptions = FitOptions { spheres: Some(24), searches: Some(1), ..FIT };
-const FIT: FitOptions = FitOptions {
-    spheres: None,
-    max_error: None,
-    error_limit: 6.0,
-    sides: bevy_medial::builder::SideLimits { inside: None, enclose: None },
-    levels: false,
-    searches: None,
-    seed: 1,
-};
+fn few() -> FitOptions {
+    FitOptions { spheres: Some(24), searches: Some(1), ..default() }
+}
 
 /// A folder with `yard.glb`.
 fn folder(name: &str) -> PathBuf {
@@ -45,12 +44,11 @@ fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// An app with the scene of a file, which is loaded. The simulation is stopped.
-fn app(folder: &std::path::Path, scene: MedialScene) -> App {
-    let mut app = app_with((MedialPhysicsPlugin::default(), MedialBuildPlugin::default()), folder);
-    app.add_plugins((ImagePlugin::default(), WorldSerializationPlugin, GltfPlugin::default()));
-    app.finish();
-    app.cleanup();
+/// An app with the scene of a file, when all nodes have their shapes. The simulation is stopped.
+fn app(folder: &Path, scene: MedialScene) -> App {
+    let gltf = (ImagePlugin::default(), WorldSerializationPlugin, GltfPlugin::default());
+    let mut app = app_with((MedialPhysicsPlugin::default(), MedialBuildPlugin::default(), gltf), folder);
+    register(&mut app);
     app.update();
     set_active(&mut app, false);
     let file = app.world().resource::<AssetServer>().load(GltfAssetLabel::Scene(0).from_asset("yard.glb"));
@@ -60,15 +58,7 @@ fn app(folder: &std::path::Path, scene: MedialScene) -> App {
     app.world_mut().spawn((WorldAssetRoot(file), scene, place));
     for _ in 0..60_000 {
         app.update();
-        let mut shapes = app.world_mut().query::<(&Name, Has<Collider>, Option<&MedialBuildStatus>)>();
-        let names = || STILL.iter().chain(&MOVING);
-        let is_over = |name: &str| {
-            shapes.iter(app.world()).any(|(other, has_collider, status)| {
-                other.as_str() == name && (has_collider || matches!(status, Some(MedialBuildStatus::Failed(_))))
-            })
-        };
-        let mut is_over = is_over;
-        if names().all(|name| is_over(name)) {
+        if app.world_mut().query::<&Collider>().iter(app.world()).count() == STILL.len() + MOVING.len() {
             return app;
         }
         std::thread::sleep(Duration::from_millis(1));
@@ -125,7 +115,7 @@ fn check_places(app: &mut App) {
 
 #[test]
 fn everything_in_a_scene_collides() {
-    let mut app = app(&folder("physics-gltf"), MedialScene { options: FEW, ..default() });
+    let mut app = app(&folder("physics-gltf"), MedialScene { options: few(), ..default() });
     check_places(&mut app);
     for (names, body) in [(&MOVING[..], RigidBody::Dynamic), (&STILL, RigidBody::Fixed)] {
         for name in names {
@@ -160,7 +150,7 @@ fn shapes_of_a_scene_come_from_files() {
         if node.mark.body == Some(NodeBody::NoShape) || folder.join(format!("baked/{}.medial", node.file)).exists() {
             continue;
         }
-        let levels = fit(&node.triangles.unwrap(), &FEW, &|_| ControlFlow::Continue(())).unwrap();
+        let levels = fit(&node.triangles.unwrap(), &few(), &|_| ControlFlow::Continue(())).unwrap();
         levels.save(&folder.join(format!("baked/{}.medial", node.file))).unwrap();
     }
     assert_eq!(fs::read_dir(folder.join("baked")).unwrap().count(), 7);
