@@ -150,8 +150,7 @@ mod tests {
         let percent = mesh.diagonal() / 100.0;
         // Largest protrusion of the shape, and largest distance of the surface outside of it.
         let worst = |sides: SideLimits| {
-            let options =
-                FitOptions { spheres: Some(14), sides, levels: true, searches: Some(1), ..FitOptions::default() };
+            let options = FitOptions { spheres: Some(14), sides, searches: Some(1), ..FitOptions::default() };
             let levels = fit(&mesh, &options, &|_| ControlFlow::Continue(())).unwrap();
             assert_eq!(levels.sides, sides);
             let mut random = Random(2);
