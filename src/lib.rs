@@ -82,6 +82,7 @@
 //! | `gpu` | yes | bounds of impacts by compute shaders, where a GPU is faster |
 //! | `serialize` | no | serde for all components except `MedialMesh`, for settings, messages, layers of the debug view and geometry |
 //! | `bevy_mesh` | no | conversion of Bevy's meshes to triangle meshes, and building of medial meshes while the app runs |
+//! | `gltf_scenes` | no | shapes of the meshes in Bevy's glTF scenes: `MedialScene` |
 //! | `mesh_files` | no | triangle meshes from OBJ, glTF, STL and PLY files |
 //! | `cli` | no | the program `medial` |
 //!
@@ -141,6 +142,8 @@ pub mod prelude {
         builder::FitOptions,
         plugin::{BuildMedialMesh, MedialBuildPlugin, MedialBuildStatus},
     };
+    #[cfg(feature = "gltf_scenes")]
+    pub use crate::{builder::NodeBody, plugin::MedialScene};
 }
 
 /// Compiles the programs of the README and of the guide.

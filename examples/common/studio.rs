@@ -33,9 +33,15 @@ pub struct Studio {
 impl Studio {
     /// `DefaultPlugins` without a window. `build` adds a camera with the given target.
     pub fn new(size: UVec2, build: impl FnOnce(&mut App, RenderTarget)) -> Self {
+        Self::with_assets(size, AssetPlugin::default(), build)
+    }
+
+    /// The same with other assets.
+    pub fn with_assets(size: UVec2, assets: AssetPlugin, build: impl FnOnce(&mut App, RenderTarget)) -> Self {
         let mut app = App::new();
         app.add_plugins(
             DefaultPlugins
+                .set(assets)
                 .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
                 .set(RenderPlugin { synchronous_pipeline_compilation: true, ..default() })
                 .set(LogPlugin { filter: "error".into(), ..default() })

@@ -128,7 +128,7 @@ fn read(file: &Path, mesh: &TriangleMesh) -> Result<MedialLevels, Box<dyn std::e
     let at = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
     let bytes = std::fs::read(file).map_err(|error| at(&error))?;
     let (axis, _) = ma::parse(&bytes).map_err(|error| at(&error))?.into_medial_axis().map_err(|error| at(&error))?;
-    Ok(MedialLevels { levels: vec![Level { error: measure(mesh, &axis), axis }] })
+    Ok(MedialLevels { levels: vec![Level { error: measure(mesh, &axis), axis }], ..MedialLevels::default() })
 }
 
 fn add_view(app: &mut App, shown: Shown, job: Job, binding: Option<Binding>, target: RenderTarget) {

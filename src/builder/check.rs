@@ -31,14 +31,17 @@ pub(super) fn check(solid: &Solid, level: &Level, limit: f32) -> Result<(), Buil
     let off = solid.mass.iter().flat_map(|mass| differences(level.axis.mass(), mass));
     let off = off.map(|(what, off)| (what, off.abs()));
     let (what, worst) = off.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
-    let error = level.error.max();
     if worst > MOST_OFF || worst.is_nan() {
         Err(BuildError::Mass { what, spheres, percent: worst as f32 })
-    } else if error > limit {
-        Err(BuildError::Error { spheres, percent: error, limit })
     } else {
-        Ok(())
+        within(level, limit)
     }
+}
+
+/// Checks the error of a shape.
+pub(super) fn within(level: &Level, limit: f32) -> Result<(), BuildError> {
+    let (spheres, percent) = (level.axis.spheres().len(), level.error.max());
+    if percent > limit { Err(BuildError::Error { spheres, percent, limit }) } else { Ok(()) }
 }
 
 /// Differences in percent: of the volume, of the centre of mass relative to the radius of gyration, and of the moment of inertia about the axis for which it is

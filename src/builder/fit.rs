@@ -1,15 +1,17 @@
 //! Medial meshes of a triangle mesh with a limited number of spheres or a limited error.
 
-use std::ops::ControlFlow;
+use std::{iter::once, ops::ControlFlow};
 
 use bevy::prelude::{Reflect, ReflectDefault};
 
 use super::{
-    BuildError, BuildOptions, Built, DEFAULT_SEED, Level, MedialLevels, TriangleMesh,
+    BuildError, BuildOptions, Built, DEFAULT_SEED, Level, MedialLevels, SideLimits, TriangleMesh,
+    boxes::{BOX_SPHERES, boxes},
     build::{coarser, finest, finest_share},
-    check::{check, check_solid},
+    check::{check, check_solid, within},
     optimise::{Judge, Search},
     progress::between,
+    sides::keep,
     solid::Solid,
 };
 use crate::medial_axis::MAX_SPHERES;
@@ -35,6 +37,10 @@ pub struct FitOptions {
     pub max_error: Option<f32>,
     /// Error of the finest level in percent of the diagonal above which the build fails. Default: 6 %.
     pub error_limit: f32,
+    /// Limits of all levels on either side of the surface, which dense samples verify. Radii are corrected until they are kept, more spheres are tried
+    /// otherwise, and then the build fails. Coarser levels that cannot keep them are left out. The mass properties of such shapes may differ from the mesh's,
+    /// but bodies use those of the mesh.
+    pub sides: SideLimits,
     /// True: builds all levels of detail, down to one sphere per component. False: builds the finest level only.
     pub levels: bool,
     /// Number of searches for each level, each from different samples; the best result is used. `None`: one or two for the finest level, depending on the
@@ -50,6 +56,7 @@ impl Default for FitOptions {
             spheres: None,
             max_error: None,
             error_limit: ERROR_LIMIT,
+            sides: SideLimits::default(),
             levels: false,
             searches: None,
             seed: DEFAULT_SEED,
@@ -71,20 +78,62 @@ pub fn fit(
     options: &FitOptions,
     progress: &(dyn Fn(f32) -> ControlFlow<()> + Sync),
 ) -> Result<MedialLevels, BuildError> {
+    let solid = Solid::new(mesh)?;
+    check_solid(&solid)?;
+    let levels = exact(&solid, options).map_or_else(|| searched(mesh, &solid, options, progress), Ok)?;
+    Ok(MedialLevels { levels: useful(levels), mass: solid.mass, sides: options.sides })
+}
+
+/// The levels of a box. `None` for other solids, and if these levels do not satisfy the options.
+fn exact(solid: &Solid, options: &FitOptions) -> Option<Vec<Level>> {
+    if options.spheres.is_some_and(|spheres| spheres < BOX_SPHERES) {
+        return None;
+    }
+    let finest = f64::from(options.max_error.unwrap_or(f32::INFINITY)) / 100.0;
+    let levels = boxes(solid, finest)?.into_iter().take(if options.levels { 2 } else { 1 });
+    let mut levels = levels.map(|axis| kept(solid, Level { error: solid.measure(&axis), axis }, options.sides));
+    let first = levels.next()?.ok()?;
+    check(solid, &first, options.error_limit).ok()?;
+    Some(once(first).chain(levels.flatten()).collect())
+}
+
+/// A level that keeps limits.
+fn kept(solid: &Solid, level: Level, sides: SideLimits) -> Result<Level, BuildError> {
+    if sides == SideLimits::default() {
+        return Ok(level);
+    }
+    let spheres = level.axis.spheres().len();
+    let axis = keep(solid, &level.axis, sides).map_err(|[out, gap]| BuildError::Sides { spheres, out, gap })?;
+    Ok(Level { error: solid.measure(&axis), axis })
+}
+
+/// The levels that searches find.
+fn searched(
+    mesh: &TriangleMesh,
+    solid: &Solid,
+    options: &FitOptions,
+    progress: &(dyn Fn(f32) -> ControlFlow<()> + Sync),
+) -> Result<Vec<Level>, BuildError> {
     let with = |spheres: usize| BuildOptions {
         spheres,
         searches: options.searches,
         seed: options.seed,
         ..BuildOptions::default()
     };
-    let solid = Solid::new(mesh)?;
-    check_solid(&solid)?;
-    let judge = Judge::new(&solid, options.seed);
+    let judge = Judge::new(solid, options.seed);
     let level = |built: Built| Level { error: solid.measure(&built.axis), axis: built.axis };
     let share = |spheres: usize| if options.levels { finest_share(mesh, &with(spheres)) } else { 1.0 };
     let examine = |search: Search| -> Result<Trial, BuildError> {
-        let level = level(search.built(&solid)?);
-        Ok(Trial { flaw: check(&solid, &level, options.error_limit).err(), search, level })
+        let free = level(search.built(solid)?);
+        let found = check(solid, &free, f32::INFINITY).and_then(|()| kept(solid, free.clone(), options.sides));
+        let (level, flaw) = match found {
+            Ok(level) => {
+                let flaw = within(&level, options.error_limit).err();
+                (level, flaw)
+            }
+            Err(flaw) => (free, Some(flaw)),
+        };
+        Ok(Trial { search, level, flaw })
     };
     let trial = |spheres: usize| -> Result<Trial, BuildError> {
         let fitted = examine(finest(&judge, mesh, &with(spheres), &between(progress, 0.0, share(spheres)))?)?;
@@ -102,9 +151,10 @@ pub fn fit(
     if options.levels {
         let spheres = search.spheres();
         let progress = between(progress, share(spheres), 1.0);
-        levels.extend(coarser(&judge, mesh, &with(spheres), search, level, &progress)?);
+        let coarser = coarser(&judge, mesh, &with(spheres), search, level, &progress)?;
+        levels.extend(coarser.into_iter().filter_map(|level| kept(solid, level, options.sides).ok()));
     }
-    Ok(MedialLevels { levels: useful(levels) })
+    Ok(levels)
 }
 
 /// A finest level with one number of spheres.

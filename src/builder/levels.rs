@@ -1,11 +1,11 @@
 //! A chain of levels of detail in one compact file, `.medial`.
 //!
 //! ```text
-//! "medial"  version (u16)  checksum (u32, of all that follows)  levels  skin (postcard)      numbers little endian
+//! "medial"  version (u16)  checksum (u32, of all that follows)  levels  rest (postcard)      numbers little endian
 //! ```
 //!
-//! The file has about a third of the size of `.ma` text and includes the errors. The checksum detects damage. Files of version 1 have no skin; they are still
-//! written for rigid shapes.
+//! The file has about a third of the size of `.ma` text and includes the errors. The checksum detects damage. The version determines the rest, and the
+//! oldest one that can hold the content is written: 1 nothing, 2 a skin, 3 a skin, mass properties and limits of the sides, each optional.
 
 use std::{
     fs,
@@ -13,14 +13,18 @@ use std::{
     sync::Arc,
 };
 
-use glam::{Affine3A, Vec3};
+use bevy::prelude::{Reflect, ReflectDefault};
+use glam::{Affine3A, Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{Deviation, TwoSidedError};
 use crate::{
     geometry::Sphere,
-    medial_axis::{JointWeights, MAX_INFLUENCES, MedialAxis, MedialAxisError, Skin, SkinError, SkinJoint, ma::MaFile},
+    medial_axis::{
+        JointWeights, MAX_INFLUENCES, MassProperties, MedialAxis, MedialAxisError, Skin, SkinError, SkinJoint,
+        ma::MaFile,
+    },
     whole_file,
 };
 
@@ -29,6 +33,8 @@ const MAGIC: [u8; 6] = *b"medial";
 const RIGID: u16 = 1;
 /// Version of files with a skin.
 const SKINNED: u16 = 2;
+/// Version of files with properties of the solid.
+const SOLID: u16 = 3;
 /// Number of bytes before the levels.
 const HEADER: usize = 12;
 
@@ -46,6 +52,20 @@ pub struct Level {
 pub struct MedialLevels {
     /// The levels, the finest first.
     pub levels: Vec<Level>,
+    /// Mass properties of the triangle mesh at unit density, which all levels take over. `None`: those of the finest level.
+    pub mass: Option<MassProperties>,
+    /// The limits that all levels keep on each side of the surface.
+    pub sides: SideLimits,
+}
+
+/// Limits of a shape on either side of the surface of its triangle mesh, in percent of the mesh's diagonal. `None`: no limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Reflect)]
+#[reflect(Default, Clone, PartialEq)]
+pub struct SideLimits {
+    /// Largest protrusion of the shape from the mesh.
+    pub inside: Option<f32>,
+    /// Largest distance of a point of the mesh from the shape, outside of the shape.
+    pub enclose: Option<f32>,
 }
 
 /// Reasons why bytes are not a chain of levels.
@@ -55,7 +75,7 @@ pub enum MedialLevelsError {
     #[error("it is not a .medial file; write one with `medial build --levels`")]
     Magic,
     /// Another version of the crate wrote the file.
-    #[error("it has version {0} of the format, not {RIGID} or {SKINNED}; build it again")]
+    #[error("it has version {0} of the format, not {RIGID} to {SOLID}; build it again")]
     Version(u16),
     /// The file was truncated or altered.
     #[error("it is damaged: {0}; copy or build it again")]
@@ -113,7 +133,32 @@ struct Stored {
     error: [f32; 5],
 }
 
-/// The skin in the file, after the levels.
+/// The rest of a file of version 3, after the levels.
+#[derive(Serialize, Deserialize)]
+struct StoredSolid {
+    skin: Option<StoredSkin>,
+    /// Volume, centre of mass, and the inertia tensor as xx, yy, zz, xy, xz, yz.
+    mass: Option<[f32; 10]>,
+    sides: SideLimits,
+}
+
+fn stored_mass(mass: MassProperties) -> [f32; 10] {
+    let ([x, y, z], i) = (mass.center_of_mass.to_array(), mass.inertia);
+    [mass.volume, x, y, z, i.x_axis.x, i.y_axis.y, i.z_axis.z, i.x_axis.y, i.x_axis.z, i.y_axis.z]
+}
+
+fn mass_of([volume, x, y, z, xx, yy, zz, xy, xz, yz]: [f32; 10]) -> Result<MassProperties, MedialLevelsError> {
+    let inertia = Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
+    let center_of_mass = Vec3::new(x, y, z);
+    let is_positive = [volume, xx, yy, zz].into_iter().all(|value| value > 0.0 && value.is_finite());
+    if is_positive && inertia.is_finite() && center_of_mass.is_finite() {
+        Ok(MassProperties { volume, center_of_mass, inertia })
+    } else {
+        Err(MedialLevelsError::Damaged("its mass properties are not those of a solid"))
+    }
+}
+
+/// The skin in the file.
 #[derive(Serialize, Deserialize)]
 struct StoredSkin {
     /// Names and inverse bind poses, by columns.
@@ -172,9 +217,10 @@ impl MedialLevels {
     /// The finest level, with the others as its coarser levels. `None` if there are no levels.
     pub fn into_medial_axis(self) -> Option<MedialAxis> {
         let mut levels = self.levels.into_iter();
-        let finest = levels.next()?;
+        let Level { axis: finest, .. } = levels.next()?;
+        let finest = self.mass.map_or(finest.clone(), |mass| finest.with_mass(mass));
         let metres = |error: TwoSidedError| error.max() / 100.0 * error.diagonal;
-        Some(finest.axis.with_coarser(levels.map(|level| (level.axis, metres(level.error))).collect()))
+        Some(finest.with_coarser(levels.map(|level| (level.axis, metres(level.error))).collect()))
     }
 
     /// The content of a `.medial` file. It has a skin if all levels have one, with the same joints.
@@ -196,8 +242,15 @@ impl MedialLevels {
         // Serialization of lists of numbers in memory cannot fail.
         let mut body = postcard::to_allocvec(&stored).unwrap_or_default();
         let skin = StoredSkin::of(&self.levels);
-        let version = if skin.is_some() { SKINNED } else { RIGID };
-        body.extend(skin.map(|skin| postcard::to_allocvec(&skin).unwrap_or_default()).unwrap_or_default());
+        let (version, rest) = match skin {
+            skin if self.mass.is_some() || self.sides != SideLimits::default() => {
+                let rest = StoredSolid { skin, mass: self.mass.map(stored_mass), sides: self.sides };
+                (SOLID, postcard::to_allocvec(&rest))
+            }
+            Some(skin) => (SKINNED, postcard::to_allocvec(&skin)),
+            None => (RIGID, Ok(vec![])),
+        };
+        body.extend(rest.unwrap_or_default());
         let header = MAGIC.into_iter().chain(version.to_le_bytes()).chain(crc32fast::hash(&body).to_le_bytes());
         header.chain(body.iter().copied()).collect()
     }
@@ -209,7 +262,7 @@ impl MedialLevels {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, MedialLevelsError> {
         let header = bytes.get(..HEADER).filter(|header| header.starts_with(&MAGIC)).ok_or(MedialLevelsError::Magic)?;
         let version = u16::from_le_bytes([header[6], header[7]]);
-        if ![RIGID, SKINNED].contains(&version) {
+        if !(RIGID..=SOLID).contains(&version) {
             return Err(MedialLevelsError::Version(version));
         }
         let body = &bytes[HEADER..];
@@ -218,11 +271,13 @@ impl MedialLevels {
         }
         let cut = |_| MedialLevelsError::Damaged("the lists do not have the expected length");
         let (stored, rest) = postcard::take_from_bytes::<Vec<Stored>>(body).map_err(cut)?;
-        let (skin, rest) = match version {
+        let (StoredSolid { skin, mass, sides }, rest) = match version {
+            SOLID => postcard::take_from_bytes(rest).map_err(cut)?,
             SKINNED => {
-                postcard::take_from_bytes::<StoredSkin>(rest).map(|(skin, rest)| (Some(skin), rest)).map_err(cut)?
+                let (skin, rest) = postcard::take_from_bytes(rest).map_err(cut)?;
+                (StoredSolid { skin: Some(skin), mass: None, sides: SideLimits::default() }, rest)
             }
-            _ => (None, rest),
+            _ => (StoredSolid { skin: None, mass: None, sides: SideLimits::default() }, rest),
         };
         if !rest.is_empty() {
             return Err(MedialLevelsError::Damaged("bytes follow the last level"));
@@ -246,7 +301,7 @@ impl MedialLevels {
         if let Some(skin) = skin {
             skin.bind(&mut levels)?;
         }
-        Ok(Self { levels })
+        Ok(Self { levels, mass: mass.map(mass_of).transpose()?, sides })
     }
 
     /// Reads a `.medial` file.

@@ -16,6 +16,7 @@
 //! Within a build, the diagonal of the mesh's bounding box is 1. The same mesh and options give the same bytes, for any number of threads.
 
 mod bind;
+mod boxes;
 mod build;
 mod check;
 mod clean;
@@ -30,6 +31,8 @@ mod levels;
 pub mod load;
 mod measure;
 mod mesh;
+#[cfg(any(feature = "gltf_scenes", feature = "mesh_files"))]
+pub(crate) mod nodes;
 mod optimise;
 mod options;
 mod orient;
@@ -38,6 +41,7 @@ mod points;
 mod progress;
 mod report;
 mod samples;
+mod sides;
 mod skinned;
 mod solid;
 mod surface_samples;
@@ -48,9 +52,11 @@ pub use bind::fit_skinned;
 pub use build::{build, build_levels};
 pub use fit::{FitOptions, fit};
 pub use folds::measure_without_folds;
-pub use levels::{Level, MedialFileError, MedialLevels, MedialLevelsError};
+pub use levels::{Level, MedialFileError, MedialLevels, MedialLevelsError, SideLimits};
 pub use measure::{Deviation, TwoSidedError, measure, vertex_errors};
 pub use mesh::{MAX_MESH_SIZE, MeshError, TriangleMesh};
+#[cfg(any(feature = "gltf_scenes", feature = "mesh_files"))]
+pub use nodes::{NodeBody, NodeMark, is_named};
 pub use options::{BuildError, BuildOptions, BuildReport, Built, DEFAULT_SEED};
 #[cfg(feature = "bevy_mesh")]
 pub(crate) use parallel::on_this_thread;

@@ -116,6 +116,18 @@ pub enum BuildError {
         /// The largest allowed error.
         limit: f32,
     },
+    /// The finest shape does not keep the [limits](super::FitOptions::sides) of its sides.
+    #[error(
+        "the shape with {spheres} spheres exceeds the limits of its sides: it protrudes by {out:.3} %, and the mesh by {gap:.3} % of the diagonal more than allowed; allow more spheres, or a larger distance"
+    )]
+    Sides {
+        /// Number of spheres of the shape.
+        spheres: usize,
+        /// Protrusion of the shape from the mesh, beyond the limit, in percent of the diagonal.
+        out: f32,
+        /// Distance of the mesh outside of the shape, beyond the limit, in percent of the diagonal.
+        gap: f32,
+    },
     /// The mass or the inertia of the solid is too small or too large for an f32.
     #[error("the mesh is {diagonal:e} m in size, and its mass is too small or too large to compute with; scale it")]
     TooSmall {

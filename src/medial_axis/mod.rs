@@ -11,6 +11,7 @@ mod chord;
 mod cleanup;
 pub mod ma;
 mod mass;
+mod mirror;
 pub mod packed;
 #[cfg(feature = "rapier")]
 mod parts;
@@ -72,6 +73,7 @@ struct Data {
     bounding_sphere: Sphere,
     center_reach: f32,
     mass: OnceLock<MassProperties>,
+    mirrored: OnceLock<MedialAxis>,
     min_radius: f32,
     coarser: Vec<(MedialAxis, f32)>,
     skin: Option<Skin>,
@@ -180,6 +182,7 @@ impl MedialAxis {
             bounding_sphere: bound,
             center_reach: spheres.iter().map(|s| s.center.distance(bound.center)).fold(0.0, f32::max),
             mass: OnceLock::new(),
+            mirrored: OnceLock::new(),
             min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
             coarser: Vec::new(),
             skin: None,
@@ -194,9 +197,7 @@ impl MedialAxis {
     #[must_use]
     pub fn with_coarser(mut self, mut coarser: Vec<(MedialAxis, f32)>) -> Self {
         let mass = *self.mass();
-        for (level, _) in &mut coarser {
-            Arc::make_mut(&mut level.0).mass = mass.into();
-        }
+        coarser.iter_mut().for_each(|(level, _)| *level = level.clone().with_mass(mass));
         Arc::make_mut(&mut self.0).coarser = coarser;
         self
     }
@@ -256,12 +257,13 @@ impl MedialAxis {
         coarser.last().map_or(self, |(level, _)| level)
     }
 
-    /// Memory of the shape and its coarser levels of detail, in bytes. Clones share it.
+    /// Memory of the shape, its mirror image if it is used, and its coarser levels of detail, in bytes. Clones share it.
     pub fn memory(&self) -> usize {
-        let Data { spheres, primitives, bvh, coarser, skin, .. } = &*self.0;
+        let Data { spheres, primitives, bvh, coarser, skin, mirrored, .. } = &*self.0;
         let own = size_of::<Data>() + size_of_val::<[Sphere]>(spheres) + size_of_val::<[Primitive]>(primitives);
         own + bvh.memory()
             + skin.as_ref().map_or(0, Skin::memory)
+            + mirrored.get().map_or(0, MedialAxis::memory)
             + coarser.iter().map(|(level, _)| level.memory()).sum::<usize>()
     }
 

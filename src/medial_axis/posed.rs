@@ -28,6 +28,7 @@ impl MedialAxis {
             bounding_sphere: Sphere::new(center, radius),
             center_reach: most(|s, center| s.center.distance(center)),
             mass: OnceLock::from(*self.mass()),
+            mirrored: OnceLock::new(),
             min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
             coarser: Vec::new(),
             skin: None,

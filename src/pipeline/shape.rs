@@ -35,6 +35,12 @@ impl Shape {
         Self { axis, scale: 1.0 }
     }
 
+    /// Creates a shape at a scale. A negative scale stands for a mirror image: x is scaled by it, y and z by its absolute value.
+    pub fn scaled(axis: &MedialAxis, scale: f32) -> Self {
+        let axis = if scale < 0.0 { axis.mirrored() } else { axis };
+        Self { axis: axis.clone(), scale: scale.abs() }
+    }
+
     /// Returns the number of primitives.
     pub fn len(&self) -> usize {
         self.axis.primitives().len()

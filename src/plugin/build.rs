@@ -94,6 +94,8 @@ impl Plugin for MedialBuildPlugin {
             .register_type::<MedialMesh>()
             .insert_resource(Cache(self.cache.clone()))
             .add_systems(Update, (leave_builds, join_builds, take_results).chain().in_set(MedialSystems::Build));
+        #[cfg(feature = "gltf_scenes")]
+        super::scene::add(app);
     }
 }
 
@@ -108,6 +110,7 @@ struct Key {
     /// Bits of the values, so that NaN equals itself.
     max_error: Option<u32>,
     error_limit: u32,
+    sides: [Option<u32>; 2],
     levels: bool,
     searches: Option<usize>,
     seed: u64,
@@ -115,9 +118,10 @@ struct Key {
 
 impl Key {
     fn new(mesh: AssetId<Mesh>, options: &FitOptions) -> Self {
-        let &FitOptions { spheres, max_error, error_limit, levels, searches, seed } = options;
+        let &FitOptions { spheres, max_error, error_limit, sides, levels, searches, seed } = options;
         let (max_error, error_limit) = (max_error.map(f32::to_bits), error_limit.to_bits());
-        Self { mesh, spheres, max_error, error_limit, levels, searches, seed }
+        let sides = [sides.inside, sides.enclose].map(|limit| limit.map(f32::to_bits));
+        Self { mesh, spheres, max_error, error_limit, sides, levels, searches, seed }
     }
 }
 

@@ -7,7 +7,8 @@ use crate::medial_axis::MedialAxis;
 ///
 /// A body needs only this component and a `RigidBody`: collider, mass and inertia are added when the asset has loaded. Until then a dynamic body stands
 /// still and keeps its velocity and all impulses, unless a `Collider` on it or on a child stands in for the shape. Without a `RigidBody` the
-/// entity is a fixed collider, or, on a child of a body, one of that body's shapes. The `Transform` may scale it uniformly.
+/// entity is a fixed collider, or, on a child of a body, one of that body's shapes. The `Transform` may scale it uniformly and
+/// mirror it.
 ///
 /// ```no_run
 /// # use bevy::prelude::*;

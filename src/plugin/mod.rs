@@ -15,6 +15,7 @@
 //! | [`MedialContacts`] | system parameter: the contacts of the last step, by entity |
 //! | `MedialBuildPlugin` | with the feature `bevy_mesh`: builds the medial meshes of entities with a `BuildMedialMesh` from their `Mesh3d` |
 //! | `MedialDebugPlugin` | with the feature `debug`: draws shapes and the last step, as configured by `MedialGizmos` and the component `MedialGizmo` |
+//! | `MedialScene` | with the feature `gltf_scenes`: component: the meshes of a spawned glTF scene get shapes |
 //! | `MedialPickingPlugin` | with the feature `picking`: pointers pick medial bodies |
 //! | [`MedialSystems`] | system sets, for ordering |
 //! | [`MedialStep`] | internal resource: input and output of the last step |
@@ -45,6 +46,8 @@ mod picking;
 #[cfg(feature = "gpu")]
 mod pipelined;
 mod report;
+#[cfg(feature = "gltf_scenes")]
+mod scene;
 mod screw;
 mod settings;
 mod skeletons;
@@ -81,6 +84,8 @@ pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
 #[cfg(feature = "picking")]
 pub use picking::{MedialPickingCamera, MedialPickingPlugin, MedialPickingSettings};
+#[cfg(feature = "gltf_scenes")]
+pub use scene::MedialScene;
 pub use settings::{MedialBackend, MedialSettings};
 pub(crate) use skeletons::Skeletons;
 pub use skinned::{SkinHit, SkinPose, SkinnedMedialMesh};
@@ -149,10 +154,12 @@ pub(crate) fn is_sound_pose(pose: &Pose3) -> bool {
     is_bounded(pose.translation) && (pose.rotation.length_squared() - 1.0).abs() < 1e-2
 }
 
-/// Returns true for a scale that a medial mesh can have: positive, and the same along all axes up to the rounding of a rotation.
-pub(crate) fn is_uniform(scale: Vec3) -> bool {
-    let least = scale.min_element();
-    scale.is_finite() && least > 0.0 && scale.max_element() <= least * (1.0 + SCALE_ROUNDING)
+/// Returns the scale of a medial mesh, for [`Shape::scaled`](crate::pipeline::Shape::scaled). It must be the same along all axes up to the rounding of a
+/// rotation, and may be negative along x, as in Bevy's decomposition of a mirrored transform.
+pub(crate) fn uniform_scale(scale: Vec3) -> Option<f32> {
+    let (sizes, least) = (scale.abs(), scale.abs().min_element());
+    let is_uniform = scale.is_finite() && least > 0.0 && sizes.max_element() <= least * (1.0 + SCALE_ROUNDING);
+    (is_uniform && scale.y > 0.0 && scale.z > 0.0).then_some(scale.x)
 }
 
 impl Plugin for MedialCollisionPlugin {

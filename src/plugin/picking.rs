@@ -13,7 +13,7 @@ use bevy::{
     prelude::*,
 };
 
-use super::{MedialLevel, MedialMesh, StaticObb};
+use super::{MedialLevel, MedialMesh, StaticObb, uniform_scale};
 use crate::{geometry::Aabb, medial_axis::MedialAxis, pipeline::Shape};
 
 /// A back end of Bevy's picking. Pointers hit medial bodies, at the level of detail with which they collide, and static boxes. Add it after `DefaultPlugins`.
@@ -136,11 +136,8 @@ fn hit(target: &TargetItem, axes: &Assets<MedialAxis>, ray: &Ray3d) -> Option<(f
     let (origin, direction) = (rotation.inverse() * (ray.origin - translation), rotation.inverse() * *ray.direction);
     let (depth, normal) = match (target.mesh, target.obb) {
         (Some(mesh), _) => {
-            if scale.x <= 0.0 {
-                return None;
-            }
-            let axis = axes.get(&mesh.0)?.level(target.level.map_or(0, |level| level.0)).clone();
-            let (hit, _) = Shape { axis, scale: scale.x }.ray_cast(origin, direction, f32::MAX)?;
+            let axis = axes.get(&mesh.0)?.level(target.level.map_or(0, |level| level.0));
+            let (hit, _) = Shape::scaled(axis, uniform_scale(scale)?).ray_cast(origin, direction, f32::MAX)?;
             (hit.time, hit.normal)
         }
         (None, Some(obb)) => {

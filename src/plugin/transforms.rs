@@ -13,7 +13,7 @@ use bevy::{
 
 use super::{
     BodyInfo, Detail, DetailItem, MedialCcd, MedialLevel, MedialMesh, MedialSettings, MedialStep, MedialSystems,
-    Skeletons, SkinPose, SkinnedMedialMesh, StaticObb, is_bounded, is_sound_pose, is_uniform,
+    Skeletons, SkinPose, SkinnedMedialMesh, StaticObb, is_bounded, is_sound_pose, uniform_scale,
 };
 use crate::{
     constants::DEFAULT_PREDICTION,
@@ -71,9 +71,9 @@ fn pose_of(transform: &GlobalTransform) -> Option<(Pose3, Vec3)> {
     sound.then(|| (Pose3::from_parts(translation, rotation.normalize()), scale))
 }
 
-/// The same for a medial mesh, which has one scale.
+/// The same for a medial mesh, which has one scale. It is negative if the mesh is mirrored.
 fn uniform_pose_of(transform: &GlobalTransform) -> Option<(Pose3, f32)> {
-    pose_of(transform).filter(|(_, scale)| is_uniform(*scale)).map(|(pose, scale)| (pose, scale.x))
+    pose_of(transform).and_then(|(pose, scale)| Some((pose, uniform_scale(scale)?)))
 }
 
 /// Entities that cannot be placed. This has been logged.
@@ -88,7 +88,7 @@ impl Refused {
         } else if self.0.insert(name.entity) {
             let transform = transform.compute_transform();
             error!(
-                "{name}: the entity collides with nothing at {transform:?}; give it finite values and, if it has a medial mesh, a uniform scale with an even number of mirrored axes"
+                "{name}: the entity collides with nothing at {transform:?}; give it finite values and, if it has a medial mesh, a uniform scale"
             );
         }
         placed
@@ -115,11 +115,11 @@ fn place(
         }
         return None;
     };
-    let level = detail.level(axis, scale);
+    let level = detail.level(axis, scale.abs());
     if told != Some(&MedialLevel(level)) {
         entity.try_insert(MedialLevel(level));
     }
-    Some((pose, Shape { axis: axis.level(level).clone(), scale }))
+    Some((pose, Shape::scaled(axis.level(level), scale)))
 }
 
 /// Removes the level of detail together with the shape.

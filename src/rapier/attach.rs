@@ -21,7 +21,7 @@ use crate::{
     constants::SCALE_ROUNDING,
     medial_axis::MedialAxis,
     pipeline::Shape,
-    plugin::{Detail, MedialLevel, MedialMesh, SkinnedMedialMesh, StaticObb, is_uniform},
+    plugin::{Detail, MedialLevel, MedialMesh, SkinnedMedialMesh, StaticObb, uniform_scale},
 };
 
 /// The shape and scale from which the collider of an entity was made. Present as well if no collider could be made.
@@ -52,7 +52,7 @@ fn is_same_scale(scale: Vec3, wanted: Vec3) -> bool {
     }
 }
 
-/// Returns the scale of an entity in the world. An even number of mirrored axes is a rotation.
+/// Returns the scale of an entity in the world: positive, or negative along x only if an odd number of axes is mirrored.
 fn scale_of(entity: Entity, transform: &Transform, is_child: bool, hierarchy: &TransformHelper) -> Vec3 {
     let may_differ = is_child || transform.scale.min_element() < 0.0;
     let global = may_differ.then(|| hierarchy.compute_global_transform(entity).ok());
@@ -81,7 +81,7 @@ pub(super) fn attach_shapes(
         let scale = known.map_or(scale, |known| known.scale);
         let asset = mesh.0.id();
         let leveled = assets.get(asset).map(|finest| {
-            let level = detail.level(finest, scale.x);
+            let level = detail.level(finest, scale.x.abs());
             (finest, level, finest.level(level))
         });
         let axis = leveled.map(|(.., axis)| axis);
@@ -102,19 +102,20 @@ pub(super) fn attach_shapes(
             continue;
         };
         entity.try_insert(wanted);
-        if !is_uniform(scale) || !(finest.mass().inertia * scale.x.powi(5)).is_finite() {
+        let uniform = uniform_scale(scale).filter(|scale| (finest.mass().inertia * scale.powi(5)).is_finite());
+        let Some(uniform) = uniform else {
             error!(
                 "{name}: a medial mesh cannot be scaled by {scale}, so it collides with nothing; \
-                 give it a uniform, moderate Transform::scale with an even number of mirrored axes, or build a mesh of the wanted proportions"
+                 give it a uniform, moderate Transform::scale, or build a mesh of the wanted proportions"
             );
             entity.try_remove::<(Collider, MedialLevel)>();
             continue;
-        }
+        };
         *next_key += 1;
-        let same = shared.entry((axis.address(), scale.x.to_bits())).or_default();
+        let shape = Shape::scaled(axis, uniform);
+        let same = shared.entry((shape.axis.address(), shape.scale.to_bits())).or_default();
         let primitives = same.upgrade().unwrap_or_default();
         *same = Arc::downgrade(&primitives);
-        let shape = Shape { axis: axis.clone(), scale: scale.x };
         let shape = MedialShape::sharing(shape, *next_key, primitives);
         entity.try_insert((Collider::from(SharedShape::new(shape)), UNSCALED, MedialLevel(level)));
     }

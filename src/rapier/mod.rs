@@ -57,6 +57,8 @@ mod quarantine;
 pub mod query;
 mod ragdoll;
 mod rays;
+#[cfg(feature = "gltf_scenes")]
+mod scene;
 mod shape;
 mod shape_cast;
 mod skinned;
@@ -90,6 +92,8 @@ pub use dispatcher::MedialDispatcher;
 pub use owed::OwedTime;
 pub use query::MedialQueries;
 pub use ragdoll::MedialRagdoll;
+#[cfg(feature = "gltf_scenes")]
+pub(crate) use scene::insert_body;
 pub use shape::MedialShape;
 pub use table::ContactTable;
 

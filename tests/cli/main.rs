@@ -2,6 +2,7 @@
 
 mod arguments;
 mod outputs;
+mod scenes;
 mod skins;
 
 use std::{
@@ -147,7 +148,7 @@ fn info_and_measure_list_each_level() {
         let mesh = TriangleMesh::new(positions, surface.indices.as_chunks().0.to_vec()).unwrap();
         Level { error: measure(&mesh, &axis), axis }
     };
-    let chain = MedialLevels { levels: vec![level(24), level(6)] };
+    let chain = MedialLevels { levels: vec![level(24), level(6)], ..MedialLevels::default() };
     let path = folder.0.join("torus.medial");
     chain.save(&path).unwrap();
     let path = path.to_str().unwrap();

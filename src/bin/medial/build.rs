@@ -5,7 +5,7 @@ use std::{
 };
 
 use bevy_medial::{
-    builder::{DEFAULT_SEED, FitOptions, Level, MedialLevels, MeshReport, TriangleMesh, fit},
+    builder::{DEFAULT_SEED, FitOptions, Level, MedialLevels, MeshReport, SideLimits, TriangleMesh, fit},
     medial_axis::MAX_SPHERES,
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -19,10 +19,10 @@ use super::{
 #[derive(clap::Args)]
 pub struct Args {
     /// The triangle mesh.
-    mesh: PathBuf,
-    /// Where to write the medial mesh: OUT.ma for the finest level as text, OUT.medial for all levels of detail with their errors.
+    pub mesh: PathBuf,
+    /// Where to write the medial mesh: OUT.ma for the finest level as text, OUT.medial for all levels of detail with their errors. With --per-mesh: a folder.
     #[arg(short, long, value_name = "OUT")]
-    output: PathBuf,
+    pub output: PathBuf,
     /// Largest number of spheres of the finest level.
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole(1..=MAX_SPHERES as u64))]
     spheres: Option<u64>,
@@ -32,9 +32,25 @@ pub struct Args {
     /// Error of the finest level above which the build fails.
     #[arg(long, value_name = "PERCENT", default_value_t = FitOptions::default().error_limit, allow_negative_numbers = true, value_parser = percent)]
     error_limit: f32,
+    /// Let the medial mesh protrude from the triangle mesh by at most this part of the diagonal. Dense samples verify it.
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
+    inside: Option<f32>,
+    /// Let the triangle mesh protrude from the medial mesh by at most this part of the diagonal. Dense samples verify it.
+    #[arg(long, value_name = "PERCENT", allow_negative_numbers = true, value_parser = percent)]
+    enclose: Option<f32>,
     /// Bind the medial mesh to the joints of a skinned glTF file, which is read in its bind pose. The output must be OUT.medial.
     #[arg(long)]
     skin: bool,
+    /// Build the meshes of a glTF scene one by one, and write them to the folder OUT as NAME.medial, with all levels of detail. Nodes with the mark
+    /// `-noshape` are left out.
+    #[arg(long, conflicts_with_all = ["skin", "levels"])]
+    pub per_mesh: bool,
+    /// With --per-mesh: only nodes with this name, or with a mesh of this name. `*` stands for any text. May be repeated.
+    #[arg(long, value_name = "NAME", requires = "per_mesh")]
+    pub only: Vec<String>,
+    /// With --per-mesh: leave out nodes with this name, or with a mesh of this name. May be repeated.
+    #[arg(long, value_name = "NAME", requires = "per_mesh")]
+    pub skip: Vec<String>,
     /// Also write all levels of detail with their errors beside the finest level: OUT.medial.
     #[arg(long)]
     levels: bool,
@@ -101,10 +117,18 @@ impl<'a> Outputs<'a> {
     /// Writes all files or none.
     fn write(self, chain: &MedialLevels) -> Result<(), String> {
         let finest = self.finest.zip(chain.levels.first());
-        let finest = finest.map(|(path, level)| (path.to_owned(), files::text(&level.axis)));
+        let text = |level: &Level| [stated(&chain.sides).into_bytes(), files::text(&level.axis)].concat();
+        let finest = finest.map(|(path, level)| (path.to_owned(), text(level)));
         let levels = self.levels.map(|path| (path, chain.to_bytes()));
         files::write(&finest.into_iter().chain(levels).collect::<Vec<_>>())
     }
+}
+
+/// The limits of the sides, as comments of a `.ma` file.
+pub fn stated(sides: &SideLimits) -> String {
+    let line = |(limit, what): (Option<f32>, &str)| limit.map(|limit| format!("# {what} {limit} % of the diagonal\n"));
+    let limits = [(sides.inside, "protrudes from the mesh by at most"), (sides.enclose, "covers the mesh up to")];
+    limits.into_iter().filter_map(line).collect()
 }
 
 /// Returns true if both paths lead to one existing file.
@@ -132,7 +156,7 @@ pub fn run(args: &Args) -> Outcome {
     for flaw in MeshReport::new(&mesh).flaws() {
         eprintln!("warning: {}", at(&args.mesh, flaw));
     }
-    let mut chain = fitted(args, &mesh, outputs.levels.is_some())?;
+    let mut chain = fitted(args, &mesh, outputs.levels.is_some()).map_err(|error| at(&args.mesh, error))?;
     if let Some(skinned) = &skinned {
         chain = chain.bound(skinned).map_err(|error| at(&args.mesh, error))?;
     }
@@ -142,15 +166,21 @@ pub fn run(args: &Args) -> Outcome {
         eprintln!("warning: {}", at(&args.mesh, format!("the error is more than {asked} %; allow more spheres")));
     }
     outputs.write(&chain)?;
+    Ok(described(args, &args.output, &chain))
+}
+
+/// A line for each level of a file.
+pub fn described(args: &Args, output: &Path, chain: &MedialLevels) -> String {
+    let name = if args.per_mesh { format!("{} ", output.display()) } else { String::new() };
     let line = |(number, Level { axis, error }): (usize, &Level)| match args.json {
-        true => json(&Row::new(&args.output, Some(number), axis, error)),
-        false => format!("level {number}: {} spheres, {error}\n", axis.spheres().len()),
+        true => json(&Row::new(output, Some(number), axis, error)),
+        false => format!("{name}level {number}: {} spheres, {error}\n", axis.spheres().len()),
     };
-    Ok(chain.levels.iter().enumerate().map(line).collect())
+    chain.levels.iter().enumerate().map(line).collect()
 }
 
 /// Fits the levels and shows the progress.
-fn fitted(args: &Args, mesh: &TriangleMesh, levels: bool) -> Result<MedialLevels, String> {
+pub fn fitted(args: &Args, mesh: &TriangleMesh, levels: bool) -> Result<MedialLevels, String> {
     let bar = ProgressBar::new(1000);
     if let Ok(style) = ProgressStyle::with_template("{elapsed_precise} {wide_bar} {percent} %") {
         bar.set_style(style);
@@ -160,6 +190,7 @@ fn fitted(args: &Args, mesh: &TriangleMesh, levels: bool) -> Result<MedialLevels
         spheres: args.spheres.map(|spheres| spheres as usize),
         max_error: args.max_error,
         error_limit: args.error_limit,
+        sides: SideLimits { inside: args.inside, enclose: args.enclose },
         levels,
         searches: args.searches.map(|searches| searches as usize),
         seed: args.seed,
@@ -169,5 +200,5 @@ fn fitted(args: &Args, mesh: &TriangleMesh, levels: bool) -> Result<MedialLevels
         ControlFlow::Continue(())
     });
     bar.finish_and_clear();
-    chain.map_err(|error| at(&args.mesh, error))
+    chain.map_err(|error| error.to_string())
 }

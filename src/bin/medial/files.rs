@@ -5,7 +5,7 @@ use std::{
 
 use bevy_medial::{
     builder::{
-        Level, MedialLevels, MedialLevelsError, SkinnedTriangleMesh, TriangleMesh,
+        MedialLevels, MedialLevelsError, SkinnedTriangleMesh, TriangleMesh,
         load::{self, Loaded, MeshFormat},
     },
     medial_axis::{MedialAxis, ma},
@@ -15,7 +15,7 @@ use bevy_medial::{
 /// The content of a file. The content determines the type, or the extension of the name.
 pub enum Content {
     Mesh(TriangleMesh),
-    Levels(Vec<Level>),
+    Levels(MedialLevels),
     Medial(ma::MaFile),
 }
 
@@ -24,7 +24,7 @@ impl Content {
         let bytes = fs::read(path).map_err(|error| at(path, format!("cannot be read: {error}")))?;
         match MedialLevels::from_bytes(&bytes) {
             Err(MedialLevelsError::Magic) if !is_levels(path) => {}
-            levels => return Ok(Self::Levels(levels.map_err(|error| at(path, error))?.levels)),
+            levels => return Ok(Self::Levels(levels.map_err(|error| at(path, error))?)),
         }
         let Some(format) = MeshFormat::detect(&bytes, path) else {
             return Ok(Self::Medial(ma::parse(&bytes).map_err(|error| at(path, error))?));

@@ -1,7 +1,7 @@
 use std::{fmt::Write, path::Path};
 
 use bevy_medial::{
-    builder::{Level, MeshReport, TriangleMesh},
+    builder::{MedialLevels, MeshReport, TriangleMesh},
     geometry::Aabb,
     medial_axis::{CleanupReport, MedialAxis, ma::MaFile},
 };
@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::{
     Outcome,
+    build::stated,
     files::{Content, at},
     rows::{Row, json, kinds},
 };
@@ -16,12 +17,13 @@ use super::{
 pub fn of(path: &Path, as_json: bool) -> Outcome {
     match Content::read(path)? {
         Content::Mesh(mesh) => Ok(of_mesh(path, &mesh, as_json)),
-        Content::Levels(levels) => Ok(of_levels(path, &levels, as_json)),
+        Content::Levels(chain) => Ok(of_levels(path, &chain, as_json)),
         Content::Medial(file) => of_medial(path, file, as_json),
     }
 }
 
-fn of_levels(path: &Path, levels: &[Level], as_json: bool) -> String {
+fn of_levels(path: &Path, chain: &MedialLevels, as_json: bool) -> String {
+    let levels = &chain.levels;
     let rows = levels.iter().enumerate().map(|(number, level)| Row::new(path, Some(number), &level.axis, &level.error));
     if as_json {
         return rows.map(|row| json(&row)).collect();
@@ -29,6 +31,10 @@ fn of_levels(path: &Path, levels: &[Level], as_json: bool) -> String {
     let joints = levels.first().and_then(|level| level.axis.skin()).map(|skin| skin.joints().len());
     let joints = joints.map_or(String::new(), |joints| format!(", bound to {joints} joints"));
     let mut text = format!("{}: {} levels, finest first{joints}\n", path.display(), levels.len());
+    if let Some(mass) = chain.mass {
+        let _ = writeln!(text, "solid: volume {} m^3, centre of mass {} m", mass.volume, mass.center_of_mass);
+    }
+    text.push_str(&stated(&chain.sides));
     for (Row { spheres, cones, slabs, .. }, (number, level)) in rows.zip(levels.iter().enumerate()) {
         let _ = writeln!(text, "level {number}: {spheres} spheres, {cones} cones, {slabs} slabs; {}", level.error);
     }

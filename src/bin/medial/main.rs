@@ -4,6 +4,7 @@ mod build;
 mod files;
 mod info;
 mod rows;
+mod scene;
 
 use std::{
     fmt::Write as _,
@@ -64,6 +65,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let succeeded = match Args::parse().command {
+        Command::Build(args) if args.per_mesh => scene::run(&args),
         Command::Build(args) => print(build::run(&args)),
         Command::Measure { mesh, medial, close_holes, json } => print(measured(&mesh, &medial, close_holes, json)),
         Command::Info { files, json } => files.iter().filter(|file| !print(info::of(file, json))).count() == 0,
@@ -130,8 +132,8 @@ fn cleaned(medial: &Path, output: &Path) -> Outcome {
 /// Returns the medial meshes of a file: one, or one for each level with its number.
 fn read_axes(path: &Path) -> Result<Vec<(Option<usize>, MedialAxis)>, String> {
     match Content::read(path)? {
-        Content::Levels(levels) => {
-            Ok(levels.into_iter().enumerate().map(|(number, level)| (Some(number), level.axis)).collect())
+        Content::Levels(chain) => {
+            Ok(chain.levels.into_iter().enumerate().map(|(number, level)| (Some(number), level.axis)).collect())
         }
         Content::Medial(file) => {
             let (axis, _) = file.into_medial_axis().map_err(|error| at(path, error))?;

@@ -7,7 +7,7 @@ fn chain() -> MedialLevels {
         let error = TwoSidedError { mesh_to_envelope: deviation, envelope_to_mesh: deviation, diagonal: 3.0 };
         Level { axis: MedialAxis::torus(1.0, 0.2, segments).unwrap(), error }
     });
-    MedialLevels { levels: levels.into() }
+    MedialLevels { levels: levels.into(), ..MedialLevels::default() }
 }
 
 /// The same chain with three joints.
@@ -33,22 +33,36 @@ fn sealed(version: u16, body: &[u8]) -> Vec<u8> {
 
 #[test]
 fn levels_survive_a_round_trip() {
-    for (chain, version) in [(chain(), RIGID), (skinned_chain(), SKINNED)] {
+    let solid = |mut chain: MedialLevels| {
+        chain.mass =
+            Some(MedialAxis::cone(Sphere::new(Vec3::X, 0.3), Sphere::new(Vec3::Y, 0.5)).unwrap().mass().to_owned());
+        chain.sides = SideLimits { inside: Some(0.5), enclose: None };
+        chain
+    };
+    for (chain, version, has_skin) in [
+        (chain(), RIGID, false),
+        (skinned_chain(), SKINNED, true),
+        (solid(chain()), SOLID, false),
+        (solid(skinned_chain()), SOLID, true),
+    ] {
         let bytes = chain.to_bytes();
         assert_eq!(bytes[6..8], version.to_le_bytes());
         let again = MedialLevels::from_bytes(&bytes).unwrap();
-        assert_eq!(again.levels.len(), 3);
+        assert_eq!((again.levels.len(), again.mass, again.sides), (3, chain.mass, chain.sides));
         for (a, b) in chain.levels.iter().zip(&again.levels) {
             let lists = |level: &Level| (level.axis.spheres().to_vec(), level.axis.primitives().to_vec(), level.error);
             assert_eq!(lists(a), lists(b));
-            assert_eq!((a.axis.skin(), a.axis.skin().is_some()), (b.axis.skin(), version == SKINNED));
+            assert_eq!((a.axis.skin(), a.axis.skin().is_some()), (b.axis.skin(), has_skin));
         }
         let joints = again.levels.iter().filter_map(|level| level.axis.skin()).map(Skin::joints);
         assert!(
             joints.collect::<Vec<_>>().array_windows().all(|[a, b]| Arc::ptr_eq(a, b)),
             "levels share their joints"
         );
-        assert_eq!(again.into_medial_axis().unwrap().level(2).skin().is_some(), version == SKINNED);
+        let axis = again.into_medial_axis().unwrap();
+        assert_eq!(axis.level(2).skin().is_some(), has_skin);
+        let mass = chain.mass.unwrap_or(*chain.levels[0].axis.mass());
+        assert!((0..3).all(|level| *axis.level(level).mass() == mass), "all levels have the mass of the solid");
     }
     let mut mixed = skinned_chain();
     mixed.levels.extend(chain().levels);
@@ -118,8 +132,8 @@ fn errors_name_cause_and_remedy() {
     let no_file = "it is not a .medial file; write one with `medial build --levels`";
     assert_eq!((error(b""), error(b"2 1 0\nv 0 0 0 1\n")), (no_file.into(), no_file.into()));
     let mut newer = good.clone();
-    newer[6] = 3;
-    assert_eq!(error(&newer), "it has version 3 of the format, not 1 or 2; build it again");
+    newer[6] = 4;
+    assert_eq!(error(&newer), "it has version 4 of the format, not 1 to 3; build it again");
     let damaged = "it is damaged: the checksum does not match; copy or build it again";
     assert_eq!(error(&good[..good.len() - 1]), damaged);
     assert_eq!(
@@ -132,13 +146,19 @@ fn errors_name_cause_and_remedy() {
     let stored = |cones| Stored { spheres: vec![[0.0, 0.0, 0.0, 1.0]], cones, slabs: vec![], error: [0.0; 5] };
     let wild = postcard::to_allocvec(&vec![stored(vec![]), stored(vec![[0, 7]])]).unwrap();
     assert_eq!(error(&sealed(RIGID, &wild)), "level 1: primitive 0: there is no sphere 7 among 1; build it again");
+    let no_solid =
+        MedialLevels { mass: Some(MassProperties { volume: 0.0, ..*chain().levels[0].axis.mass() }), ..chain() };
+    let no_mass = "it is damaged: its mass properties are not those of a solid; copy or build it again";
+    assert_eq!(error(&no_solid.to_bytes()), no_mass);
     let missing = MedialLevels::load(Path::new("no such.medial")).unwrap_err().to_string();
     assert!(missing.starts_with("no such.medial: "), "{missing}");
 }
 
 #[test]
 fn damage_never_passes_for_a_shape() {
-    for (good, version) in [(chain().to_bytes(), RIGID), (skinned_chain().to_bytes(), SKINNED)] {
+    let solid = MedialLevels { mass: Some(*MedialAxis::sphere(1.0).unwrap().mass()), ..skinned_chain() };
+    for (chain, version) in [(chain(), RIGID), (skinned_chain(), SKINNED), (solid, SOLID)] {
+        let good = chain.to_bytes();
         damage_never_passes(&good, version);
     }
 }

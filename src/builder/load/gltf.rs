@@ -1,4 +1,5 @@
 use std::{
+    borrow::Cow,
     collections::HashMap,
     fs,
     io::{self, Read},
@@ -6,7 +7,8 @@ use std::{
 };
 
 use glam::{DMat4, Mat4, Vec3};
-use gltf::{Document, Gltf, Mesh, Node, Primitive, Semantic, buffer::Source, mesh::Mode};
+use gltf::{Document, Glb, Mesh, Node, Primitive, Semantic, buffer::Source, json::Root, mesh::Mode};
+use serde_json::Value;
 
 use super::{
     FormatError,
@@ -54,30 +56,60 @@ pub(super) fn parse_skinned(
 }
 
 /// Reads meshes, with their skins if `skins` are given.
-fn read(bytes: &[u8], folder: &Path, skins: Option<Skins>, warnings: &mut Vec<String>) -> Result<File, FormatError> {
-    let (document, blob) = document(bytes)?;
-    let mut file = File { buffers: buffers(&document, blob, folder)?, skins, ..File::default() };
-    let mut poses: HashMap<usize, DMat4> = HashMap::new();
-    for (node, parent) in nodes(&document)? {
-        let above = parent.and_then(|parent| poses.get(&parent)).copied().unwrap_or(DMat4::IDENTITY);
-        let pose = above * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
-        poses.insert(node.index(), pose);
+fn read(bytes: &[u8], folder: &Path, skins: Option<Skins>, warnings: &mut Vec<String>) -> Result<Surface, FormatError> {
+    let file = GltfFile::new(bytes, folder)?;
+    let nodes = file.nodes()?;
+    let mut surface = Surface { skins, ..Surface::default() };
+    for (node, pose) in &nodes {
         if let Some(mesh) = node.mesh() {
-            file.add(&node, &mesh, &pose)?;
+            surface.add(&file.buffers, node, &mesh, pose)?;
         }
     }
-    if let Some(skins) = &file.skins {
-        skins.check_scales(&poses)?;
+    if let Some(skins) = &surface.skins {
+        skins.check_scales(&nodes.iter().map(|(node, pose)| (node.index(), *pose)).collect())?;
     }
-    if let (count, Some(first)) = &file.left_out {
+    if let (count, Some(first)) = &surface.left_out {
         let problem = format!("{count} primitives of lines or points, the first is {first}");
-        if file.triangles.is_empty() {
+        if surface.triangles.is_empty() {
             let problem = format!("it has no triangles, only {problem}");
             return Err(FormatError::new("the glTF document", problem, "turn them into triangles"));
         }
         warnings.push(format!("left out: {problem}"));
     }
-    Ok(file)
+    Ok(surface)
+}
+
+/// A glTF document with its buffers.
+pub(super) struct GltfFile {
+    document: Document,
+    buffers: Vec<Vec<u8>>,
+}
+
+impl GltfFile {
+    pub fn new(bytes: &[u8], folder: &Path) -> Result<Self, FormatError> {
+        let (document, blob) = document(bytes)?;
+        Ok(Self { buffers: buffers(&document, blob, folder)?, document })
+    }
+
+    /// The nodes of the default scene, or of the first one if there is no default, with their transforms in the scene.
+    pub fn nodes(&self) -> Result<Vec<(Node<'_>, DMat4)>, FormatError> {
+        let mut found: Vec<(Node, DMat4)> = Vec::new();
+        let mut poses: HashMap<usize, DMat4> = HashMap::new();
+        for (node, parent) in nodes(&self.document)? {
+            let above = parent.and_then(|parent| poses.get(&parent)).copied().unwrap_or(DMat4::IDENTITY);
+            let pose = above * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
+            poses.insert(node.index(), pose);
+            found.push((node, pose));
+        }
+        Ok(found)
+    }
+
+    /// The welded triangles of the mesh of a node, in a pose.
+    pub fn triangles(&self, node: &Node, mesh: &Mesh, pose: &DMat4) -> Result<TriangleMesh, FormatError> {
+        let mut surface = Surface::default();
+        surface.add(&self.buffers, node, mesh, pose)?;
+        Ok(TriangleMesh::new(surface.positions, surface.triangles)?.welded())
+    }
 }
 
 /// Reads the first animation; `None` without one.
@@ -95,8 +127,14 @@ fn document(bytes: &[u8]) -> Result<(Document, Option<Vec<u8>>), FormatError> {
         return Err(FormatError::damaged("the GLB header", "it is truncated, or states an impossible length"));
     }
     let damaged = |error: gltf::Error| FormatError::damaged("the glTF document", error.to_string());
-    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(damaged)?;
-    let mut json = document.into_json();
+    let (text, blob) = if bytes.starts_with(b"glTF") {
+        let Glb { json, bin, .. } = Glb::from_slice(bytes).map_err(damaged)?;
+        (json, bin.map(Cow::into_owned))
+    } else {
+        (bytes.into(), None)
+    };
+    let json = serde_json::from_slice(&text).map(without_materials).and_then(serde_json::from_value);
+    let mut json: Root = json.map_err(|error| damaged(error.into()))?;
     json.extensions_required.retain(|name| !KNOWN.iter().any(|prefix| name.starts_with(prefix)));
     // Exporters do not always list this extension as required.
     let places = json.extensions_used.iter().find(|name| *name == "EXT_mesh_gpu_instancing");
@@ -111,6 +149,17 @@ fn document(bytes: &[u8]) -> Result<(Document, Option<Vec<u8>>), FormatError> {
         return Err(FormatError::damaged("the glTF document", problem));
     }
     Ok((Document::from_json(json).map_err(damaged)?, blob))
+}
+
+/// Removes the description of colours. Textures of other formats are no valid glTF without their extensions.
+fn without_materials(mut document: Value) -> Value {
+    if let Some(document) = document.as_object_mut() {
+        ["images", "materials", "samplers", "textures"].into_iter().for_each(|list| _ = document.remove(list));
+    }
+    let meshes = document.get_mut("meshes").and_then(Value::as_array_mut).into_iter().flatten();
+    let primitives = meshes.filter_map(|mesh| mesh.get_mut("primitives")?.as_array_mut()).flatten();
+    primitives.filter_map(Value::as_object_mut).for_each(|primitive| _ = primitive.remove("material"));
+    document
 }
 
 /// Returns an error for a mesh that morph targets deform.
@@ -178,10 +227,9 @@ fn percent_decoded(uri: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// The buffers of a file, and the surface that has been read from them.
+/// The surface that has been read from a file.
 #[derive(Default)]
-struct File {
-    buffers: Vec<Vec<u8>>,
+struct Surface {
     positions: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
     /// Number of primitives without a surface, and the place of the first.
@@ -190,13 +238,13 @@ struct File {
     skins: Option<Skins>,
 }
 
-impl File {
+impl Surface {
     /// Adds the mesh of a node.
-    fn add(&mut self, node: &Node, mesh: &Mesh, pose: &DMat4) -> Result<(), FormatError> {
+    fn add(&mut self, buffers: &[Vec<u8>], node: &Node, mesh: &Mesh, pose: &DMat4) -> Result<(), FormatError> {
         check_morph(node, mesh)?;
         let refused = |problem, remedy| Err(FormatError::new(format!("node {}", node.index()), problem, remedy));
         match (&mut self.skins, node.skin()) {
-            (None, None) => self.add_triangles(mesh, pose, None),
+            (None, None) => self.add_triangles(buffers, mesh, pose, None),
             (None, Some(skin)) => {
                 let problem = format!("it is deformed by skin {}, and its own transform does not count", skin.index());
                 refused(problem, "use `medial build --skin`, or apply the armature's pose and all transforms")
@@ -206,15 +254,21 @@ impl File {
                 refused(problem, "bind it to a joint, or remove it")
             }
             (Some(skins), Some(skin)) => {
-                let joints = skins.add(&skin, &self.buffers)?;
+                let joints = skins.add(&skin, buffers)?;
                 // The transform of the node does not count.
-                self.add_triangles(mesh, &DMat4::IDENTITY, Some(&joints))
+                self.add_triangles(buffers, mesh, &DMat4::IDENTITY, Some(&joints))
             }
         }
     }
 
     /// Adds the triangles of a mesh, and their weights if the joints of its skin are given.
-    fn add_triangles(&mut self, mesh: &Mesh, pose: &DMat4, joints: Option<&[u16]>) -> Result<(), FormatError> {
+    fn add_triangles(
+        &mut self,
+        buffers: &[Vec<u8>],
+        mesh: &Mesh,
+        pose: &DMat4,
+        joints: Option<&[u16]>,
+    ) -> Result<(), FormatError> {
         for primitive in mesh.primitives() {
             let place = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
             if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
@@ -233,9 +287,9 @@ impl File {
             }
             let accessor = primitive.get(&Semantic::Positions);
             let accessor = accessor.ok_or_else(|| FormatError::damaged(place.clone(), "it has no positions"))?;
-            let local = values(&accessor, &self.buffers, &place, Values::Positions)?;
+            let local = values(&accessor, buffers, &place, Values::Positions)?;
             let local: Vec<Vec3> = local.as_chunks().0.iter().copied().map(Vec3::from_array).collect();
-            let corners = self.corners(&primitive, local.len(), &place)?;
+            let corners = corners(buffers, &primitive, local.len(), &place)?;
             if let Some(index) = corners.iter().flatten().find(|&&index| index as usize >= local.len()) {
                 let problem = format!("there is no vertex {index} among {}", local.len());
                 return Err(FormatError::damaged(place, problem));
@@ -248,7 +302,7 @@ impl File {
                 }
             }
             if let (Some(skins), Some(joints)) = (&mut self.skins, joints) {
-                skins.add_weights(&primitive, joints, local.len(), &self.buffers, &place)?;
+                skins.add_weights(&primitive, joints, local.len(), buffers, &place)?;
             }
             let first = self.positions.len() as u32;
             self.positions.extend(local.iter().map(|p| pose.transform_point3(p.as_dvec3()).as_vec3()));
@@ -261,17 +315,22 @@ impl File {
         }
         Ok(())
     }
+}
 
-    /// The triangles of a primitive, as indices of its own vertices.
-    fn corners(&self, primitive: &Primitive, vertices: usize, place: &str) -> Result<Vec<[u32; 3]>, FormatError> {
-        let indices = match primitive.indices() {
-            None => (0..vertices as u32).collect(),
-            Some(accessor) => indices(&accessor, &self.buffers, place)?,
-        };
-        Ok(match (primitive.mode(), indices.split_first()) {
-            (Mode::TriangleStrip, _) => strip(&indices),
-            (Mode::TriangleFan, Some((&apex, rim))) => rim.windows(2).map(|w| [apex, w[0], w[1]]).collect(),
-            _ => list(&indices),
-        })
-    }
+/// The triangles of a primitive, as indices of its own vertices.
+fn corners(
+    buffers: &[Vec<u8>],
+    primitive: &Primitive,
+    vertices: usize,
+    place: &str,
+) -> Result<Vec<[u32; 3]>, FormatError> {
+    let indices = match primitive.indices() {
+        None => (0..vertices as u32).collect(),
+        Some(accessor) => indices(&accessor, buffers, place)?,
+    };
+    Ok(match (primitive.mode(), indices.split_first()) {
+        (Mode::TriangleStrip, _) => strip(&indices),
+        (Mode::TriangleFan, Some((&apex, rim))) => rim.windows(2).map(|w| [apex, w[0], w[1]]).collect(),
+        _ => list(&indices),
+    })
 }

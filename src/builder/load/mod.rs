@@ -10,6 +10,7 @@
 mod accessors;
 mod clip;
 mod gltf;
+mod node_meshes;
 mod nodes;
 mod obj;
 mod ply;
@@ -24,6 +25,7 @@ use glam::Vec3;
 use thiserror::Error;
 
 pub use clip::Clip;
+pub use node_meshes::NodeMesh;
 
 use super::{MeshError, SkinnedTriangleMesh, TriangleMesh};
 use crate::medial_axis::ma::without_mark;
@@ -176,6 +178,17 @@ impl MeshFormat {
         let mesh = gltf::parse_skinned(bytes, folder, &mut warnings)?;
         Ok(Loaded { mesh: mesh.welded(), warnings })
     }
+}
+
+/// Reads the nodes of a glTF file that have a mesh, in the order of the file.
+///
+/// # Errors
+/// The path of the file, the place in it, the reason and advice. A mesh that cannot be used is an error of its node.
+pub fn read_nodes(path: &Path) -> Result<Vec<NodeMesh>, LoadError> {
+    read_with(path, |format, bytes, folder| match format {
+        MeshFormat::Gltf => node_meshes::parse(bytes, folder),
+        _ => Err(FormatError::new("the file", format!("the format {format:?} has no nodes"), "export it as .glb")),
+    })
 }
 
 /// Reads a mesh file and logs its warnings: see [`read`].

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::*;
 use crate::{
-    builder::{MeshReport, mesh::tests::tetrahedron},
+    builder::{MeshReport, NodeBody, NodeMark, mesh::tests::tetrahedron},
     random::Random,
 };
 

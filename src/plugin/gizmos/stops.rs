@@ -9,6 +9,7 @@ use super::{
     wireframe::wireframe,
 };
 use crate::{
+    medial_axis::MedialAxis,
     pipeline::{Shape, Side},
     plugin::{MedialLevel, MedialMesh, MedialStep},
 };
@@ -24,6 +25,7 @@ pub(super) fn outline(
     store: Res<GizmoConfigStore>,
     overrides: Query<&MedialGizmo>,
     meshes: Query<(&MedialMesh, &MedialLevel)>,
+    axes: Res<Assets<MedialAxis>>,
     mut lines: ResMut<Lines>,
     mut gizmos: ResMut<Assets<GizmoAsset>>,
     mut outlines: Query<(Entity, &mut Gizmo, &mut GlobalTransform), With<StopOutline>>,
@@ -36,11 +38,14 @@ pub(super) fn outline(
         let Some(Shape { axis, scale }) = step.solid(side).medial() else { continue };
         let Some(color) = color(&layers.stops, overrides.get(entity).ok()) else { continue };
         let Ok((mesh, level)) = meshes.get(entity) else { continue };
+        let Some(drawn) = axes.get(&mesh.0).map(|finest| finest.level(level.0)) else { continue };
         let colors = [Some(color); 3];
         let drawing = Drawing::new(mesh.0.id(), level.0, colors);
-        let handle = lines.get(drawing, &mut gizmos, || wireframe(axis, colors));
-        let place =
-            Transform { translation: stop.pose.translation, rotation: stop.pose.rotation, scale: Vec3::splat(*scale) };
+        let handle = lines.get(drawing, &mut gizmos, || wireframe(drawn, colors));
+        // The lines are those of the asset; the shape may be its mirror image.
+        let side = if drawn.address() == axis.address() { 1.0 } else { -1.0 };
+        let scale = *scale * Vec3::new(side, 1.0, 1.0);
+        let place = Transform { translation: stop.pose.translation, rotation: stop.pose.rotation, scale };
         match spare.next() {
             Some((_, mut gizmo, mut transform)) => {
                 gizmo.handle = handle;

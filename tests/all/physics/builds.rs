@@ -198,7 +198,8 @@ fn a_cached_build_is_not_repeated() {
     assert_eq!(built(ring(), few()), fresh, "the cache contains another shape");
     // A file with another content shows that it is read.
     let axis = MedialAxis::sphere(0.123).unwrap();
-    let doctored = MedialLevels { levels: vec![Level { axis, error: TwoSidedError::default() }] };
+    let doctored =
+        MedialLevels { levels: vec![Level { axis, error: TwoSidedError::default() }], ..MedialLevels::default() };
     fs::write(&file[0], doctored.to_bytes()).unwrap();
     assert_eq!(built(ring(), few()).0[0].radius, 0.123);
     // Other options and another mesh have files of their own.

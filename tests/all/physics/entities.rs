@@ -16,7 +16,7 @@ use bevy::{
     time::Fixed,
 };
 use bevy_medial::{
-    builder::FitOptions,
+    builder::{FitOptions, SideLimits},
     medial_axis::MedialAxis,
     plugin::{MedialGizmos, MedialPickingCamera},
     prelude::*,
@@ -237,6 +237,7 @@ fn components_and_resources_survive_a_round_trip_as_text() {
         spheres: Some(7),
         max_error: Some(0.5),
         error_limit: 5.0,
+        sides: SideLimits { inside: Some(1.0), enclose: None },
         levels: true,
         searches: Some(2),
         seed: 9,

@@ -27,7 +27,7 @@ fn chain() -> MedialLevels {
         let error = TwoSidedError { mesh_to_envelope, envelope_to_mesh, diagonal: 3.0 };
         Level { axis: MedialAxis::torus(1.0, TUBE, segments).unwrap(), error }
     });
-    MedialLevels { levels: levels.into() }
+    MedialLevels { levels: levels.into(), ..MedialLevels::default() }
 }
 
 fn ring() -> MedialAxis {

@@ -12,6 +12,7 @@ mod entities;
 mod filters;
 mod first_touch;
 mod gizmos;
+mod gltf_scenes;
 mod head_on;
 mod impacts;
 mod interplay;

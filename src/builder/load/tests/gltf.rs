@@ -200,3 +200,24 @@ fn quantized_positions_are_numbers_or_parts_of_one() {
         }
     }
 }
+
+#[test]
+fn gltf_nodes_are_read_one_by_one() {
+    let json = gltf_json(&tetrahedron());
+    let read = |nodes: &str| {
+        let json = json.replace(r#""nodes": [{ "mesh": 0 }]"#, &format!(r#""nodes": [{nodes}]"#));
+        super::super::node_meshes::parse(json.as_bytes(), Path::new(""))
+    };
+    let extras = r#""extras": { "medial": { "budget": 2 } }"#;
+    let nodes = read(&format!(r#"{{ "name": "a-medial", "mesh": 0, "scale": [4, -2, 2], {extras} }}"#)).unwrap();
+    let [node] = &nodes[..] else { panic!("{nodes:?}") };
+    assert_eq!((&*node.node, &*node.file), ("a-medial", &*format!("{}_1x0.5x0.5", node.mesh)));
+    assert_eq!(node.mark, NodeMark { body: Some(NodeBody::Dynamic), budget: Some(2.0) });
+    let box_of = node.triangles.as_ref().unwrap().aabb();
+    assert_eq!((box_of.min, box_of.max), (Vec3::ZERO, Vec3::new(1.0, 0.5, 0.5)), "the node mirrors it, not its file");
+    let told = read(r#"{ "name": "a", "mesh": 0, "extras": { "medial": 7 } }"#).unwrap_err().to_string();
+    let expected = "node 0 `a`: \"medial\" of its extras is invalid: it is neither an object nor true or false; correct it and export it again";
+    assert_eq!(told, expected);
+    let flat = read(r#"{ "name": "flat", "mesh": 0, "scale": [1, 0, 1] }"#).unwrap();
+    assert!(flat[0].triangles.as_ref().unwrap_err().contains("its scale is 0 or not finite"), "{flat:?}");
+}
