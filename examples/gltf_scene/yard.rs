@@ -73,7 +73,7 @@ fn nodes() -> Vec<Value> {
         let name = STILL[1 + number];
         let place = Quat::from_rotation_y(90f32.to_radians() * number as f32) * Vec3::new(4.75, 0.5, 0.0);
         // Two of the walls are mirrored.
-        let side = if number % 2 == 0 { 1.0 } else { -1.0 };
+        let side = if number.is_multiple_of(2) { 1.0 } else { -1.0 };
         let rotation = turned(90.0 * number as f32);
         json!({"name": name, "mesh": BOX, "translation": place.to_array(), "rotation": rotation, "scale": [0.5, 1.0, 9.0 * side]})
     };

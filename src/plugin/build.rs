@@ -94,8 +94,6 @@ impl Plugin for MedialBuildPlugin {
             .register_type::<MedialMesh>()
             .insert_resource(Cache(self.cache.clone()))
             .add_systems(Update, (leave_builds, join_builds, take_results).chain().in_set(MedialSystems::Build));
-        #[cfg(feature = "gltf_scenes")]
-        super::scene::add(app);
     }
 }
 

@@ -86,6 +86,8 @@ pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
 pub use picking::{MedialPickingCamera, MedialPickingPlugin, MedialPickingSettings};
 #[cfg(feature = "gltf_scenes")]
 pub use scene::MedialScene;
+#[cfg(all(feature = "gltf_scenes", feature = "rapier"))]
+pub(crate) use scene::SceneBody;
 pub use settings::{MedialBackend, MedialSettings};
 pub(crate) use skeletons::Skeletons;
 pub use skinned::{SkinHit, SkinPose, SkinnedMedialMesh};
@@ -195,6 +197,8 @@ impl Plugin for MedialCollisionPlugin {
             )
             .add_systems(self.schedule, (report::tell_contacts, diagnostics::measure).in_set(MedialSystems::Report));
         diagnostics::register(app);
+        #[cfg(feature = "gltf_scenes")]
+        scene::add(app);
         #[cfg(feature = "gpu")]
         {
             app.init_resource::<crate::gpu::GpuCapacity>()

@@ -21,7 +21,8 @@ use crate::{
     medial_axis::MedialAxis,
 };
 
-/// Gives each mesh of a glTF scene its medial mesh, when the scene has been spawned. It needs [`MedialBuildPlugin`](super::MedialBuildPlugin).
+/// Gives each mesh of a glTF scene its medial mesh, when the scene has been spawned. Without a [`folder`](Self::folder) it needs
+/// [`MedialBuildPlugin`](super::MedialBuildPlugin).
 ///
 /// For each node with a mesh, the first of these decides: a rule of [`nodes`](Self::nodes), the [marks](NodeMark) in the file, [`body`](Self::body). The node
 /// gets a `RigidBody` unless it has one, and a child with the [`MedialMesh`]. All primitives of a mesh are one shape. Nodes with the same mesh share it. A
@@ -59,13 +60,19 @@ struct Unshaped {
     scene: Entity,
 }
 
+/// The body of a node. The response inserts the body itself.
+#[derive(Component)]
+pub(crate) struct SceneBody(pub NodeBody);
+
 /// Marks the child with the shape of a node.
 #[derive(Component)]
 struct NodeShape;
 
 pub(super) fn add(app: &mut App) {
-    app.register_type::<MedialScene>()
-        .add_systems(Update, (find_nodes, shape_nodes).chain().before(MedialSystems::Build));
+    app.register_type::<MedialScene>().add_systems(
+        Update,
+        (find_nodes, shape_nodes).chain().before(MedialSystems::Build).run_if(any_with_component::<MedialScene>),
+    );
 }
 
 /// Finds the nodes of new meshes, and of all meshes below a new scene.
@@ -201,8 +208,7 @@ enum Source {
 
 /// Inserts the body of a node, and spawns the child with its shape.
 fn spawn(commands: &mut Commands, node: NameOrEntityItem, scene: &MedialScene, wanted: &Wanted, source: Source) {
-    #[cfg(feature = "rapier")]
-    crate::rapier::insert_body(&mut commands.entity(node.entity), wanted.body);
+    commands.entity(node.entity).try_insert(SceneBody(wanted.body));
     let place = (Transform::from_scale(wanted.scale), ChildOf(node.entity));
     let mut shape = commands.spawn((NodeShape, Name::new(node.to_string()), place));
     #[cfg(not(feature = "rapier"))]

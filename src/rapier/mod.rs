@@ -92,8 +92,6 @@ pub use dispatcher::MedialDispatcher;
 pub use owed::OwedTime;
 pub use query::MedialQueries;
 pub use ragdoll::MedialRagdoll;
-#[cfg(feature = "gltf_scenes")]
-pub(crate) use scene::insert_body;
 pub use shape::MedialShape;
 pub use table::ContactTable;
 
@@ -152,17 +150,9 @@ where
         .register_type::<OwedTime>()
         .init_resource::<snapshot::Snapshot>()
         .init_resource::<quarantine::Running>();
-    app.configure_sets(
-        schedule,
-        (
-            MedialSystems::Attach.before(PhysicsSet::SyncBackend),
-            MedialSystems::Snapshot.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation),
-            MedialSystems::Detect.after(PhysicsSet::StepSimulation).before(PhysicsSet::Writeback),
-            MedialSystems::Report.after(PhysicsSet::Writeback).before(TransformSystems::Propagate),
-            // Even in a step without length, rapier's solver would change velocities.
-            PhysicsSet::StepSimulation.run_if(snapshot::takes_time),
-        ),
-    );
+    #[cfg(feature = "gltf_scenes")]
+    app.add_observer(scene::insert_body);
+    order_sets(app, schedule);
     let attach = (
         install_dispatcher,
         hierarchy::straighten,
@@ -174,8 +164,6 @@ where
         waiting::find,
         waiting::hold_impulses,
     );
-    // Joints have the transforms of this frame's animation.
-    app.configure_sets(schedule, RapierTransformPropagateSet.after(AnimationSystems));
     let prepare = (
         hierarchy::place_colliders,
         skinned::hold,
@@ -197,6 +185,23 @@ where
         .add_systems(schedule, detect.in_set(MedialSystems::Detect))
         .add_systems(schedule, hierarchy::correct.in_set(MedialSystems::Report))
         .add_systems(schedule, snapshot::note_step.in_set(PhysicsSet::StepSimulation));
+}
+
+/// Orders the plugin's sets and those of rapier.
+fn order_sets(app: &mut App, schedule: Interned<dyn ScheduleLabel>) {
+    app.configure_sets(
+        schedule,
+        (
+            MedialSystems::Attach.before(PhysicsSet::SyncBackend),
+            MedialSystems::Snapshot.after(PhysicsSet::SyncBackend).before(PhysicsSet::StepSimulation),
+            MedialSystems::Detect.after(PhysicsSet::StepSimulation).before(PhysicsSet::Writeback),
+            MedialSystems::Report.after(PhysicsSet::Writeback).before(TransformSystems::Propagate),
+            // Even in a step without length, rapier's solver would change velocities.
+            PhysicsSet::StepSimulation.run_if(snapshot::takes_time),
+        ),
+    );
+    // Joints have the transforms of this frame's animation.
+    app.configure_sets(schedule, RapierTransformPropagateSet.after(AnimationSystems));
 }
 
 /// Rapier propagates transforms without marking dirty trees. Changes to entities with children, such as those by character controllers, would be lost.
