@@ -27,7 +27,7 @@ impl MedialAxis {
             aabb,
             bounding_sphere: Sphere::new(center, radius),
             center_reach: most(|s, center| s.center.distance(center)),
-            mass: OnceLock::from(self.mass().clone()),
+            mass: OnceLock::from(*self.mass()),
             min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
             coarser: Vec::new(),
             skin: None,
