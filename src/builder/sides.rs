@@ -175,7 +175,7 @@ mod tests {
             out
         };
         let free = worst(SideLimits::default());
-        assert!(free[0] > 0.5 && free[1] > 0.5, "{free:?}");
+        assert!(free[0] > 0.3 && free[1] > 0.3, "{free:?}");
         let inside = worst(SideLimits { inside: Some(0.2), enclose: None });
         assert!(inside[0] < 0.25 && inside[1] > 0.3, "{inside:?}");
         let enclosing = worst(SideLimits { inside: None, enclose: Some(0.2) });
