@@ -31,7 +31,6 @@ use bevy::{
 };
 use bevy_medial::{
     builder::{FitOptions, load},
-    plugin::MedialGizmos,
     prelude::*,
 };
 use bevy_rapier3d::prelude::{RapierConfiguration, TimestepMode};
@@ -126,12 +125,8 @@ fn start(mut worlds: Query<&mut RapierConfiguration>, builds: Query<&MedialBuild
 /// The same with a camera, light and lines.
 fn build(app: &mut App, file: String, medial: bool, target: RenderTarget) {
     simulate(app, file);
-    app.insert_resource(GlobalAmbientLight { brightness: 450.0, ..default() }).add_systems(
-        Startup,
-        move |mut store: ResMut<GizmoConfigStore>| {
-            store.config_mut::<MedialGizmos>().0.enabled = medial;
-        },
-    );
+    app.add_plugins(MedialDebugPlugin { enabled: medial })
+        .insert_resource(GlobalAmbientLight { brightness: 450.0, ..default() });
     let looking = |x: f32, y: f32, z: f32| Transform::from_xyz(x, y, z).looking_at(Vec3::Y * 0.3, Vec3::Y);
     app.world_mut().spawn((Camera3d::default(), target, looking(6.0, 5.5, 7.5)));
     app.world_mut().spawn((DirectionalLight { shadow_maps_enabled: true, ..default() }, looking(3.0, 8.0, 4.0)));
