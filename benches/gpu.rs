@@ -141,7 +141,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         Some(pairs) => println!("the GPU is faster in heaps from {pairs} primitive pairs on"),
         None => println!("the CPU is faster in the largest heap"),
     }
-    rows.push(brute_force(&gpu, if args.quick { 141 } else { 1_449 })?.told(&gpu, "brute force"));
+    rows.push(brute_force(&gpu, if args.quick { 141 } else { 1_449 })?.named(&gpu, "brute force"));
     if let Some(folder) = &args.out {
         std::fs::create_dir_all(folder)?;
         tables::write(&folder.join("gpu.csv"), &tables::csv(&rows))?;
@@ -285,7 +285,7 @@ impl Row {
     }
 
     /// Completes the row with the date, its subject and the device, and prints it.
-    fn told(mut self, gpu: &GpuDevice, what: &str) -> Self {
+    fn named(mut self, gpu: &GpuDevice, what: &str) -> Self {
         (self.date, self.gpu, self.what) = (today(), gpu.name().into(), what.into());
         if self.narrow_ms > 0.0 {
             self.pairs_per_second = (self.tested as f64 * 1e3 / self.narrow_ms).round();
@@ -329,7 +329,7 @@ fn measure(gpu: &GpuDevice, what: &str, steps: &[Given]) -> Result<Option<Row>, 
     row.tested = median(rows.iter().map(|row| row.tested as f64)) as usize;
     row.call_ms = median(rows.iter().map(|row| row.call_ms));
     row.cpu_ms = median(rows.iter().map(|row| row.cpu_ms));
-    Ok(Some(row.told(gpu, what)))
+    Ok(Some(row.named(gpu, what)))
 }
 
 /// Falling tori in layers on a ground, each near its neighbours.

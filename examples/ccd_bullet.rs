@@ -18,7 +18,7 @@ fn main() -> AppExit {
     App::new()
         .add_plugins((Stage { steps: 30 }, MedialPhysicsPlugins::default()))
         .add_systems(Startup, setup)
-        .add_systems(Last, tell_once_passed)
+        .add_systems(Last, report_once_passed)
         .run()
 }
 
@@ -37,23 +37,23 @@ fn setup(mut commands: Commands, mut axes: ResMut<Assets<MedialAxis>>) -> Result
                 // Stops are also enabled without this component.
                 MedialCcd { enabled, ..default() },
             ))
-            .observe(tell_impact);
+            .observe(report_impact);
     }
     Ok(())
 }
 
-fn tell_impact(hit: On<MedialContactStarted>, names: Query<&Name>) {
+fn report_impact(hit: On<MedialContactStarted>, names: Query<&Name>) {
     let touch = &hit.touch;
     if let Ok(name) = names.get(hit.entity1) {
         println!("{name} hits at x = {:.3}, {:.0} % into the step", touch.point.x, touch.fraction * 100.0);
     }
 }
 
-fn tell_once_passed(bodies: Query<(Entity, &Name, &Transform), With<MedialMesh>>, mut told: Local<Vec<Entity>>) {
+fn report_once_passed(bodies: Query<(Entity, &Name, &Transform), With<MedialMesh>>, mut logged: Local<Vec<Entity>>) {
     for (entity, name, transform) in &bodies {
-        if transform.translation.x > WALL + 2.0 && !told.contains(&entity) {
+        if transform.translation.x > WALL + 2.0 && !logged.contains(&entity) {
             println!("{name} is behind the wall");
-            told.push(entity);
+            logged.push(entity);
         }
     }
 }

@@ -143,7 +143,7 @@ fn simulate(app: &mut App, cast: Cast) {
         .init_resource::<Score>()
         .add_systems(Startup, spawn_character)
         .add_systems(Update, (animate, shoot))
-        .add_systems(Last, tell);
+        .add_systems(Last, report_hits);
     lift_speed_limits(app);
 }
 
@@ -257,7 +257,7 @@ fn dress_bullets(
 }
 
 /// Prints each hit, and marks it on its joint.
-fn tell(
+fn report_hits(
     mut commands: Commands,
     mut started: MessageReader<MedialContactStarted>,
     mut score: ResMut<Score>,

@@ -23,7 +23,7 @@ fn main() -> AppExit {
                 // Rapier reads transforms, velocities and forces in this set. Changes made before it take effect in this step.
                 blow.before(PhysicsSet::SyncBackend),
                 // Impacts, contacts and stops are known, but transforms are not yet written. In a frame without a step, `MedialStep` holds the previous step.
-                tell_impacts
+                report_impacts
                     .run_if(resource_changed::<MedialStep>)
                     .after(MedialSystems::Detect)
                     .before(PhysicsSet::Writeback),
@@ -58,7 +58,7 @@ fn blow(time: Res<Time>, mut bodies: Query<&mut Velocity, With<InTheWind>>) {
     }
 }
 
-fn tell_impacts(step: Res<MedialStep>, names: Query<NameOrEntity>) {
+fn report_impacts(step: Res<MedialStep>, names: Query<NameOrEntity>) {
     for pair in &step.output.pairs {
         let Some(impact) = pair.impact else { continue };
         if let [Ok(name1), Ok(name2)] = [pair.first, pair.second].map(|side| names.get(step.info(side).entity)) {

@@ -15,7 +15,7 @@ fn main() -> AppExit {
     App::new()
         .add_plugins((Stage { steps: 240 }, MedialPhysicsPlugins::default()))
         .add_systems(Startup, setup)
-        .add_systems(Last, (tell_started, tell_ended))
+        .add_systems(Last, (report_started, report_ended))
         .run()
 }
 
@@ -48,7 +48,7 @@ fn jump(hit: On<MedialContactStarted>, mut bodies: Query<&mut Velocity>) {
 }
 
 /// An entity of a message may be despawned before the message is read.
-fn tell_started(mut started: MessageReader<MedialContactStarted>, names: Query<NameOrEntity>) {
+fn report_started(mut started: MessageReader<MedialContactStarted>, names: Query<NameOrEntity>) {
     for MedialContactStarted { entity1, entity2, touch, .. } in started.read() {
         if let [Ok(name1), Ok(name2)] = [entity1, entity2].map(|entity| names.get(*entity)) {
             let (point, speed) = (touch.point, touch.approach_speed);
@@ -57,7 +57,7 @@ fn tell_started(mut started: MessageReader<MedialContactStarted>, names: Query<N
     }
 }
 
-fn tell_ended(mut ended: MessageReader<MedialContactEnded>, names: Query<NameOrEntity>) {
+fn report_ended(mut ended: MessageReader<MedialContactEnded>, names: Query<NameOrEntity>) {
     for MedialContactEnded { entity1, entity2, .. } in ended.read() {
         if let [Ok(name1), Ok(name2)] = [entity1, entity2].map(|entity| names.get(*entity)) {
             println!("{name1} leaves {name2}");

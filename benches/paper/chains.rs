@@ -1,5 +1,7 @@
 //! Body pairs that chains of cones leave, with one to eight links.
 
+use std::time::Instant;
+
 use bevy_medial::{
     geometry::{Pose3, Sphere, Sweep},
     medial_axis::MedialAxis,
@@ -27,6 +29,8 @@ pub struct ChainRow {
     pub look_ahead: usize,
     /// For each of [`LINKS`].
     pub pairs: [usize; LINKS.len()],
+    /// Time of the tests of all body pairs, in milliseconds.
+    pub times_ms: [f64; LINKS.len()],
 }
 
 /// Rows for scenes, and for bodies that spin.
@@ -46,10 +50,13 @@ pub fn rows(models: &[Model], quick: bool) -> Vec<ChainRow> {
 
 fn counted(name: &'static str, steps: &[(StepInput, Statics)]) -> Vec<ChainRow> {
     let row = |look_ahead: usize| {
-        let pairs = LINKS.map(|links| {
-            steps.iter().map(|(input, statics)| pairs(&continued(input, look_ahead), statics, links)).sum()
+        let steps: Vec<_> = steps.iter().map(|(input, statics)| (continued(input, look_ahead), statics)).collect();
+        let found = LINKS.map(|links| {
+            let clock = Instant::now();
+            let pairs = steps.iter().map(|(input, statics)| pairs(input, statics, links)).sum();
+            (pairs, clock.elapsed().as_secs_f64() * 1e3)
         });
-        ChainRow { name, look_ahead, pairs }
+        ChainRow { name, look_ahead, pairs: found.map(|(pairs, _)| pairs), times_ms: found.map(|(_, time)| time) }
     };
     LOOK_AHEADS.map(row).into()
 }

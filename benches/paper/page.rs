@@ -191,17 +191,19 @@ fn hierarchy_section(text: &mut String, rows: &[HierarchyRow]) -> std::fmt::Resu
 fn chain_section(text: &mut String, rows: &[ChainRow]) -> std::fmt::Result {
     *text += "\n## Chains of cones\n\n\
         The paper approximates a curved path by a chain of cones. This table counts the body pairs that chains of one to eight links leave, over the first 100 steps of each scene and for \
-        bodies in flight that spin: over one step, and over the four steps of the pipelined culling on the GPU. Each link is as wide as its part of the rotation requires.\n\n";
+        bodies in flight that spin: over one step, and over the four steps of the pipelined culling on the GPU. Each link is as wide as its part of the rotation requires. The last columns are \
+        milliseconds to test all body pairs over the four steps, link by link.\n\n";
     write!(text, "| bodies |")?;
     LINKS.iter().try_for_each(|links| write!(text, " {links} |"))?;
-    writeln!(text, "\n|---|{}", "---|".repeat(LINKS.len()))?;
+    writeln!(text, " 1: ms | 8: ms |\n|---|{}", "---|".repeat(LINKS.len() + 2))?;
     for rows in rows.chunk_by(|a, b| a.name == b.name) {
         write!(text, "| {} |", rows[0].name)?;
         for links in 0..LINKS.len() {
             let pairs: Vec<String> = rows.iter().map(|row| row.pairs[links].to_string()).collect();
             write!(text, " {} |", pairs.join(", "))?;
         }
-        writeln!(text)?;
+        let times = rows.last().map_or([0.0; LINKS.len()], |row| row.times_ms);
+        writeln!(text, " {:.2} | {:.2} |", times[0], times[LINKS.len() - 1])?;
     }
     *text += "\nThe centre of the bounding sphere lies near the centre of mass, so its path hardly bends: in the scenes one cone leaves almost the same pairs. Bodies that spin fast gain \
         over several steps. The broad phase tests one cone for each body first, and chains of up to eight links for the pairs that are left and turn that far.\n";

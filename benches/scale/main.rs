@@ -73,7 +73,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
     println!("a deer of {} primitives", deer.axis.primitives().len());
     let (counts, steps): (&[usize], usize) = if args.quick { (&[20, 100], 60) } else { (&[100, 1000, 10_000], 60) };
     let mut rows = Vec::new();
-    let mut tell = |what, bodies, value, unit| {
+    let mut report = |what, bodies, value, unit| {
         println!("{what:36} {bodies:6} bodies {value:12.3} {unit}");
         rows.push(Row { what, bodies, value, unit });
     };
@@ -83,24 +83,24 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         let rain = rain(&deer, count, steps, count == counts[counts.len().min(2) - 1], &one);
         let collision = median(rain.steps.iter().map(|step| step.collision.as_secs_f64() * 1e3));
         let pairs = median(rain.steps.iter().map(|step| step.contact_pairs as f64));
-        tell("rain: collision", count, collision, "ms");
-        tell("rain: pairs in contact", count, pairs, "");
-        tell("rain: collision of a pair", count, collision * 1e3 / pairs, "us");
+        report("rain: collision", count, collision, "ms");
+        report("rain: pairs in contact", count, pairs, "");
+        report("rain: collision of a pair", count, collision * 1e3 / pairs, "us");
         ends.push(((count as f64).ln(), collision.ln()));
         let bytes = kept_by(&rain.last, &one);
-        tell("memory: kept, contacts aside", count, bytes / 1e3, "kB");
+        report("memory: kept, contacts aside", count, bytes / 1e3, "kB");
         kept.push((count as f64, bytes));
         if !rain.recorded.is_empty() {
             recorded = rain.recorded;
         }
     }
     if let (Some(first), Some(last)) = (ends.first(), ends.last()) {
-        tell("rain: exponent of time", counts[counts.len() - 1], (last.1 - first.1) / (last.0 - first.0), "");
+        report("rain: exponent of time", counts[counts.len() - 1], (last.1 - first.1) / (last.0 - first.0), "");
     }
 
     if let [.., before, last] = kept[..] {
         let more = (last.1 - before.1) / (last.0 - before.0);
-        tell("memory: of it for one body more", counts[counts.len() - 1], more, "bytes");
+        report("memory: of it for one body more", counts[counts.len() - 1], more, "bytes");
     }
 
     let count = counts[counts.len() - 1];
@@ -113,7 +113,7 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         }
         took.as_secs_f64() * 1e3
     });
-    tell("fall: collision", count, median(times), "ms");
+    report("fall: collision", count, median(times), "ms");
 
     let bodies = recorded.first().map_or(0, |(input, _): &(StepInput, Statics)| input.bodies.len());
     let mut totals = [Duration::ZERO; 2];
@@ -133,44 +133,44 @@ fn run(args: &Args) -> Result<(), Box<dyn std::error::Error>> {
         }
         totals = [0, 1].map(|i: usize| totals[i] + least[i]);
     }
-    tell("threads: one over two", bodies, totals[0].as_secs_f64() / totals[1].as_secs_f64(), "");
+    report("threads: one over two", bodies, totals[0].as_secs_f64() / totals[1].as_secs_f64(), "");
 
     let mut extra = stops(if args.quick { 30 } else { 120 }, &one)?;
     extra.sort_by(f64::total_cmp);
-    tell("stops: extra time, median", 0, median(extra.iter().copied()), "ms");
-    tell("stops: extra time, 95 of 100", 0, extra[extra.len() * 95 / 100], "ms");
-    tell("stops: extra time, most", 0, extra[extra.len() - 1], "ms");
+    report("stops: extra time, median", 0, median(extra.iter().copied()), "ms");
+    report("stops: extra time, 95 of 100", 0, extra[extra.len() * 95 / 100], "ms");
+    report("stops: extra time, most", 0, extra[extra.len() - 1], "ms");
 
     let (own, asleep) = if args.quick { (9, 50) } else { (120, 5000) };
     let beside_rapier::Own { sums_ms, last_ms } = beside_rapier::own_shapes(own, if args.quick { 40 } else { 300 })?;
-    tell("own shapes: sum, rapier alone", own, sums_ms[0], "ms");
-    tell("own shapes: sum with the plugin, ratio", own, sums_ms[1] / sums_ms[0], "");
-    tell("own shapes: last updates, ratio", own, last_ms[1] / last_ms[0], "");
+    report("own shapes: sum, rapier alone", own, sums_ms[0], "ms");
+    report("own shapes: sum with the plugin, ratio", own, sums_ms[1] / sums_ms[0], "");
+    report("own shapes: last updates, ratio", own, last_ms[1] / last_ms[0], "");
     let updates = beside_rapier::sleeping(asleep, if args.quick { 60 } else { 300 })?;
-    tell("sleeping: an update, rapier's cuboids", asleep, updates[0], "ms");
-    tell("sleeping: an update, medial, ratio", asleep, updates[1] / updates[0], "");
+    report("sleeping: an update, rapier's cuboids", asleep, updates[0], "ms");
+    report("sleeping: an update, medial, ratio", asleep, updates[1] / updates[0], "");
 
     let viewed = counts[counts.len().min(2) - 1];
     for (what, median) in view(&deer, viewed, steps) {
-        tell(what, viewed, median, "ms");
+        report(what, viewed, median, "ms");
     }
 
     if let Some((input, statics)) = recorded.last() {
         let copied = measure(|| drop(std::hint::black_box(input.clone())));
-        tell("memory: input of a body", bodies, copied.bytes_total as f64 / bodies as f64, "bytes");
+        report("memory: input of a body", bodies, copied.bytes_total as f64 / bodies as f64, "bytes");
         let mut stepper = Stepper::default();
         stepper.step(input, statics, &one);
-        tell("memory: pairs of bodies that are near", bodies, stepper.output.counts.body_pairs as f64, "");
+        report("memory: pairs of bodies that are near", bodies, stepper.output.counts.body_pairs as f64, "");
         let warm = measure(|| _ = stepper.step(input, statics, &one));
-        tell("memory: allocations of a warm step", bodies, warm.count_total as f64, "");
+        report("memory: allocations of a warm step", bodies, warm.count_total as f64, "");
         let mut stepper = Stepper::default();
         (0..2).for_each(|_| _ = stepper.step(input, statics, &two));
         let warm = measure(|| _ = stepper.step(input, statics, &two));
-        tell("memory: the same on two threads", bodies, warm.count_total as f64, "");
+        report("memory: the same on two threads", bodies, warm.count_total as f64, "");
     }
     let mut stepper = Stepper::default();
     let first = measure(|| _ = stepper.step(&input, &statics, &one));
-    tell("memory: kept of a fall, of a body", count, first.bytes_current as f64 / count as f64, "bytes");
+    report("memory: kept of a fall, of a body", count, first.bytes_current as f64 / count as f64, "bytes");
 
     println!("{}", tables::machine());
     if let Some(folder) = &args.out {
@@ -286,10 +286,10 @@ fn kept_by((input, statics): &(StepInput, Statics), pool: &TaskPool) -> f64 {
     let mut stepper = Stepper::default();
     let kept = measure(|| _ = stepper.step(input, statics, pool)).bytes_current;
     let StepOutput { stops, pairs, manifolds, .. } = &stepper.output;
-    let told = stops.capacity() * size_of::<Stop>()
+    let reported = stops.capacity() * size_of::<Stop>()
         + pairs.capacity() * size_of::<Pair>()
         + manifolds.capacity() * size_of::<Manifold>();
-    kept as f64 - told as f64
+    kept as f64 - reported as f64
 }
 
 /// Median time of an update in milliseconds while physics is paused, with more and more layers of the debug view.

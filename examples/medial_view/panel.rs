@@ -166,7 +166,7 @@ fn relabel(
 }
 
 fn write_figures(shown: Res<Shown>, job: Res<Job>, mut figures: Single<&mut Text, With<Figures>>) {
-    let told = match (shown.current(), &shown.levels) {
+    let reported = match (shown.current(), &shown.levels) {
         (Some(level), Some(levels)) => {
             let count = |kind: fn(&Primitive) -> bool| level.axis.primitives().iter().filter(|p| kind(p)).count();
             let (to, from) = (level.error.mesh_to_envelope, level.error.envelope_to_mesh);
@@ -188,7 +188,7 @@ fn write_figures(shown: Res<Shown>, job: Res<Job>, mut figures: Single<&mut Text
         _ if shown.message.is_empty() => format!("building: {:.0} %", job.progress() * 100.0),
         _ => String::new(),
     };
-    figures.set_if_neq(Text(format!("{told}\n{}", shown.message)));
+    figures.set_if_neq(Text(format!("{reported}\n{}", shown.message)));
 }
 
 /// Disables the camera while a slider or a button is held.

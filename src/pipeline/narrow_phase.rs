@@ -207,7 +207,7 @@ impl Ends<'_> {
 }
 
 /// Adds the pairs with manifolds or an impact to the output, whose manifolds are set. `reach`: reach of the contact search of a pair.
-pub(super) fn tell(
+pub(super) fn report(
     pairs: &[BodyPair],
     impacts: &[ImpactResult],
     found: &[Found],

@@ -139,7 +139,7 @@ impl Workspace {
         found.clear();
         found.extend(contact_searches.iter_mut().flat_map(|scratch| scratch.found.drain(..)));
         found.sort_unstable_by_key(|found| found.pair);
-        narrow_phase::tell(pairs, impacts, found, reach, output);
+        narrow_phase::report(pairs, impacts, found, reach, output);
         ends.fill(pairs, found, &output.manifolds, next_contacts);
         std::mem::swap(cache, next_contacts);
         output.times.reduce = reduction + lap();

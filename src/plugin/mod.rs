@@ -195,7 +195,7 @@ impl Plugin for MedialCollisionPlugin {
                     .before(MedialSystems::Attach)
                     .before(MedialSystems::Detect),
             )
-            .add_systems(self.schedule, (report::tell_contacts, diagnostics::measure).in_set(MedialSystems::Report));
+            .add_systems(self.schedule, (report::report_contacts, diagnostics::measure).in_set(MedialSystems::Report));
         diagnostics::register(app);
         #[cfg(feature = "gltf_scenes")]
         scene::add(app);

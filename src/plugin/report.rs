@@ -18,7 +18,7 @@ fn key(entities: [Entity; 2]) -> [Entity; 2] {
 }
 
 /// Writes a message and triggers events for each pair that began or ceased to touch in the last step.
-pub(super) fn tell_contacts(
+pub(super) fn report_contacts(
     mut commands: Commands,
     step: Res<MedialStep>,
     existing: Query<()>,

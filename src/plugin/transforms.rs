@@ -96,7 +96,7 @@ impl Refused {
 }
 
 /// Components that determine the accuracy of a body, and its current level of detail.
-type Told = (Detail, Option<&'static MedialLevel>);
+type Accuracy = (Detail, Option<&'static MedialLevel>);
 
 /// Returns pose and shape of an entity that is loaded and can be placed. The entity gets its level of detail; without a shape the level is removed.
 fn place(
@@ -104,19 +104,19 @@ fn place(
     refused: &mut Refused,
     name: NameOrEntityItem,
     axis: Option<&MedialAxis>,
-    (detail, told): (DetailItem, Option<&MedialLevel>),
+    (detail, current): (DetailItem, Option<&MedialLevel>),
     transform: &GlobalTransform,
 ) -> Option<(Pose3, Shape)> {
     let mut entity = commands.entity(name.entity);
     let placed = axis.and_then(|axis| Some((axis, refused.check(name, transform, uniform_pose_of(transform))?)));
     let Some((axis, (pose, scale))) = placed else {
-        if told.is_some() {
+        if current.is_some() {
             entity.try_remove::<MedialLevel>();
         }
         return None;
     };
     let level = detail.level(axis, scale.abs());
-    if told != Some(&MedialLevel(level)) {
+    if current != Some(&MedialLevel(level)) {
         entity.try_insert(MedialLevel(level));
     }
     Some((pose, Shape::scaled(axis.level(level), scale)))
@@ -157,14 +157,17 @@ impl PartialEq for KnownSolid {
 fn gather_statics(
     mut commands: Commands,
     mut step: ResMut<MedialStep>,
-    statics: Query<(NameOrEntity, &StaticObb, Option<&MedialMesh>, Told, &GlobalTransform), Without<SkinnedMedialMesh>>,
+    statics: Query<
+        (NameOrEntity, &StaticObb, Option<&MedialMesh>, Accuracy, &GlobalTransform),
+        Without<SkinnedMedialMesh>,
+    >,
     axes: Res<Assets<MedialAxis>>,
     mut known: Local<Vec<Known>>,
     mut refused: Local<Refused>,
 ) {
     refused.0.retain(|entity| statics.contains(*entity));
     let (mut found, mut bodies) = (Vec::new(), Vec::new());
-    for (name, obb, mesh, told, transform) in statics.iter().sort::<Entity>() {
+    for (name, obb, mesh, current, transform) in statics.iter().sort::<Entity>() {
         let entity = name.entity;
         let (pose, solid) = match mesh {
             None => {
@@ -174,7 +177,7 @@ fn gather_statics(
                 (pose, KnownSolid::Box(half_extents))
             }
             Some(mesh) => {
-                let placed = place(&mut commands, &mut refused, name, axes.get(&mesh.0), told, transform);
+                let placed = place(&mut commands, &mut refused, name, axes.get(&mesh.0), current, transform);
                 let Some((pose, shape)) = placed else { continue };
                 bodies.push(StaticBody::new(shape.clone(), pose));
                 (pose, KnownSolid::Medial(shape))
@@ -203,7 +206,7 @@ fn detect(
     time: Res<Time>,
     axes: Res<Assets<MedialAxis>>,
     bodies: Query<
-        (NameOrEntity, &MedialMesh, Told, &GlobalTransform, Option<&MedialCcd>),
+        (NameOrEntity, &MedialMesh, Accuracy, &GlobalTransform, Option<&MedialCcd>),
         (Without<StaticObb>, Without<SkinnedMedialMesh>),
     >,
     skins: Query<(Entity, &SkinPose, Option<&MedialCcd>)>,
@@ -219,9 +222,9 @@ fn detect(
     step.infos.clear();
     let before = std::mem::take(&mut *poses);
     refused.0.retain(|entity| bodies.contains(*entity));
-    for (name, mesh, told, transform, ccd) in bodies.iter().sort::<Entity>() {
+    for (name, mesh, current, transform, ccd) in bodies.iter().sort::<Entity>() {
         let entity = name.entity;
-        let placed = place(&mut commands, &mut refused, name, axes.get(&mesh.0), told, transform);
+        let placed = place(&mut commands, &mut refused, name, axes.get(&mesh.0), current, transform);
         let Some((end, shape)) = placed else { continue };
         let start = before.get(&entity).copied().unwrap_or(end);
         poses.insert(entity, end);

@@ -76,14 +76,14 @@ pub(super) fn replace_shapes(
 pub(super) fn check_bodies(
     poses: Query<(NameOrEntity, &RapierColliderHandle, &RapierContextEntityLink), With<SkinPose>>,
     contexts: Query<(&RapierRigidBodySet, &RapierContextColliders)>,
-    mut told: Local<EntityHashSet>,
+    mut logged: Local<EntityHashSet>,
 ) {
-    told.retain(|entity| poses.contains(*entity));
+    logged.retain(|entity| poses.contains(*entity));
     for (name, handle, link) in &poses {
         let Ok((bodies, colliders)) = contexts.get(link.0) else { continue };
         let parent = colliders.colliders.get(handle.0).and_then(RapierCollider::parent);
         let is_dynamic = parent.and_then(|parent| bodies.bodies.get(parent)).is_some_and(|body| body.is_dynamic());
-        if is_dynamic && told.insert(name.entity) {
+        if is_dynamic && logged.insert(name.entity) {
             error!(
                 "{name}: its joints place it, but its RigidBody is dynamic; make it RigidBody::KinematicPositionBased, or remove it"
             );

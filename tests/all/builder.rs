@@ -235,15 +235,15 @@ fn check_limits(limits: &[(usize, usize)]) {
 fn levels_shrink_down_to_one_sphere() {
     let mesh = torus(0.3, 0.1, 60, 20);
     let options = BuildOptions { edges: Some(20), faces: Some(0), ..with(20) };
-    let told = Mutex::new(Vec::new());
-    let tell = |part: f32| {
-        told.lock().unwrap().push(part);
+    let reported = Mutex::new(Vec::new());
+    let report = |part: f32| {
+        reported.lock().unwrap().push(part);
         ControlFlow::Continue(())
     };
-    let levels = build_levels(&mesh, &options, &tell).unwrap();
-    let told = told.into_inner().unwrap();
-    assert!(told.is_sorted() && told[0] >= 0.0, "progress decreases: {told:?}");
-    assert!((0.9..=1.0).contains(told.last().unwrap()), "{told:?}");
+    let levels = build_levels(&mesh, &options, &report).unwrap();
+    let reported = reported.into_inner().unwrap();
+    assert!(reported.is_sorted() && reported[0] >= 0.0, "progress decreases: {reported:?}");
+    assert!((0.9..=1.0).contains(reported.last().unwrap()), "{reported:?}");
     let spheres: Vec<usize> = levels.iter().map(|l| l.axis.spheres().len()).collect();
     println!("{spheres:?} {:?}", levels.iter().map(|l| l.report.rms_error).collect::<Vec<_>>());
     assert_eq!(spheres, CHAIN_OF_20);

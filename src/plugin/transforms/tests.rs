@@ -12,8 +12,8 @@ fn a_stretched_parent_turns_a_child_by_no_other_length() {
     let parent = Transform::from_scale(Vec3::new(1.0, 1.4, 1.0));
     let child = Transform::from_rotation(Quat::from_rotation_x(0.25 * std::f32::consts::PI));
     let place = GlobalTransform::from(parent) * child;
-    let told = place.to_scale_rotation_translation().1.length();
-    assert!((told - 1.0).abs() > 1e-3, "{told}: the rotation has unit length already");
+    let reported = place.to_scale_rotation_translation().1.length();
+    assert!((reported - 1.0).abs() > 1e-3, "{reported}: the rotation has unit length already");
     let (pose, _) = pose_of(&place).unwrap();
     assert!(pose.rotation.is_normalized());
 }
@@ -69,7 +69,7 @@ fn place(app: &mut App, entity: Entity, x: f32) {
 }
 
 /// Returns all messages so far.
-fn told(app: &App) -> (Vec<MedialContactStarted>, Vec<MedialContactEnded>) {
+fn reported(app: &App) -> (Vec<MedialContactStarted>, Vec<MedialContactEnded>) {
     let world = app.world();
     let started = MessageCursor::default().read(world.resource::<Messages<_>>()).copied().collect();
     (started, MessageCursor::default().read(world.resource::<Messages<_>>()).copied().collect())
@@ -81,9 +81,9 @@ fn a_body_moved_through_a_wall_is_reported_and_does_not_stop() {
     let (wall, ball) = (wall(&mut app), ball(&mut app, -1.0));
     app.update();
     app.update();
-    assert_eq!(told(&app), (vec![], vec![]));
+    assert_eq!(reported(&app), (vec![], vec![]));
     place(&mut app, ball, 1.0);
-    let (started, ended) = told(&app);
+    let (started, ended) = reported(&app);
     let [hit] = started[..] else { panic!("{started:?}") };
     assert_eq!((hit.entity1, hit.entity2, hit.sensor, ended.len()), (ball, wall, false, 0));
     // Its surface moves by two metres and meets the wall after 89 cm.
@@ -91,7 +91,7 @@ fn a_body_moved_through_a_wall_is_reported_and_does_not_stop() {
     assert!(hit.touch.normal.distance(Vec3::X) < 1e-4 && (hit.touch.approach_speed - 120.0).abs() < 0.01, "{hit:?}");
     assert_eq!(app.world().get::<Transform>(ball).unwrap().translation, Vec3::X);
     app.update();
-    let ended = told(&app).1;
+    let ended = reported(&app).1;
     assert_eq!(ended, [MedialContactEnded { entity1: ball, entity2: wall, body1: Some(ball), body2: None }]);
 }
 
@@ -138,7 +138,7 @@ fn the_fixed_schedule_needs_no_transform_plugin() {
     (0..3).for_each(|_| app.update());
     place(&mut app, ball, 1.0);
     app.update();
-    let hits: Vec<_> = told(&app).0.iter().map(|hit| (hit.entity1, hit.entity2)).collect();
+    let hits: Vec<_> = reported(&app).0.iter().map(|hit| (hit.entity1, hit.entity2)).collect();
     assert_eq!(hits, [(ball, wall)]);
 }
 
@@ -151,7 +151,7 @@ fn a_touch_is_reported_without_continuous_collision() {
         app.update();
         app.world_mut().get_mut::<Transform>(one).unwrap().translation.x = 1.0;
         place(&mut app, other, -1.0);
-        let started = told(&app).0;
+        let started = reported(&app).0;
         let [hit] = started[..] else { panic!("{started:?}") };
         assert!((hit.touch.fraction - 0.45).abs() < 1e-3, "{hit:?}");
     }
@@ -189,12 +189,12 @@ fn a_static_despawned_while_another_loads_stops_nothing() {
     app.update();
     app.world_mut().despawn(wall);
     place(&mut app, ball, 1.0);
-    assert_eq!(told(&app).0, []);
+    assert_eq!(reported(&app).0, []);
     let sphere = MedialAxis::sphere(RADIUS).unwrap();
     app.world_mut().resource_mut::<Assets<MedialAxis>>().insert(&handle, sphere).unwrap();
     place(&mut app, loading, 0.0);
     place(&mut app, ball, -1.0);
-    assert_eq!(told(&app).0.len(), 1);
+    assert_eq!(reported(&app).0.len(), 1);
 }
 
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
@@ -230,7 +230,7 @@ fn an_invalid_transform_affects_no_other_body() {
     place(&mut app, ball, 1.0);
     let step = app.world().resource::<MedialStep>();
     assert_eq!((step.input.bodies.len(), step.statics.bodies().len()), (1, 1));
-    let hits: Vec<_> = told(&app).0.iter().map(|hit| (hit.entity1, hit.entity2)).collect();
+    let hits: Vec<_> = reported(&app).0.iter().map(|hit| (hit.entity1, hit.entity2)).collect();
     assert_eq!(hits, [(ball, wall)]);
     place(&mut app, broken, 5.0);
     assert_eq!(app.world().resource::<MedialStep>().statics.bodies().len(), 2);
@@ -247,7 +247,7 @@ fn a_sheared_wall_collides() {
     let rotation = app.world().get::<GlobalTransform>(wall).unwrap().rotation();
     assert!(!rotation.is_normalized(), "{rotation} is normalized");
     place(&mut app, ball, 1.0);
-    assert_eq!(told(&app).0.len(), 1);
+    assert_eq!(reported(&app).0.len(), 1);
 }
 
 #[test]
@@ -257,10 +257,10 @@ fn a_wall_follows_its_transform() {
     app.update();
     place(&mut app, wall, 5.0);
     place(&mut app, ball, 1.0);
-    assert_eq!(told(&app).0, []);
+    assert_eq!(reported(&app).0, []);
     place(&mut app, wall, 0.0);
     place(&mut app, ball, -1.0);
-    assert_eq!(told(&app).0.len(), 1);
+    assert_eq!(reported(&app).0.len(), 1);
     app.world_mut().despawn(wall);
     app.update();
     assert_eq!(app.world().resource::<MedialStep>().statics.bodies().len(), 0);

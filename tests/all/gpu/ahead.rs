@@ -150,14 +150,14 @@ fn diagnostics_report_gpu_times_and_latency() {
         assert_comes_back_from_text(app.world().resource::<MedialStep>(), app.world());
 
         // Steps culled on the CPU add no values to the diagnostics of the GPU.
-        let told = |app: &App| {
+        let reported = |app: &App| {
             let of_steps = [diagnostic_paths::GPU_LATENCY, diagnostic_paths::GPU_DEPARTED];
             diagnostic_paths::GPU.into_iter().chain(of_steps).map(|path| diagnostic(app, &path)).collect::<Vec<_>>()
         };
-        let before = told(app);
+        let before = reported(app);
         app.world_mut().resource_mut::<MedialSettings>().backend = MedialBackend::Cpu;
         (0..5).for_each(|_| app.update());
-        assert_eq!(told(app), before);
+        assert_eq!(reported(app), before);
         assert!(app.world().resource::<MedialStep>().gpu_times().is_empty() && !culled_on_gpu(app));
     }
 }

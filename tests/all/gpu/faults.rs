@@ -213,7 +213,7 @@ fn a_lost_device_loses_no_contact() {
     if device().is_none() {
         return;
     }
-    let told = || log::lines("medial meshes are culled on the CPU from now on").len();
+    let reported = || log::lines("medial meshes are culled on the CPU from now on").len();
     let of_own = |app: &App| app.world().resource::<MedialStep>().gpu_culling().unwrap().device().wgpu_device().clone();
     let of_renderer = |app: &App| app.world().resource::<RenderDevice>().wgpu_device().clone();
     let setups: [(fn(&str, MedialBackend) -> App, &dyn Fn(&App) -> wgpu::Device); 2] =
@@ -223,7 +223,7 @@ fn a_lost_device_loses_no_contact() {
         let mut after = Latencies::default();
         for number in 0..120 {
             if number == 60 {
-                assert!(culled_on_gpu(&gpu) && told() == index);
+                assert!(culled_on_gpu(&gpu) && reported() == index);
                 device_of(&gpu).destroy();
             }
             cpu.update();
@@ -235,7 +235,7 @@ fn a_lost_device_loses_no_contact() {
             }
         }
         assert_eq!(after.waited() + after.answered(), 0, "the lost device is still used");
-        assert_eq!(told(), index + 1);
+        assert_eq!(reported(), index + 1);
     }
 }
 
@@ -301,9 +301,9 @@ fn out_of_memory_does_not_reach_the_error_handler() {
 #[ignore = "limits the memory of the process"]
 fn child_process_with_full_memory() {
     let gpu = small_device(1 << 27);
-    let told = Arc::new(AtomicBool::new(false));
-    let whoever = told.clone();
-    gpu.wgpu_device().on_uncaptured_error(Arc::new(move |_| whoever.store(true, Ordering::Relaxed)));
+    let reported = Arc::new(AtomicBool::new(false));
+    let handler = reported.clone();
+    gpu.wgpu_device().on_uncaptured_error(Arc::new(move |_| handler.store(true, Ordering::Relaxed)));
     let mut random = Random(8);
     let mut small = |culling: &mut GpuCulling| compare(culling, 5, || random_step(&mut random, 12, 5, 2.0, Vec3::ZERO));
     let mut culling = GpuCulling::new(&gpu, TINY).unwrap();
@@ -326,14 +326,14 @@ fn child_process_with_full_memory() {
         assert!(error.is_of_one_step() && error.to_string().contains("has no memory left for"), "{error}");
     }
     small(&mut culling);
-    assert!(!told.load(Ordering::Relaxed), "the error handler of the device was called");
+    assert!(!reported.load(Ordering::Relaxed), "the error handler of the device was called");
 }
 
 /// If the renderer's device lacks storage buffers, no other device replaces it.
 #[test]
 fn the_cpu_culls_if_the_renderer_is_unsuitable() {
     let Some(gpu) = device() else { return };
-    let told = || log::lines("allows 4 storage buffers in a pass, 8 are needed");
+    let reported = || log::lines("allows 4 storage buffers in a pass, 8 are needed");
     for (index, pipelined) in [false, true].into_iter().enumerate() {
         let [mut cpu, mut refused] = [MedialBackend::Cpu, MedialBackend::Gpu].map(|backend| {
             let limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..default() };
@@ -349,7 +349,7 @@ fn the_cpu_culls_if_the_renderer_is_unsuitable() {
             assert!(!culled_on_gpu(&refused));
         }
         assert!(refused.world().resource::<MedialStep>().gpu_culling().is_none());
-        let lines = told();
+        let lines = reported();
         assert_eq!(lines.len(), index + 1, "{lines:?}");
         assert!(lines[index].contains("culled on the CPU") && lines[index].contains(gpu.name()), "{lines:?}");
     }

@@ -223,8 +223,8 @@ fn a_build_succeeds_without_a_writable_cache() {
     let mesh = add(&mut app, Cuboid::default());
     let body = app.world_mut().spawn((mesh, few())).id();
     assert_eq!(wait_for(&mut app, body, is_over), MedialBuildStatus::Built);
-    let told = log::lines("physics-no-cache");
-    assert!(told.iter().any(|line| line.contains("MedialBuildPlugin::cache")), "{told:?}");
+    let reported = log::lines("physics-no-cache");
+    assert!(reported.iter().any(|line| line.contains("MedialBuildPlugin::cache")), "{reported:?}");
     fs::remove_file(&cache).unwrap();
 }
 
@@ -241,8 +241,8 @@ fn a_failed_build_is_logged_once_with_the_remedy() {
             assert!(error.contains(remedy), "{error}");
         }
         run(&mut app, 20);
-        let told = log::lines(name);
-        assert!(told.len() == 1 && told[0].contains(remedy), "{told:?}");
+        let reported = log::lines(name);
+        assert!(reported.len() == 1 && reported[0].contains(remedy), "{reported:?}");
         // Another mesh is tried.
         let good = add(&mut app, Cuboid::default());
         app.world_mut().entity_mut(bodies[0]).insert(good);

@@ -98,10 +98,10 @@ fn a_hook_filters_pairs_at_any_speed() {
                 record.run(&mut app, 90);
                 let x = |app: &mut App, entity| app.world().get::<Transform>(entity).unwrap().translation.x;
                 let [at, first, second] = [body, targets[0], targets[1]].map(|entity| x(&mut app, entity));
-                let told = record.counts(body, targets[0]);
+                let reported = record.counts(body, targets[0]);
                 match answer {
                     Some(SolverFlags::COMPUTE_IMPULSES) => {
-                        assert!(at < first && told[0] > 0, "{what}: at {at}, {told:?}");
+                        assert!(at < first && reported[0] > 0, "{what}: at {at}, {reported:?}");
                         assert_eq!(first > 1.01, target != "fixed", "{what}: {first}");
                     }
                     _ => {
@@ -109,7 +109,7 @@ fn a_hook_filters_pairs_at_any_speed() {
                             first == 1.0 && at > 1.0 && at < second,
                             "{what}: at {at}, targets at {first}, {second}"
                         );
-                        assert_eq!(told, if answer.is_some() { [1, 1] } else { [0, 0] }, "{what}");
+                        assert_eq!(reported, if answer.is_some() { [1, 1] } else { [0, 0] }, "{what}");
                         assert!(speed < 10.0 || record.counts(body, targets[1])[0] > 0, "{what}");
                     }
                 }
@@ -189,7 +189,7 @@ fn hooks_of_rapier_without_hooks_of_the_plugin_are_an_error() {
 #[test]
 fn a_schedule_other_than_that_of_rapier_is_logged() {
     log::keep();
-    let told = |schedule: &str| {
+    let reported = |schedule: &str| {
         log::lines("RapierPhysicsPlugin does not step in").iter().filter(|line| line.contains(schedule)).count()
     };
     let build = |rapier: RapierPhysicsPlugin<NoUserData>, medial: MedialPhysicsPlugins| {
@@ -198,10 +198,10 @@ fn a_schedule_other_than_that_of_rapier_is_logged() {
     let (rapier, medial) = (RapierPhysicsPlugin::default, MedialPhysicsPlugins::default);
     build(rapier(), medial());
     build(rapier().in_fixed_schedule(), medial().in_fixed_schedule());
-    assert_eq!([told("PostUpdate"), told("FixedUpdate")], [0, 0]);
+    assert_eq!([reported("PostUpdate"), reported("FixedUpdate")], [0, 0]);
     build(rapier().in_fixed_schedule(), medial());
     build(rapier(), medial().in_fixed_schedule());
-    assert_eq!([told("PostUpdate"), told("FixedUpdate")], [1, 1]);
+    assert_eq!([reported("PostUpdate"), reported("FixedUpdate")], [1, 1]);
 }
 
 #[test]

@@ -271,11 +271,11 @@ fn reported_candidates_equal_the_count_of_the_step() {
         if !step.input.report_candidates {
             continue;
         }
-        let told: usize = step.output.candidates.iter().map(|pair| pair.primitives.indices().count()).sum();
-        if told > 0 {
-            assert_eq!(told, step.output.counts.candidates);
+        let reported: usize = step.output.candidates.iter().map(|pair| pair.primitives.indices().count()).sum();
+        if reported > 0 {
+            assert_eq!(reported, step.output.counts.candidates);
         }
-        most = most.max(told);
+        most = most.max(reported);
     }
     assert!(most > 10, "{most} candidates");
 }

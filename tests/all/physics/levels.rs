@@ -204,9 +204,12 @@ fn an_invalid_budget_is_logged_once_and_the_default_holds() {
         app.world_mut().entity_mut(body).insert((budget, Name::new(name.clone())));
         run(&mut app, 5);
         assert_eq!(spheres(&app, body), 12, "{budget:?}");
-        let told = log::lines(&name);
-        assert_eq!(told.len(), 1, "{told:?}");
-        assert!(told[0].contains(&format!("MedialBudget::{budget:?}")) && told[0].contains("Percent(1.0)"), "{told:?}");
+        let reported = log::lines(&name);
+        assert_eq!(reported.len(), 1, "{reported:?}");
+        assert!(
+            reported[0].contains(&format!("MedialBudget::{budget:?}")) && reported[0].contains("Percent(1.0)"),
+            "{reported:?}"
+        );
     }
 }
 
@@ -251,9 +254,9 @@ fn a_damaged_file_of_levels_is_logged() {
     run(&mut app, 1);
     assert_eq!(spheres(&app, bodies[0].0), 24);
     assert!(app.world().get::<Collider>(bodies[1].0).is_none());
-    let told = log::lines("torn ring.medial");
-    let of_body: Vec<_> = told.iter().filter(|line| line.contains(&bodies[1].0.to_string())).collect();
-    assert!(of_body.len() == 1 && of_body[0].contains("copy or build it again"), "{told:?}");
+    let reported = log::lines("torn ring.medial");
+    let of_body: Vec<_> = reported.iter().filter(|line| line.contains(&bodies[1].0.to_string())).collect();
+    assert!(of_body.len() == 1 && of_body[0].contains("copy or build it again"), "{reported:?}");
 }
 
 #[test]

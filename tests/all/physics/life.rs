@@ -492,12 +492,12 @@ fn a_teleport_hits_no_body_on_its_path() {
                 );
             }
             // A body that is moved by its positions sweeps the whole path and hits the bodies on it.
-            let told = usize::from(body_kind == RigidBody::KinematicPositionBased) * 3;
+            let reported = usize::from(body_kind == RigidBody::KinematicPositionBased) * 3;
             for (one, other) in [(body, wall), (child, wall)] {
-                assert_eq!(record.counts(one, other), [told; 2], "{kind} {body_kind:?} {one} {other}");
+                assert_eq!(record.counts(one, other), [reported; 2], "{kind} {body_kind:?} {one} {other}");
             }
-            assert_eq!(record.counts(body, between)[0] > 0, told > 0, "{kind} {body_kind:?}");
-            if told == 0 {
+            assert_eq!(record.counts(body, between)[0] > 0, reported > 0, "{kind} {body_kind:?}");
+            if reported == 0 {
                 assert!(record.started.is_empty(), "{kind} {body_kind:?}: {:?}", record.started);
             }
         }

@@ -105,11 +105,11 @@ fn starts_and_ends_of_touches_alternate() {
         // There is one more start than ends because the body still lies on the ground.
         assert_eq!(started, ended + 1);
         again += ended;
-        let mut told: Vec<(u32, bool)> =
+        let mut reported: Vec<(u32, bool)> =
             record.started.iter().filter(|m| m.1.entity1 == body).map(|m| (m.0, true)).collect();
-        told.extend(record.ended.iter().filter(|m| m.1.entity1 == body).map(|m| (m.0, false)));
-        told.sort();
-        for (i, (_, is_start)) in told.iter().enumerate() {
+        reported.extend(record.ended.iter().filter(|m| m.1.entity1 == body).map(|m| (m.0, false)));
+        reported.sort();
+        for (i, (_, is_start)) in reported.iter().enumerate() {
             assert_eq!(*is_start, i % 2 == 0);
         }
     }

@@ -58,8 +58,8 @@ fn both_entities_observe_a_touch_once_from_their_side() {
         assert_eq!(started.touch.point, message.touch.point);
         assert_eq!(started.touch.approach_speed, message.touch.approach_speed);
         assert!(started.touch.normal.x * if entity == body { 1.0 } else { -1.0 } > 0.99);
-        let told = heard.ended.iter().find(|(listener, _)| *listener == entity).unwrap().1;
-        assert_eq!([told.entity1, told.entity2], [entity, other]);
+        let reported = heard.ended.iter().find(|(listener, _)| *listener == entity).unwrap().1;
+        assert_eq!([reported.entity1, reported.entity2], [entity, other]);
     }
     assert_eq!([ended.entity1, ended.entity2], [message.entity1, message.entity2]);
 }

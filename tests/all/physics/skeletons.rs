@@ -156,8 +156,8 @@ fn a_jump_is_not_swept_and_a_requested_one_is_not_told_of() {
             }
             record.run(&mut app, 1);
         }
-        let told = balls.map(|ball| record.counts(ball, tentacle.entity)[0]);
-        assert_eq!(told, [0, 1], "{name}");
+        let reported = balls.map(|ball| record.counts(ball, tentacle.entity)[0]);
+        assert_eq!(reported, [0, 1], "{name}");
         assert_eq!(log::lines(name).len(), usize::from(!requested), "{name}: {:?}", log::lines(name));
     }
 }

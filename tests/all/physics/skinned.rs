@@ -270,15 +270,15 @@ impl Score {
                 continue;
             }
             let is_own = |message: &MedialContactStarted| [message.entity1, message.entity2].contains(&shot.entity);
-            let told = record.started.iter().find(|(_, message)| is_own(message));
+            let reported = record.started.iter().find(|(_, message)| is_own(message));
             let speed = shot.velocity.length();
             let Some(time) = first else {
-                assert!(told.is_none(), "a shot at {speed} m/s that passes at {least} m hits: {told:?}");
+                assert!(reported.is_none(), "a shot at {speed} m/s that passes at {least} m hits: {reported:?}");
                 assert_eq!(app.world().get::<Velocity>(shot.entity).unwrap().linear, shot.velocity);
                 (self.misses, self.near_misses) = (self.misses + 1, self.near_misses + usize::from(least < 0.1));
                 continue;
             };
-            let Some((step, message)) = told else {
+            let Some((step, message)) = reported else {
                 let later = (0..400).map(|i| time + i as f32 * 4e-3 / speed);
                 let deepest = later.map(|t| puppet.distance_at(t, shot.at(t))).fold(f32::INFINITY, f32::min);
                 assert!(deepest > -TOLERANCE, "a shot at {speed} m/s that goes {deepest} m deep is lost");

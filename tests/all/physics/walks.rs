@@ -28,7 +28,7 @@ const CROWD: usize = 24;
 
 /// Pairs that observers received in the last update.
 #[derive(Resource, Default)]
-struct Told {
+struct Accuracy {
     started: Vec<(Entity, Entity)>,
     ended: Vec<(Entity, Entity)>,
 }
@@ -160,16 +160,16 @@ const OPERATIONS: [Operation; 27] = [
 impl Walk {
     fn new(seed: u64) -> Self {
         let mut app = app_with(MedialPhysicsPlugins::default(), &assets());
-        app.init_resource::<Told>()
-            .add_observer(|on: On<MedialContactStarted>, mut told: ResMut<Told>| {
+        app.init_resource::<Accuracy>()
+            .add_observer(|on: On<MedialContactStarted>, mut reported: ResMut<Accuracy>| {
                 // Events propagate to parents.
                 if on.entity1 == on.original_event_target() {
-                    told.started.push((on.entity1, on.entity2));
+                    reported.started.push((on.entity1, on.entity2));
                 }
             })
-            .add_observer(|on: On<MedialContactEnded>, mut told: ResMut<Told>| {
+            .add_observer(|on: On<MedialContactEnded>, mut reported: ResMut<Accuracy>| {
                 if on.entity1 == on.original_event_target() {
-                    told.ended.push((on.entity1, on.entity2));
+                    reported.ended.push((on.entity1, on.entity2));
                 }
             });
         let shapes = (0..4).map(|number| mesh(&mut app, shape(number, 0.5))).collect();
@@ -354,7 +354,7 @@ impl Walk {
     }
 
     fn update(&mut self) {
-        *self.app.world_mut().resource_mut::<Told>() = Told::default();
+        *self.app.world_mut().resource_mut::<Accuracy>() = Accuracy::default();
         self.record.run(&mut self.app, 1);
         self.check_messages();
         self.check_bodies();
@@ -380,9 +380,9 @@ impl Walk {
             let touch = message.touch;
             assert!(touch.point.is_finite() && touch.normal.is_normalized(), "{touch:?}");
         }
-        let told = world.resource::<Told>();
-        assert_eq!(told.started, started);
-        assert_eq!(told.ended, ended);
+        let reported = world.resource::<Accuracy>();
+        assert_eq!(reported.started, started);
+        assert_eq!(reported.ended, ended);
         if !self.paused {
             for &(a, b) in &self.touching {
                 for entity in [a, b] {

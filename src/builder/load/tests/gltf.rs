@@ -32,8 +32,11 @@ fn gltf_nodes_place_their_meshes() {
         with_nodes(&format!(r#"{{ "mesh": 0, "weights": [{weight}] }}"#)).replace(r#""indices": 1 }"#, targets)
     };
     assert!(parse(MeshFormat::Gltf, bent("0").as_bytes()).is_ok());
-    let told = error(MeshFormat::Gltf, &bent("0.5"));
-    assert!(told.starts_with("node 0: mesh 0 is deformed by its morph targets; apply its shape keys"), "{told}");
+    let reported = error(MeshFormat::Gltf, &bent("0.5"));
+    assert!(
+        reported.starts_with("node 0: mesh 0 is deformed by its morph targets; apply its shape keys"),
+        "{reported}"
+    );
 
     let cycle = error(MeshFormat::Gltf, &with_nodes(r#"{ "children": [1] }, { "children": [0], "mesh": 0 }"#));
     assert_eq!(cycle, "node 0: the scene reaches it twice, so its nodes are not a tree; export it again");
@@ -151,11 +154,11 @@ fn sparse_accessors_replace_elements() {
         let alone = read_bytes(MeshFormat::Gltf, document(&sparse("", 3, kind), &parts).as_bytes());
         assert_eq!(corners(&alone.mesh), [[Vec3::Z, Vec3::ZERO, Vec3::ONE]]);
         let wild = [bytes_of(&dense), indices([0, 3], width), values.clone()];
-        let told = error(MeshFormat::Gltf, &document(&sparse("", 3, kind), &wild));
-        assert_eq!(told, "accessor 0: it replaces an element that does not exist; export it again");
+        let reported = error(MeshFormat::Gltf, &document(&sparse("", 3, kind), &wild));
+        assert_eq!(reported, "accessor 0: it replaces an element that does not exist; export it again");
         let short = [bytes_of(&dense), indices([0, 2], width), values[1..].to_vec()];
-        let told = error(MeshFormat::Gltf, &document(&sparse("", 3, kind), &short));
-        assert_eq!(told, "accessor 0: its elements do not lie within its buffer; export it again");
+        let reported = error(MeshFormat::Gltf, &document(&sparse("", 3, kind), &short));
+        assert_eq!(reported, "accessor 0: its elements do not lie within its buffer; export it again");
     }
     let parts = [bytes_of(&dense), indices([0, 2], 1), values];
     let promised = error(MeshFormat::Gltf, &document(&sparse("", 4_000_000_000, 5121), &parts));
@@ -215,9 +218,9 @@ fn gltf_nodes_are_read_one_by_one() {
     assert_eq!(node.mark, NodeMark { body: Some(NodeBody::Dynamic), budget: Some(2.0) });
     let box_of = node.triangles.as_ref().unwrap().aabb();
     assert_eq!((box_of.min, box_of.max), (Vec3::ZERO, Vec3::new(1.0, 0.5, 0.5)), "the node mirrors it, not its file");
-    let told = read(r#"{ "name": "a", "mesh": 0, "extras": { "medial": 7 } }"#).unwrap_err().to_string();
+    let reported = read(r#"{ "name": "a", "mesh": 0, "extras": { "medial": 7 } }"#).unwrap_err().to_string();
     let expected = "node 0 `a`: \"medial\" of its extras is invalid: it is neither an object nor true or false; correct it and export it again";
-    assert_eq!(told, expected);
+    assert_eq!(reported, expected);
     let flat = read(r#"{ "name": "flat", "mesh": 0, "scale": [1, 0, 1] }"#).unwrap();
     assert!(flat[0].triangles.as_ref().unwrap_err().contains("its scale is 0 or not finite"), "{flat:?}");
 }

@@ -85,8 +85,8 @@ fn objects_of_an_obj_file_are_one_mesh() {
         (lines.mesh.triangles.len(), &lines.warnings[..]),
         (1, &["2 records of lines or points are left out".into()][..])
     );
-    let told = error(MeshFormat::Obj, &format!("{head}surf 0 1 0 1 1 2 3\n"));
-    assert_eq!(told, "line 9: it is a free-form surface; convert it to triangles and export it again");
+    let reported = error(MeshFormat::Obj, &format!("{head}surf 0 1 0 1 1 2 3\n"));
+    assert_eq!(reported, "line 9: it is a free-form surface; convert it to triangles and export it again");
 }
 
 #[test]
