@@ -61,6 +61,7 @@ struct Unshaped {
 }
 
 /// The body of a node. The response inserts the body itself.
+#[cfg(feature = "rapier")]
 #[derive(Component)]
 pub(crate) struct SceneBody(pub NodeBody);
 
@@ -208,6 +209,7 @@ enum Source {
 
 /// Inserts the body of a node, and spawns the child with its shape.
 fn spawn(commands: &mut Commands, node: NameOrEntityItem, scene: &MedialScene, wanted: &Wanted, source: Source) {
+    #[cfg(feature = "rapier")]
     commands.entity(node.entity).try_insert(SceneBody(wanted.body));
     let place = (Transform::from_scale(wanted.scale), ChildOf(node.entity));
     let mut shape = commands.spawn((NodeShape, Name::new(node.to_string()), place));
