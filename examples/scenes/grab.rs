@@ -108,6 +108,7 @@ mod tests {
             let mut app = App::new();
             app.add_plugins((MinimalPlugins, AssetPlugin::default(), TransformPlugin, DiagnosticsPlugin))
                 .add_plugins((MedialPhysicsPlugins::default(), MedialPickingPlugin, InteractionPlugin, plugin))
+                .add_plugins(MedialDebugPlugin { enabled: false })
                 .init_gizmo_group::<DefaultGizmoConfigGroup>()
                 .init_resource::<ButtonInput<MouseButton>>()
                 .insert_resource(TimestepMode::Fixed { dt: DT, substeps: 1 })
