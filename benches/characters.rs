@@ -5,7 +5,8 @@
 //! ```
 //!
 //! - **cost**: an update with 100 bipeds of about 60 primitives that run on the spot, with rigid bodies of the same shape, and with joints alone, in turns.
-//!   Once without other bodies, and with a quarter of the number knee-deep in 20 balls each, within four walls. The cost is the time beyond that of the joints and balls alone. Processor time is the sum over all threads;
+//!   Once without other bodies, and with a quarter of the number knee-deep in 20 balls each, within four walls.
+//!   The cost is the time beyond that of the joints and balls alone. Processor time is the sum over all threads;
 //! - **hits**: bullets of 3 cm radius at 10 to 1,000 m/s from random directions at a biped that runs at 5 m/s. Steps 100 times as fine on its skinned
 //!   triangles are the truth. The tolerance is the fit error: the largest distance of the posed medial mesh from these triangles over the gait;
 //! - **crowd**: this biped runs through 100 bodies, in steps of 1/60 s and in steps 16 times as fine.

@@ -4,8 +4,8 @@
 //! cargo run --release -p bevy_medial_compare --bin skin_errors -- [--spheres N] [--frames N] [--out FOLDER]
 //! ```
 //!
-//! Errors are two-sided, as in `medial measure`, and in millimetres. Folds of the skin, where it lies inside the body, do not count. With `--out` it writes `animated.csv`, a row for each frame, and `animated.svg`. Frame 0 of
-//! the table is the bind pose.
+//! Errors are two-sided, as in `medial measure`, and in millimetres. Folds of the skin, where it lies inside the body, do not count. With `--out` it writes
+//! `animated.csv`, a row for each frame, and `animated.svg`. Frame 0 of the table is the bind pose.
 
 use std::{error::Error, path::PathBuf, process::ExitCode};
 

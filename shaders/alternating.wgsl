@@ -1,42 +1,29 @@
 // The published time of impact by alternation, as a baseline. Counterpart: src/query/alternating.rs. The back end does not use it.
-//
-// One invocation for each pair. Lengths are in metres.
-
-struct Pair {
-    first: Moving,
-    second: Moving,
-}
-
-@group(0) @binding(0) var<storage, read> pairs: array<Pair>;
-// Fraction of the step at which each pair touches, or `NEVER`.
-@group(0) @binding(1) var<storage, read_write> touches: array<f32>;
+// Lengths are in metres.
 
 // Most iterations of a search.
 const MOST_ALTERNATIONS: u32 = 8u;
 
-// Two spheres `x y z radius`, one of each side.
-struct Feature {
+// The nearest spheres so far, as in `nearer.wgsl`, with the spheres themselves.
+struct Nearest {
+    // Distance of their surfaces.
+    distance: f32,
+    // Spheres `x y z radius`, one of each side.
     first: vec4f,
     second: vec4f,
+    // Difference of their centres, from the first side to the second.
+    apart: vec3f,
 }
 
-fn closer(best: Feature, first: vec4f, second: vec4f) -> Feature {
-    let new_distance = distance(first.xyz, second.xyz) - first.w - second.w;
-    if new_distance < distance(best.first.xyz, best.second.xyz) - best.first.w - best.second.w {
-        return Feature(first, second);
+const FAR: Nearest = Nearest(MAX, vec4f(0.0), vec4f(0.0), vec3f(0.0, 1.0, 0.0));
+
+fn nearer(best: Nearest, first: vec4f, second: vec4f) -> Nearest {
+    let apart = second.xyz - first.xyz;
+    let distance = length(apart) - first.w - second.w;
+    if distance < best.distance {
+        return Nearest(distance, first, second, apart);
     }
     return best;
-}
-
-fn closer_edges(given: Feature, cone1: Edge, cone2: Edge) -> Feature {
-    let at = crossing(cone1, cone2);
-    let end1 = cone1.start + cone1.axis;
-    let end2 = cone2.start + cone2.axis;
-    var best = closer(given, sphere_at(cone1, at.x), sphere_at(cone2, at.y));
-    best = closer(best, cone1.start, on_edge(cone1.start.xyz, cone2));
-    best = closer(best, end1, on_edge(end1.xyz, cone2));
-    best = closer(best, on_edge(cone2.start.xyz, cone1), cone2.start);
-    return closer(best, on_edge(end2.xyz, cone1), end2);
 }
 
 // Returns the barycentric weights of the second and the third sphere of a slab at a point in the plane of the centres.
@@ -72,26 +59,26 @@ fn on_face(slab: Spheres, point: vec3f) -> vec4f {
     return slab.a + u * weights.x + v * weights.y;
 }
 
-fn nearest_spheres(first: Spheres, second: Spheres) -> Feature {
-    var best = Feature(first.a, second.a);
+fn nearest_spheres(first: Spheres, second: Spheres) -> Nearest {
+    var best = FAR;
     var one = first;
     for (var i = 0u; i < select(1u, 3u, IS_SLAB1); i++) {
         var other = second;
         for (var j = 0u; j < select(1u, 3u, IS_SLAB2); j++) {
-            best = closer_edges(best, edge(one.a, one.b), edge(other.a, other.b));
+            best = between_edges(best, edge(one.a, one.b), edge(other.a, other.b));
             other = Spheres(other.b, other.c, other.a);
         }
         one = Spheres(one.b, one.c, one.a);
     }
     if IS_SLAB1 {
-        best = closer(best, on_face(first, second.a.xyz), second.a);
-        best = closer(best, on_face(first, second.b.xyz), second.b);
-        best = closer(best, on_face(first, second.c.xyz), second.c);
+        best = nearer(best, on_face(first, second.a.xyz), second.a);
+        best = nearer(best, on_face(first, second.b.xyz), second.b);
+        best = nearer(best, on_face(first, second.c.xyz), second.c);
     }
     if IS_SLAB2 {
-        best = closer(best, first.a, on_face(second, first.a.xyz));
-        best = closer(best, first.b, on_face(second, first.b.xyz));
-        best = closer(best, first.c, on_face(second, first.c.xyz));
+        best = nearer(best, first.a, on_face(second, first.a.xyz));
+        best = nearer(best, first.b, on_face(second, first.b.xyz));
+        best = nearer(best, first.c, on_face(second, first.c.xyz));
     }
     return best;
 }
@@ -141,14 +128,8 @@ fn approach(offset: vec3f, motion: vec3f, radii: f32) -> Approach {
     return Approach(clamp(-half_slope / speed_squared, 0.0, 1.0), false);
 }
 
-@compute @workgroup_size(64)
-fn alternating(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let index = id.y * (groups.x * 64u) + id.x;
-    if index >= arrayLength(&pairs) {
-        return;
-    }
-    let first = pairs[index].first;
-    let second = pairs[index].second;
+// Returns the fraction of the step at which the pair touches, or `NEVER`.
+fn result_of(first: Moving, second: Moving) -> f32 {
     var found = Approach(1.0, false);
     for (var i = 0u; i < MOST_ALTERNATIONS; i++) {
         let before = found.fraction;
@@ -163,5 +144,5 @@ fn alternating(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
             break;
         }
     }
-    touches[index] = select(NEVER, found.fraction, found.touches && found.fraction > 0.0);
+    return select(NEVER, found.fraction, found.touches && found.fraction > 0.0);
 }

@@ -134,7 +134,7 @@ struct Stored {
 }
 
 /// The rest of a file of version 3, after the levels.
-#[derive(Serialize, Deserialize)]
+#[derive(Default, Serialize, Deserialize)]
 struct StoredSolid {
     skin: Option<StoredSkin>,
     /// Volume, centre of mass, and the inertia tensor as xx, yy, zz, xy, xz, yz.
@@ -275,9 +275,9 @@ impl MedialLevels {
             SOLID => postcard::take_from_bytes(rest).map_err(cut)?,
             SKINNED => {
                 let (skin, rest) = postcard::take_from_bytes(rest).map_err(cut)?;
-                (StoredSolid { skin: Some(skin), mass: None, sides: SideLimits::default() }, rest)
+                (StoredSolid { skin: Some(skin), ..StoredSolid::default() }, rest)
             }
-            _ => (StoredSolid { skin: None, mass: None, sides: SideLimits::default() }, rest),
+            _ => (StoredSolid::default(), rest),
         };
         if !rest.is_empty() {
             return Err(MedialLevelsError::Damaged("bytes follow the last level"));

@@ -286,7 +286,7 @@ mod tests {
 
     #[test]
     fn workgroups_are_those_of_the_shaders() {
-        for (label, text) in shaders().chain([("pair_bounds", pair_bounds::text(Kind::SlabSlab))]) {
+        for (label, text) in shaders().chain([(pair_bounds::LABEL, pair_bounds::text(Kind::SlabSlab))]) {
             let module = parse_str(&text).unwrap();
             let entry = module.entry_points.iter().find(|entry| entry.name == entry_point(label)).unwrap();
             let size = match label {

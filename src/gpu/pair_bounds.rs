@@ -5,11 +5,17 @@ use bytemuck::{Pod, Zeroable, cast_slice, pod_collect_to_vec};
 use super::{
     GpuDevice, GpuError,
     kinds::Kind,
-    pass::{BOUNDS, NEAREST, Pass, shader_of_kind},
+    pass::{BOUNDS, NEARER, NEAREST, Pass, shader_of_kind},
     passes::WORKGROUP,
     timer::Timer,
 };
 use crate::query::{Cuboid, Moving};
+
+/// Label and entry point of the kernels.
+pub(super) const LABEL: &str = "pairs_of_kind";
+
+/// Source that runs a kernel for each pair of a list.
+const PAIRS: &str = include_str!("../../shaders/pairs.wgsl");
 
 /// A moving primitive, and another one or a box at rest at the origin.
 #[derive(Clone, Copy, Debug)]
@@ -70,20 +76,20 @@ impl GpuBounds {
     /// # Errors
     /// If the device refuses a shader.
     pub fn new(gpu: &GpuDevice) -> Result<Self, GpuError> {
-        Self::of(gpu, "pair_bounds", text)
+        Self::of(gpu, text)
     }
 
-    /// Creates the kernels of the published [alternation](crate::query::alternating()). Their times are not bounds: they may be late or missing. A box
-    /// counts as a primitive of zero size at its centre.
+    /// Creates the kernels of the published [alternation](crate::query::alternating()). Their times are not bounds: they may be late or missing. The
+    /// result of a pair with a box is unspecified.
     ///
     /// # Errors
     /// If the device refuses a shader.
     pub fn alternating(gpu: &GpuDevice) -> Result<Self, GpuError> {
-        Self::of(gpu, "alternating", alternating_text)
+        Self::of(gpu, alternating_text)
     }
 
-    fn of(gpu: &GpuDevice, label: &'static str, text: impl Fn(Kind) -> String) -> Result<Self, GpuError> {
-        let passes = Kind::ALL.into_iter().map(|kind| Pass::new(gpu, label, text(kind))).collect::<Result<_, _>>()?;
+    fn of(gpu: &GpuDevice, text: impl Fn(Kind) -> String) -> Result<Self, GpuError> {
+        let passes = Kind::ALL.into_iter().map(|kind| Pass::new(gpu, LABEL, text(kind))).collect::<Result<_, _>>()?;
         Ok(Self { passes, timer: Timer::new(gpu, 1)?, time: None, gpu: gpu.clone() })
     }
 
@@ -130,7 +136,7 @@ impl GpuBounds {
             let group =
                 pass.bind(gpu, &[(0, input.as_entire_buffer_binding()), (1, output.as_entire_buffer_binding())]);
             let timestamp_writes = self.timer.writes(0);
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("pair_bounds"), timestamp_writes };
+            let descriptor = wgpu::ComputePassDescriptor { label: Some(LABEL), timestamp_writes };
             let mut compute = encoder.begin_compute_pass(&descriptor);
             pass.set(&mut compute, &group);
             compute.dispatch_workgroups(wide, groups.div_ceil(wide), 1);
@@ -149,10 +155,10 @@ impl GpuBounds {
 
 /// Text of the shader of the alternation for one kind of pairs.
 fn alternating_text(kind: Kind) -> String {
-    shader_of_kind(kind, [NEAREST, BOUNDS, include_str!("../../shaders/alternating.wgsl")])
+    shader_of_kind(kind, [include_str!("../../shaders/alternating.wgsl"), NEAREST, BOUNDS, PAIRS])
 }
 
 /// Text of the shader for one kind of pairs.
 pub(super) fn text(kind: Kind) -> String {
-    shader_of_kind(kind, [NEAREST, BOUNDS, include_str!("../../shaders/pair_bounds.wgsl")])
+    shader_of_kind(kind, [NEARER, NEAREST, BOUNDS, include_str!("../../shaders/pair_bounds.wgsl"), PAIRS])
 }

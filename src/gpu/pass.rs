@@ -3,9 +3,11 @@
 use super::{GpuDevice, GpuError, kinds::Kind};
 use crate::constants;
 
-/// Source of the kernel that finds nearest spheres.
+/// Source of the kernel that finds nearest spheres. It needs [`NEARER`] or another type of their pair.
 pub(super) const NEAREST: &str = include_str!("../../shaders/nearest.wgsl");
-/// Source of the kernel that finds bounds. It needs [`NEAREST`] and the constants of a [`Kind`].
+/// Source of the nearest pair of spheres, without the spheres themselves.
+pub(super) const NEARER: &str = include_str!("../../shaders/nearer.wgsl");
+/// Source of the kernel that finds bounds. It needs [`NEARER`], [`NEAREST`] and the constants of a [`Kind`].
 pub(super) const BOUNDS: &str = include_str!("../../shaders/bounds.wgsl");
 
 /// Joins constants and files into one shader for a kind of primitive pairs.

@@ -7,7 +7,7 @@ use super::{
     buffers::{Buffers, Slot},
     kinds::{KINDS, Kind},
     layout::Exchange,
-    pass::{BOUNDS, NEAREST, Pass, shader, shader_of_kind},
+    pass::{BOUNDS, NEARER, NEAREST, Pass, shader, shader_of_kind},
 };
 
 /// Invocations in a workgroup, except in the passes that sort, build the tree or dispatch.
@@ -35,7 +35,7 @@ const ENTRIES: [(&str, &[&[&str]]); 10] = [
     ("sort_near", &[SORT]),
     ("tree_bottom", &[STEP, TREE]),
     ("tree_top", &[STEP, TREE]),
-    ("broad_phase", &[&[NEAREST], STEP, &[include_str!("../../shaders/broad_phase.wgsl")]]),
+    ("broad_phase", &[&[NEARER, NEAREST], STEP, &[include_str!("../../shaders/broad_phase.wgsl")]]),
     ("dispatch", &[STEP, KINDS_FILE, &[include_str!("../../shaders/dispatch.wgsl")]]),
     ("place_chords", &[STEP, CHORD, &[include_str!("../../shaders/place_chords.wgsl")]]),
     ("mid_phase", &[STEP, KINDS_FILE, CHORD, &[include_str!("../../shaders/mid_phase.wgsl")]]),
@@ -54,7 +54,7 @@ const NARROW: [&str; KINDS] = [
 pub(crate) fn shaders() -> impl Iterator<Item = (&'static str, String)> {
     let entries = ENTRIES.iter().map(|(label, files)| (*label, shader(files.concat())));
     let narrow = NARROW.into_iter().zip(Kind::ALL).map(|(label, kind)| {
-        let own = &[NEAREST, BOUNDS, include_str!("../../shaders/narrow_phase.wgsl")];
+        let own = &[NEARER, NEAREST, BOUNDS, include_str!("../../shaders/narrow_phase.wgsl")];
         (label, shader_of_kind(kind, [STEP, KINDS_FILE, CHORD, own].concat()))
     });
     entries.chain(narrow)

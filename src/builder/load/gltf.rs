@@ -114,9 +114,8 @@ impl GltfFile {
 
 /// Reads the first animation; `None` without one.
 pub(super) fn parse_clip(bytes: &[u8], folder: &Path) -> Result<Option<Clip>, FormatError> {
-    let (document, blob) = document(bytes)?;
+    let GltfFile { document, buffers } = GltfFile::new(bytes, folder)?;
     let Some(animation) = document.animations().next() else { return Ok(None) };
-    let buffers = buffers(&document, blob, folder)?;
     Clip::read(&animation, nodes(&document)?, &buffers).map(Some)
 }
 
