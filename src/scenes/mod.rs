@@ -6,7 +6,10 @@ pub mod characters;
 mod models;
 mod monitor;
 
-use std::time::Duration;
+use std::{
+    f32::consts::{FRAC_PI_2, FRAC_PI_6},
+    time::Duration,
+};
 
 use bevy::{prelude::*, time::TimeUpdateStrategy};
 use bevy_rapier3d::{
@@ -81,6 +84,13 @@ pub const SCENES: &[Scene] = &[
         steps: 240,
         view: [Vec3::new(4.5, 5.4, 7.2), Vec3::new(0.0, 1.5, 0.0)],
         build: pile,
+    },
+    Scene {
+        name: "chain_mail",
+        about: "a ball flies into a sheet of 10 x 10 linked rings that hangs at two corners",
+        steps: 240,
+        view: [Vec3::new(2.6, 2.9, 3.4), Vec3::new(0.0, 1.7, 0.0)],
+        build: chain_mail,
     },
 ];
 
@@ -357,4 +367,29 @@ fn stairs(builder: &mut Builder) {
         let velocity = Velocity { linear: Vec3::new(1.5, 0.0, 0.0), angular: Vec3::ZERO };
         builder.body(if kinds[0] == kinds[1] { i } else { kinds[i % 2] }, 1.1, center, velocity);
     }
+}
+
+/// Each ring of the sheet is linked with four others, two in the row above and two in the row below. Rows are tilted to alternate sides.
+fn chain_mail(builder: &mut Builder) {
+    const RADIUS: f32 = 0.15;
+    const ROWS: usize = 10;
+    builder.ground();
+    // The radii are always valid.
+    let Ok(axis) = MedialAxis::torus(RADIUS, 0.15 * RADIUS, 16) else { return };
+    let mesh = builder.add(axis);
+    for row in 0..ROWS {
+        let side = if row.is_multiple_of(2) { 1.0 } else { -1.0 };
+        for column in 0..ROWS {
+            let place = Vec3::new(2.5 * (column as f32 + 0.25 * side - 4.5), -0.7 * row as f32, 0.0);
+            let transform = Transform::from_translation(place * RADIUS + Vec3::Y * 2.8)
+                .with_rotation(Quat::from_rotation_x(FRAC_PI_2 - side * FRAC_PI_6));
+            let is_corner = row == 0 && (column == 0 || column == ROWS - 1);
+            let body = if is_corner { RigidBody::Fixed } else { RigidBody::Dynamic };
+            let damping = Damping { linear_damping: 0.1, angular_damping: 1.0 };
+            builder.world.spawn((SceneEntity, Name::new("ring"), body, mesh.clone(), transform, damping));
+        }
+    }
+    let Ok(ball) = MedialAxis::sphere(0.25) else { return };
+    let center = Vec3::new(0.0, 1.6, -4.0) + builder.random.in_cube() * 0.2;
+    builder.body_of("ball".into(), ball, 0.5, center, Velocity { linear: Vec3::Z * 10.0, angular: Vec3::ZERO });
 }

@@ -3,6 +3,7 @@
 mod builds;
 mod bullets;
 mod casts;
+mod chain_mail;
 mod characters;
 mod colliders;
 mod contacts;
