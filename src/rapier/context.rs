@@ -54,6 +54,13 @@ impl ContextReadOnlyItem<'_, '_> {
         self.colliders.colliders.iter().any(|(_, collider)| medial(collider).is_some())
     }
 
+    /// Returns the colliders of bodies that are awake and not fixed, with their bodies.
+    pub fn awake(&self) -> impl Iterator<Item = (ColliderHandle, &RapierCollider, &RapierBody)> {
+        let awake = self.bodies.bodies.iter().filter(|(_, body)| !body.is_fixed() && !body.is_sleeping());
+        let colliders = awake.flat_map(|(_, body)| body.colliders().iter().map(move |handle| (*handle, body)));
+        colliders.filter_map(|(handle, body)| Some((handle, self.colliders.colliders.get(handle)?, body)))
+    }
+
     pub fn body(&self, collider: &RapierCollider) -> Option<&RapierBody> {
         self.bodies.bodies.get(collider.parent()?)
     }

@@ -10,8 +10,9 @@ use bevy_rapier3d::prelude::BevyPhysicsHooks;
 use super::{
     carry::carry,
     context::Context,
-    gather::{Fixed, Gather, Gathered},
+    gather::{Gather, Gathered},
     hooks,
+    last_step::LastStep,
     owed::{OwedTime, stop_bodies},
     snapshot::RapierStep,
 };
@@ -29,7 +30,7 @@ pub(super) fn detect<Hooks>(
     mut contexts: Query<Context>,
     hooks: StaticSystemParam<Hooks>,
     mut owed: ResMut<OwedTime>,
-    mut known: Local<Vec<Fixed>>,
+    mut last: Local<LastStep>,
 ) where
     Hooks: 'static + BevyPhysicsHooks,
     for<'w, 's> SystemParamItem<'w, 's, Hooks>: BevyPhysicsHooks,
@@ -42,7 +43,7 @@ pub(super) fn detect<Hooks>(
     let step = step.as_mut();
     step.settings = *settings;
     let mut gather = Gather { step, rapier: &rapier, ccd: &ccd, owed: &owed };
-    let Gathered { worlds, astray, .. } = gather.run(&contexts, &mut known);
+    let Gathered { worlds, astray, .. } = gather.run(&contexts, &mut last);
     let hooks = hooks.into_inner();
     step.snapshot_time = rapier.snapshot.took + clock.elapsed();
     step.run(|step, first, second| {

@@ -57,14 +57,17 @@ impl<'a> Pair<'a> {
         if is_known(pair.other) { Ok(pair) } else { Err(Unsupported) }
     }
 
-    /// Puts the moving shape first if only one of two medial shapes moves, as in the pipeline's pairs.
-    fn moving_first(self, table: &ContactTable) -> Self {
-        match self.other.as_shape::<MedialShape>() {
-            Some(other) if other.skin.is_none() && table.moves(other.key) && !table.moves(self.first.key) => {
-                Self { first: other, other: self.first, pose12: self.pose12.inverse(), swapped: !self.swapped }
-            }
-            _ => self,
-        }
+    fn key(&self) -> PairKey {
+        PairKey::new(self.first.key, SecondKey::of(self.other), &self.pose12)
+    }
+
+    /// Exchanges two medial shapes if the table has them in the other order.
+    fn in_order_of(self, table: &ContactTable) -> Self {
+        let Some(other) = self.other.as_shape::<MedialShape>().filter(|_| !table.contains(&self.key())) else {
+            return self;
+        };
+        let exchanged = Self { first: other, other: self.first, pose12: self.pose12.inverse(), swapped: !self.swapped };
+        if table.contains(&exchanged.key()) { exchanged } else { self }
     }
 
     /// Calls `function` with the medial shape and the other side.
@@ -79,7 +82,7 @@ impl<'a> Pair<'a> {
     fn manifolds(&self, prediction: f32, table: &ContactTable) -> Vec<Manifold> {
         let second = SecondKey::of(self.other);
         let (reach, has_skins) = table.reach(self.first.key, second, prediction);
-        let known = table.get(&PairKey::new(self.first.key, second, &self.pose12), reach, has_skins);
+        let known = table.get(&self.key(), reach, has_skins);
         known
             .unwrap_or_else(|| self.with_sides(|first, second| contacts::manifolds(first, second, &self.pose12, reach)))
     }
@@ -204,7 +207,7 @@ impl PersistentQueryDispatcher<ContactManifoldData, ContactData> for MedialDispa
         manifolds: &mut Vec<ContactManifold<ContactManifoldData, ContactData>>,
         workspace: &mut Option<ContactManifoldsWorkspace>,
     ) -> Result<(), Unsupported> {
-        let pair = Pair::new(pos12, g1, g2)?.moving_first(&self.table);
+        let pair = Pair::new(pos12, g1, g2)?.in_order_of(&self.table);
         let found = pair.manifolds(prediction, &self.table);
         if workspace.is_none() {
             *workspace = Some(Composite.into());

@@ -6,7 +6,6 @@ use bevy::{platform::collections::HashMap, prelude::*};
 use bevy_rapier3d::{
     parry::shape::SharedShape,
     rapier::{
-        data::Coarena,
         dynamics::{RigidBody as RapierBody, RigidBodyHandle, RigidBodyType},
         geometry::{Collider as RapierCollider, ColliderHandle},
     },
@@ -15,9 +14,10 @@ use bevy_rapier3d::{
 use super::{
     context::{Context, ContextReadOnlyItem, collider_pose, displacement, skin},
     joints::{joint_islands, kept_apart},
+    last_step::{LastBodies, LastStep},
     motion::motion,
     owed::OwedTime,
-    parts::solid,
+    parts::{shape_id, solid},
     snapshot::{RapierStep, Start, to_come},
 };
 use crate::{
@@ -95,29 +95,22 @@ struct World<'a, 'c> {
     /// The time that rapier has simulated, in seconds.
     dt: f32,
     joint_islands: HashMap<RigidBodyHandle, RigidBodyHandle>,
-    /// Poses of the bodies that slept in the last step. A body that sleeps at another pose was moved there, e.g. by restoring a context, so its pairs are
-    /// searched once.
-    sleepers: Option<&'a Coarena<Pose3>>,
 }
 
 impl Gather<'_, '_, '_> {
-    /// Gathers all worlds with a medial collider. `known`: the fixed colliders of the last step.
-    pub fn run(&mut self, contexts: &Query<Context>, known: &mut Vec<Fixed>) -> Gathered {
+    /// Gathers all worlds with a medial collider.
+    pub fn run(&mut self, contexts: &Query<Context>, LastStep { fixed, infos, bodies }: &mut LastStep) -> Gathered {
         let step = &mut *self.step;
-        let mut sleepers: Vec<Coarena<Pose3>> = step.worlds.iter().map(|_| Coarena::new()).collect();
-        for (info, body) in std::iter::zip(&step.infos, &step.input.bodies).filter(|(info, _)| info.asleep) {
-            // The user may have replaced the resource, and new ones have no worlds.
-            if let Some(sleepers) = sleepers.get_mut(body.world as usize) {
-                sleepers.insert(info.collider().0, body.sweep.end);
-            }
-        }
         let worlds = std::mem::take(&mut step.worlds);
+        std::mem::swap(&mut step.input.bodies, bodies);
+        std::mem::swap(&mut step.infos, infos);
+        step.input.bodies.clear();
+        step.infos.clear();
+        let mut last = LastBodies { infos, bodies, worlds, next: 0 };
         step.input.prediction = 0.0;
         step.input.length_unit = 0.0;
         step.input.core_depth = step.settings.core_depth;
         step.input.apart.clear();
-        step.input.bodies.clear();
-        step.infos.clear();
         let mut gathered = Gathered::default();
         for context in contexts.iter().sort::<Entity>().filter(|context| context.is_medial()) {
             let world = World {
@@ -125,23 +118,18 @@ impl Gather<'_, '_, '_> {
                 running: self.rapier.runs(&context),
                 dt: self.rapier.simulated(&context),
                 joint_islands: joint_islands(context.joints, &context.bodies.bodies),
-                sleepers: worlds
-                    .iter()
-                    .zip(&sleepers)
-                    .find(|(world, _)| **world == context.entity)
-                    .map(|known| known.1),
                 context: &context,
             };
             gathered.worlds.push((context.entity, world.dt));
-            self.add_world(&world, &mut gathered);
+            self.add_world(&world, &mut last, &mut gathered);
         }
         self.step.worlds = gathered.worlds.iter().map(|(entity, _)| *entity).collect();
         self.step.dt = gathered.worlds.first().map_or(0.0, |(_, dt)| *dt);
-        self.update_statics(&mut gathered, known);
+        self.update_statics(&mut gathered, fixed);
         gathered
     }
 
-    fn add_world(&mut self, world: &World, gathered: &mut Gathered) {
+    fn add_world(&mut self, world: &World, last: &mut LastBodies, gathered: &mut Gathered) {
         let context = world.context;
         let input = &mut self.step.input;
         let ContactMargin { prediction, length_unit, .. } = context.reach();
@@ -156,12 +144,14 @@ impl Gather<'_, '_, '_> {
             let Some(entity) = context.colliders.collider_entity(handle) else { continue };
             let body = context.body(collider);
             if let Some(skin) = skin(collider) {
-                self.add_skin(world, entity, (handle, collider), skin);
+                let last = last.find(context.entity, handle);
+                self.add_skin(world, entity, (handle, collider), skin, last);
                 continue;
             }
             match body.zip(collider.parent()).filter(|(body, _)| !body.is_fixed()) {
                 Some((body, parent)) => {
-                    self.add_body(world, entity, (handle, collider), (parent, body), gathered);
+                    let last = last.find(context.entity, handle);
+                    self.add_body(world, entity, (handle, collider), (parent, body), last, gathered);
                 }
                 None => gathered.fixed.push(Fixed {
                     entity,
@@ -197,21 +187,33 @@ impl Gather<'_, '_, '_> {
         entity: Entity,
         (handle, collider): (ColliderHandle, &RapierCollider),
         (parent, body): (RigidBodyHandle, &RapierBody),
+        last: Option<(&BodyInfo, &Body)>,
         gathered: &mut Gathered,
     ) {
-        let Some(solid) = solid(collider.shared_shape()) else { return };
-        let World { index, context, running, dt, ref joint_islands, sleepers } = *world;
+        let World { index, context, running, dt, ref joint_islands } = *world;
         let (end, sensor) = (collider_pose(collider, Some(body)), collider.is_sensor());
-        let starts = self.rapier.snapshot.starts.get(&context.entity).filter(|_| running);
-        let start = starts.and_then(|starts| starts.get(handle.0)).copied().unwrap_or(Start::at_rest(end));
+        let slept_at = last.filter(|(info, _)| info.asleep).map(|(_, body)| body.sweep.end);
+        let last = last.map(|(_, body)| body).filter(|body| body.solid.id() == shape_id(collider.shared_shape()));
+        let resting = last.map(|body| body.sweep).filter(|sweep| slept_at == Some(end) && sweep.start == end);
+        let Some(solid) = last.map(|body| body.solid.clone()).or_else(|| solid(collider.shared_shape())) else {
+            return;
+        };
+        // Rapier may have woken the body within the step.
+        let woken = || slept_at.filter(|_| running && !body.is_sleeping()).unwrap_or(end);
+        let start = self.rapier.snapshot.starts.get(&(context.entity, handle)).filter(|_| running);
+        let start = start.copied().unwrap_or_else(|| Start::at_rest(woken()));
         let simulated = running && body.is_enabled();
-        let active = simulated && (!body.is_sleeping() || sleepers.and_then(|known| known.get(handle.0)) != Some(&end));
+        // A body that sleeps at another pose was moved there, e.g. by restoring a context, so its pairs are searched once.
+        let active = simulated && (!body.is_sleeping() || slept_at != Some(end));
         if simulated && !active {
             gathered.resting.push((self.step.input.bodies.len(), sensor || !body.is_dynamic()));
         }
         // A fast kinematic body would pass through sleeping bodies before rapier finds a contact. A link of a multibody cannot be moved by itself.
         let stops = simulated && body.is_dynamic() && !is_link(context, parent);
-        let (sweep, held) = self.sweep(world, (parent, body), [start.pose, end], stops, active);
+        let (sweep, held) = match resting.filter(|_| !active) {
+            Some(sweep) => (sweep, false),
+            None => self.sweep(world, (parent, body), [start.pose, end], stops, active),
+        };
         if sweep.end != end {
             gathered.astray.push(self.step.input.bodies.len() as u32);
         }
@@ -259,11 +261,12 @@ impl Gather<'_, '_, '_> {
         entity: Entity,
         (handle, collider): (ColliderHandle, &RapierCollider),
         skin: &Arc<Deforming>,
+        last: Option<(&BodyInfo, &Body)>,
     ) {
-        let World { index, context, running, sleepers, .. } = *world;
+        let World { index, context, running, .. } = *world;
         let body = context.body(collider);
         let (pose, moves) = (collider_pose(collider, body), skin.path() > 0.0);
-        let is_known = sleepers.and_then(|known| known.get(handle.0)) == Some(&pose);
+        let is_known = last.is_some_and(|(info, body)| info.asleep && body.sweep.end == pose);
         let next_dt = to_come(&self.rapier.mode, &self.rapier.time);
         let next = body.map(|body| displacement(collider, body, context.configuration.gravity, next_dt));
         let [groups, stop_groups] = groups(collider);

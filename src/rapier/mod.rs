@@ -48,6 +48,7 @@ mod hierarchy;
 mod hooks;
 mod interpolation;
 mod joints;
+mod last_step;
 mod motion;
 mod owed;
 mod parts;

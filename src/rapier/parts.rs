@@ -13,7 +13,7 @@ use glam::{Quat, Vec3};
 use super::{primitive::SphereHull, shape::MedialShape};
 use crate::{
     geometry::{Aabb, Pose3, Sphere},
-    pipeline::{ConvexParts, Core, Hull, Part, Parts, Solid},
+    pipeline::{ConvexParts, Core, Hull, Part, Parts, ShapeId, Solid},
     query::SupportShape,
 };
 
@@ -81,6 +81,11 @@ pub(super) fn solid(shape: &SharedShape) -> Option<Solid> {
         Some(medial) => Some(medial.shape.clone().into()),
         None => is_known(&**shape).then(|| Solid::Parts(Arc::new(shape.clone()))),
     }
+}
+
+/// Returns the identity of [`solid`].
+pub(super) fn shape_id(shape: &SharedShape) -> ShapeId {
+    shape.as_shape::<MedialShape>().map_or_else(|| ShapeId::of_parts(shape), MedialShape::id)
 }
 
 /// Returns false for a custom shape of another crate without a support map.

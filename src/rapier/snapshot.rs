@@ -7,7 +7,7 @@ use bevy::{
     platform::{collections::HashMap, time::Instant},
     prelude::*,
 };
-use bevy_rapier3d::{prelude::TimestepMode, rapier::data::Coarena};
+use bevy_rapier3d::{prelude::TimestepMode, rapier::geometry::ColliderHandle};
 
 use super::{
     context::{Context, ContextReadOnlyItem, collider_pose, displacement},
@@ -23,8 +23,8 @@ use crate::{
 /// Poses and velocities of colliders before rapier's step.
 #[derive(Resource, Default)]
 pub(super) struct Snapshot {
-    /// By the entity of the context and by collider.
-    pub starts: HashMap<Entity, Coarena<Start>>,
+    /// Colliders of awake bodies, by the entity of the context. The others are at rest.
+    pub starts: HashMap<(Entity, ColliderHandle), Start>,
     /// [`SimulationToRenderTime`] of each world before the step: rendered time minus simulated time, in seconds.
     pub leads: HashMap<Entity, f32>,
     /// True if rapier's step has run since the snapshot. A condition on its system set may skip it.
@@ -71,11 +71,7 @@ pub(super) fn snapshot(
         let ContactMargin { prediction, length_unit, .. } = context.reach();
         reach.prediction = reach.prediction.max(prediction);
         reach.length_unit = reach.length_unit.max(length_unit);
-        let starts = starts.entry(context.entity).or_default();
-        starts.reserve(context.colliders.colliders.len());
-        for (handle, collider) in context.colliders.colliders.iter() {
-            let body = context.body(collider);
-            let Some(moving) = body.filter(|body| !body.is_fixed()) else { continue };
+        for (handle, collider, moving) in context.awake() {
             let owed = collider.parent().and_then(|parent| owed.get(context.entity, parent));
             let seconds = dt + owed.map_or(0.0, |owed| owed.seconds);
             let displacement = displacement(collider, moving, context.configuration.gravity, seconds);
@@ -86,7 +82,8 @@ pub(super) fn snapshot(
                 *known = displacement;
             }
             let (linear, angular) = (moving.linvel(), moving.angvel());
-            starts.insert(handle.0, Start { pose: collider_pose(collider, body), linear, angular });
+            let pose = collider_pose(collider, Some(moving));
+            starts.insert((context.entity, handle), Start { pose, linear, angular });
         }
     }
     let colliders = contexts.iter().filter(|context| context.is_medial()).map(|context| context.colliders);

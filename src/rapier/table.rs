@@ -6,10 +6,10 @@ use std::{
 use bevy::{platform::collections::HashMap, prelude::*};
 use bevy_rapier3d::{parry::shape::Shape, plugin::context::RapierContextColliders};
 
-use super::shape::MedialShape;
+use super::{parts::shape_id, shape::MedialShape};
 use crate::{
     geometry::Pose3,
-    pipeline::{CachedPair, ContactCache, ContactMargin, Displacement, Manifold, ShapeId},
+    pipeline::{CachedPair, ContactCache, ContactMargin, Displacement, Manifold},
 };
 
 /// The manifolds of the last step, by pair and relative pose, and the displacements of the bodies in the next step. The dispatcher reads it.
@@ -29,6 +29,7 @@ struct Entries {
     /// ContactMargin and range of manifolds of each pair.
     pairs: HashMap<PairKey, (ContactMargin, Range<usize>)>,
     manifolds: Vec<Manifold>,
+    /// Displacements of awake bodies. The others are at rest.
     displacements: Displacements,
     /// Prediction distance of colliders without contact skin, in metres.
     prediction: f32,
@@ -82,11 +83,7 @@ fn key(pair: &CachedPair, colliders: &RapierContextColliders) -> Option<PairKey>
         let entity = Entity::try_from_bits(pair.ids[side])?;
         let collider = colliders.colliders.get(*colliders.entity2collider().get(&entity)?)?;
         let shape = collider.shared_shape();
-        let id = match shape.as_shape::<MedialShape>() {
-            Some(medial) => medial.id(),
-            None => ShapeId::of_parts(shape),
-        };
-        (id == pair.shapes[side]).then_some(&**shape)
+        (shape_id(shape) == pair.shapes[side]).then_some(&**shape)
     });
     let first = first?.as_shape::<MedialShape>()?;
     Some(PairKey::new(first.key, SecondKey::of(second?), &pair.pose12))
@@ -115,7 +112,7 @@ impl ContactTable {
         fits.then(|| table.manifolds[range.clone()].to_vec())
     }
 
-    /// Replaces all content: the motion of all moving colliders in the next step, the prediction distance, the length unit, and the contacts of the last step.
+    /// Replaces all content: the motion of the colliders of awake bodies in the next step, the prediction distance, the length unit, and the contacts of the last step.
     /// `displacements` gets those of the step before, as a buffer.
     pub(super) fn prepare<'a>(
         &self,
@@ -146,9 +143,9 @@ impl ContactTable {
         self.read().length_unit
     }
 
-    /// Returns true if the medial shape with this key belongs to a body that is not fixed.
-    pub(super) fn moves(&self, key: u64) -> bool {
-        self.read().displacements.contains_key(&SecondKey::Medial(key))
+    /// Returns true if the table has an entry for exactly this pose.
+    pub(super) fn contains(&self, key: &PairKey) -> bool {
+        self.read().pairs.contains_key(key)
     }
 
     /// Returns the reach of the contact search of a pair, and true if it includes contact skins.
