@@ -227,7 +227,7 @@ fn print_summary(summary: &Summary) {
         ("mid", stages.mid),
         ("narrow", stages.narrow),
         ("stop", stages.stop),
-        ("reduce", stages.reduce),
+        ("contacts", stages.contact_search),
         ("response", stages.response),
     ] {
         println!("{name:10} {median_ms:10.4} {p95_ms:10.4}");

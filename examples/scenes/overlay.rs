@@ -26,7 +26,7 @@ const STAGES: [Stage; 6] = [
     ("mid", [80, 200, 160], |row| row.mid_ms),
     ("narrow", [240, 200, 70], |row| row.narrow_ms),
     ("stop", [240, 120, 60], |row| row.stop_ms),
-    ("reduce", [220, 90, 190], |row| row.reduce_ms),
+    ("contacts", [220, 90, 190], |row| row.contact_search_ms),
 ];
 
 /// A text with figures: the time of a stage, or all counts.

@@ -1,7 +1,5 @@
 //! Narrow phase: the first impact of each pair within the step, and its contacts at the final poses.
 
-use std::time::Duration;
-
 use bevy::tasks::TaskPool;
 use glam::Vec3;
 
@@ -21,6 +19,7 @@ use super::{
         first_impact::{self, ImpactResult, Question, first_impact},
         motion::PairMotion,
     },
+    tolerances::Tolerances,
 };
 use crate::geometry::Pose3;
 
@@ -39,8 +38,8 @@ pub(super) fn impacts(
     parallel::map(pool, tasks, pairs, 4, impacts, |scratch, i, pair| {
         let known = known.get(i).unwrap_or(&Primitives::Unknown);
         let gap = gap_at_start(input, statics, pair, cache);
-        let mut motions = PairMotion::all(input, statics, pair, 0.0, |body| input.bodies[body as usize].sweep);
-        motions.retain(|motion| motion.path() + motion.reach() >= gap);
+        let is_idle = |path: f32, tolerances: &Tolerances| tolerances.is_short(path) || path + tolerances.reach() < gap;
+        let motions = PairMotion::all(input, statics, pair, is_idle, 0.0, |body| input.bodies[body as usize].sweep);
         let times = [Some([0.0, 1.0]); 2];
         let question = Question { input, statics, pair, known, times, normal: Vec3::ZERO };
         let result = first_impact(&question, motions, scratch, laps());
@@ -73,8 +72,6 @@ pub(super) struct Scratch {
     listed: Vec<[u32; 2]>,
     reduce: reduce::Scratch,
     pub found: Vec<Found>,
-    /// Times of finding and reducing contacts.
-    pub laps: [Duration; 2],
 }
 
 /// A pair whose contacts were searched or recycled.
@@ -126,8 +123,7 @@ impl Ends<'_> {
 
     fn manifolds_of(&self, index: usize, pair: &BodyPair, scratch: &mut Scratch, manifolds: &mut Vec<Manifold>) {
         let Self { input, statics, trajectories, .. } = *self;
-        let Scratch { find: buffers, contacts, listed, reduce, found, laps: [finding, reducing] } = scratch;
-        let mut lap = laps();
+        let Scratch { find: buffers, contacts, listed, reduce, found } = scratch;
         let sides = [pair.first, pair.second];
         let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
         let pose12 =
@@ -139,7 +135,6 @@ impl Ends<'_> {
         let mut gap = 0.0;
         if let Some(index) = recycled {
             manifolds.extend(self.cache.manifolds_at(index, pose12));
-            *finding += lap();
         } else {
             contacts.clear();
             let listed = self.listed(index, pair, listed);
@@ -149,9 +144,7 @@ impl Ends<'_> {
             if contacts.is_empty() && is_slow && input.recycle_contacts {
                 gap = gap::gap(shape1, second.second(), &pose12, 2.0 * input.prediction).max(0.0);
             }
-            *finding += lap();
             reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push(manifold));
-            *reducing += lap();
         }
         found.push(Found { pair: index, count: manifolds.len() - before, reach, gap, pose12, recycled });
     }

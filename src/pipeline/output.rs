@@ -163,18 +163,18 @@ pub struct Times {
     pub broad: Duration,
     /// Mid phase.
     pub mid: Duration,
-    /// Narrow phase: first impacts and contacts.
+    /// Narrow phase: first impacts.
     pub narrow: Duration,
     /// Response: stopped and pushed bodies, and new searches of their pairs.
     pub stop: Duration,
-    /// Contact reduction.
-    pub reduce: Duration,
+    /// Search and reduction of contacts.
+    pub contacts: Duration,
 }
 
 impl Times {
     /// Returns the sum of all stages.
     pub fn total(&self) -> Duration {
-        self.broad + self.mid + self.narrow + self.stop + self.reduce
+        self.broad + self.mid + self.narrow + self.stop + self.contacts
     }
 }
 

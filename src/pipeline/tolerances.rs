@@ -1,7 +1,7 @@
 //! Overlaps that impacts leave to the solver, as functions of a few lengths of a pair.
 
 use super::{Statics, StepInput, pairs::BodyPair};
-use crate::constants::{CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP, SLOP_OF_SIZE};
+use crate::constants::{CHORD_TOLERANCE, CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP, SLOP_OF_SIZE};
 
 /// Lengths of a pair of bodies, in metres.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +35,21 @@ impl Tolerances {
             known_limit: (10.0 * slop).max(KNOWN_OVERLAP * size).max(fall),
             held: bodies().any(|body| body.held),
         }
+    }
+
+    /// Returns true if a path of this length is too short for an impact, because no overlap can grow by more than the slop. `path`: in metres.
+    pub fn is_short(&self, path: f32) -> bool {
+        path <= self.slop
+    }
+
+    /// Returns the deviation of points from their chords that is small enough, in metres.
+    pub fn chord_deviation(&self) -> f32 {
+        CHORD_TOLERANCE * self.size
+    }
+
+    /// Returns the distance within which primitives are candidates, along a chord, in metres.
+    pub fn reach(&self) -> f32 {
+        (2.0 * self.chord_deviation()).max(self.touch)
     }
 
     /// Uses surfaces instead of cores, and no slop: any growth of an overlap is an impact.

@@ -108,9 +108,6 @@ impl Workspace {
 
         let ends = Ends { input, statics, known, trajectories, cache };
         ends.manifolds(pairs, contact_searches, &mut output.manifolds, pool);
-        let laps = contact_searches.iter_mut().map(|scratch| std::mem::take(&mut scratch.laps));
-        let [contacts, reduction] = split(lap(), laps);
-        output.times.narrow += contacts;
 
         output.counts = Counts {
             bodies: input.bodies.len(),
@@ -142,7 +139,7 @@ impl Workspace {
         narrow_phase::report(pairs, impacts, found, reach, output);
         ends.fill(pairs, found, &output.manifolds, next_contacts);
         std::mem::swap(cache, next_contacts);
-        output.times.reduce = reduction + lap();
+        output.times.contacts = lap();
     }
 }
 

@@ -22,12 +22,12 @@ pub mod paths {
     pub const BROAD: DiagnosticPath = DiagnosticPath::const_new("medial/broad_ms");
     /// Time of the mid phase, in milliseconds.
     pub const MID: DiagnosticPath = DiagnosticPath::const_new("medial/mid_ms");
-    /// Time of the narrow phase, in milliseconds.
+    /// Time of the narrow phase, which finds the first impacts, in milliseconds.
     pub const NARROW: DiagnosticPath = DiagnosticPath::const_new("medial/narrow_ms");
     /// Time to stop bodies at impacts, in milliseconds.
     pub const STOP: DiagnosticPath = DiagnosticPath::const_new("medial/stop_ms");
-    /// Time of the reduction, in milliseconds.
-    pub const REDUCE: DiagnosticPath = DiagnosticPath::const_new("medial/reduce_ms");
+    /// Time to find and reduce contacts, in milliseconds.
+    pub const CONTACT_SEARCH: DiagnosticPath = DiagnosticPath::const_new("medial/contact_search_ms");
     /// Number of bodies.
     pub const BODIES: DiagnosticPath = DiagnosticPath::const_new("medial/bodies");
     /// Number of body pairs after the broad phase.
@@ -74,7 +74,7 @@ pub mod paths {
     pub const SHAPE_MEMORY: DiagnosticPath = DiagnosticPath::const_new("medial/shape_memory");
 }
 
-const TIMES: [DiagnosticPath; 5] = [paths::BROAD, paths::MID, paths::NARROW, paths::STOP, paths::REDUCE];
+const TIMES: [DiagnosticPath; 5] = [paths::BROAD, paths::MID, paths::NARROW, paths::STOP, paths::CONTACT_SEARCH];
 #[cfg(feature = "rapier")]
 const TIMES_AROUND: [DiagnosticPath; 2] = [paths::SNAPSHOT, paths::MOVE];
 const COUNTS: [DiagnosticPath; 7] = [
@@ -123,7 +123,7 @@ pub(super) fn measure(
     }
     let (times, counts) = (&step.output.times, &step.output.counts);
     let milliseconds = |duration: Duration| duration.as_secs_f64() * 1e3;
-    for (path, time) in TIMES.iter().zip([times.broad, times.mid, times.narrow, times.stop, times.reduce]) {
+    for (path, time) in TIMES.iter().zip([times.broad, times.mid, times.narrow, times.stop, times.contacts]) {
         diagnostics.add_measurement(path, || milliseconds(time));
     }
     #[cfg(feature = "rapier")]

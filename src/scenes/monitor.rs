@@ -50,8 +50,8 @@ pub struct Row {
     pub narrow_ms: f64,
     /// Stopping bodies at impacts, in milliseconds.
     pub stop_ms: f64,
-    /// Reduction, in milliseconds.
-    pub reduce_ms: f64,
+    /// Search and reduction of contacts, in milliseconds.
+    pub contact_search_ms: f64,
     /// Rapier's step, in milliseconds.
     pub response_ms: f64,
     /// Body pairs after the broad phase.
@@ -88,12 +88,12 @@ pub struct Stages {
     pub broad: StageSummary,
     /// Mid phase.
     pub mid: StageSummary,
-    /// Narrow phase.
+    /// Narrow phase: first impacts.
     pub narrow: StageSummary,
     /// Stopping bodies at impacts.
     pub stop: StageSummary,
-    /// Reduction.
-    pub reduce: StageSummary,
+    /// Search and reduction of contacts.
+    pub contact_search: StageSummary,
     /// Rapier's step.
     pub response: StageSummary,
 }
@@ -280,14 +280,14 @@ impl Row {
             }
         }
         let ms = |duration: Duration| duration.as_secs_f64() * 1e3;
-        let Times { broad, mid, narrow, stop, reduce } = step.output.times;
+        let Times { broad, mid, narrow, stop, contacts } = step.output.times;
         let counts = &step.output.counts;
         Self {
             broad_ms: ms(broad),
             mid_ms: ms(mid),
             narrow_ms: ms(narrow),
             stop_ms: ms(stop),
-            reduce_ms: ms(reduce),
+            contact_search_ms: ms(contacts),
             response_ms: ms(response),
             body_pairs: counts.body_pairs,
             candidates: counts.candidates,
@@ -356,7 +356,7 @@ impl Monitor {
                 mid: stage(|row| row.mid_ms),
                 narrow: stage(|row| row.narrow_ms),
                 stop: stage(|row| row.stop_ms),
-                reduce: stage(|row| row.reduce_ms),
+                contact_search: stage(|row| row.contact_search_ms),
                 response: stage(|row| row.response_ms),
             },
             counts: CountSummary {

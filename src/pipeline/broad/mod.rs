@@ -136,6 +136,10 @@ fn near(
     pairs: &mut Vec<BodyPair>,
     pool: &TaskPool,
 ) {
+    pairs.clear();
+    if !(0..input.bodies.len()).any(|body| kinematic_reach.is_awake(input, body)) {
+        return;
+    }
     let tasks = Scratches::<()>::default();
     parallel::map(pool, &tasks, &input.bodies, 256, spheres, |_, index, body| {
         SweptSphere::new(body, kinematic_reach.margin(input, index))
@@ -146,7 +150,6 @@ fn near(
     leaves.clear();
     leaves.extend(bvh.leaves());
     let (spheres, boxes, bvh) = (&*spheres, &*boxes, &*bvh);
-    pairs.clear();
     parallel::gather(pool, &tasks, leaves, 64, pairs, |_, _, &leaf, pairs| {
         let index = bvh.item(leaf);
         let i = index as usize;

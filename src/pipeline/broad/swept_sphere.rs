@@ -62,8 +62,14 @@ impl SweptSphere {
         [Vec3::ZERO, self.motion].map(|motion| Sphere::new(self.sphere.center - origin + motion, self.sphere.radius))
     }
 
+    /// Returns true if the cones touch.
     pub fn meets(&self, other: &SweptSphere) -> bool {
         let origin = self.sphere.center;
+        // Most bodies of a pile overlap at the start, and the distance of cones takes longer.
+        let radii = self.sphere.radius + other.sphere.radius;
+        if origin.distance_squared(other.sphere.center) <= radii * radii {
+            return true;
+        }
         separation(&self.cone(origin), &other.cone(origin), 0).distance <= 0.0
     }
 }

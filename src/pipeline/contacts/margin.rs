@@ -82,6 +82,11 @@ impl ContactMargin {
         Self { prediction: reach.max(least), in_touch, length_unit }
     }
 
+    /// Returns the distance below which the larger margin applies, in metres; −∞ if both margins are equal.
+    pub fn enlarging_distance(&self) -> f32 {
+        if self.in_touch > self.prediction { self.touch() } else { f32::NEG_INFINITY }
+    }
+
     /// Returns the distance at which bodies touch, in metres.
     pub fn touch(&self) -> f32 {
         LINEAR_SLOP * self.length_unit

@@ -23,6 +23,7 @@ use super::{
         first_impact::{self, ImpactResult, Question, first_impact},
         motion::PairMotion,
     },
+    tolerances::Tolerances,
 };
 use crate::{constants::MAX_PUSHES, geometry::Sweep};
 
@@ -238,8 +239,10 @@ fn impact_from(
     before: &ImpactResult,
     scratch: &mut first_impact::Scratch,
 ) -> Option<Impact> {
-    let motions =
-        PairMotion::all(input, statics, pair, fraction, |body| trajectories.sweep_from(input, body, fraction));
+    let is_short = |path: f32, tolerances: &Tolerances| tolerances.is_short(path);
+    let motions = PairMotion::all(input, statics, pair, is_short, fraction, |body| {
+        trajectories.sweep_from(input, body, fraction)
+    });
     let times = [pair.first, pair.second].map(|side| trajectories.times(side, fraction));
     let question = Question { input, statics, pair, known: &Primitives::Unknown, times, normal: before.normal };
     // The time of searches after impacts is not split between stages.

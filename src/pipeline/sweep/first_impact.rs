@@ -110,8 +110,7 @@ struct Approaching {
     start: Option<RigidStart>,
 }
 
-/// Finds the earliest impact of a pair's motions: the first touch of cores. Motions with a path shorter than the slop have no impact, so that piles come to
-/// rest.
+/// Finds the earliest impact of a pair's motions: the first touch of cores.
 ///
 /// `lap`: a clock that measures culling and searching.
 pub(in crate::pipeline) fn first_impact(
@@ -124,7 +123,6 @@ pub(in crate::pipeline) fn first_impact(
     buffers.reported.clear();
     buffers.overlaps.clear();
     buffers.grazes.clear();
-    motions.retain(|motion| !motion.is_short());
     let result = ImpactResult { normal: question.normal, ..Default::default() };
     if motions.is_empty() {
         return result;
@@ -248,7 +246,15 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                 Primitives::MayTouch(known) if is_whole => {
                     found.extend(known.iter().filter_map(|pair| mid_phase::of_motion(motion, *pair)));
                 }
-                _ => mid_phase::candidates(motion, self.question.input.culling, motion.reach(), max, boxes, own, found),
+                _ => mid_phase::candidates(
+                    motion,
+                    self.question.input.culling,
+                    motion.tolerances.reach(),
+                    max,
+                    boxes,
+                    own,
+                    found,
+                ),
             }
         }
         !approaching.is_empty() || candidates[..motions.len()].iter().any(|found| !found.is_empty())

@@ -4,7 +4,7 @@ use glam::{Quat, Vec3};
 use smallvec::{SmallVec, smallvec};
 
 use crate::{
-    constants::{CHORD_TOLERANCE, INTERVAL_PATH, MANY_PRIMITIVES},
+    constants::{INTERVAL_PATH, MANY_PRIMITIVES},
     geometry::{Aabb, Pose3, Sphere, Sweep},
     pipeline::{
         OtherShape, Part, Side, Statics, StepInput,
@@ -122,11 +122,14 @@ pub(in crate::pipeline) type Motions<'a> = SmallVec<[PairMotion<'a>; 1]>;
 impl<'a> PairMotion<'a> {
     /// Creates the motions of a pair: one for a medial second side, or one for each part of another collider that is in reach.
     ///
+    /// `is_idle`: returns true for motions without an impact, from an upper bound of the path length of any point relative to the other body, in metres. They
+    /// are left out.
     /// `sweep_of`: the motion of a body over the rest of the step, which begins at the fraction `from`.
     pub fn all(
         input: &'a StepInput,
         statics: &'a Statics,
         pair: &BodyPair,
+        is_idle: impl Fn(f32, &Tolerances) -> bool,
         from: f32,
         sweep_of: impl Fn(u32) -> Sweep,
     ) -> Motions<'a> {
@@ -140,6 +143,11 @@ impl<'a> PairMotion<'a> {
         let tolerances = |size: f32| Tolerances::new(input, statics, pair, size);
         match second.second() {
             OtherShape::Shape(shape2) => {
+                let arms = [shape1.arm(sweep1.local_center), shape2.arm(sweep2.local_center)];
+                let tolerances = tolerances(radius1.min(shape2.bounding_sphere().radius));
+                if is_idle(relative_path([&sweep1, &sweep2], arms), &tolerances) {
+                    return Motions::new();
+                }
                 let frame = Pose3::from_translation(sweep1.start.translation);
                 smallvec![Self {
                     shape1,
@@ -147,8 +155,8 @@ impl<'a> PairMotion<'a> {
                     sweep1: sweep1.seen_from(&frame),
                     sweep2: sweep2.seen_from(&frame),
                     frame,
-                    arms: [shape1.arm(sweep1.local_center), shape2.arm(sweep2.local_center)],
-                    tolerances: tolerances(radius1.min(shape2.bounding_sphere().radius)),
+                    arms,
+                    tolerances,
                 }]
             }
             OtherShape::Parts(parts) => {
@@ -156,6 +164,10 @@ impl<'a> PairMotion<'a> {
                 let arm2 = bound.farthest(sweep2.local_center);
                 let arms = [shape1.arm(sweep1.local_center), arm2];
                 let tolerances = tolerances(radius1.min(bound.radius));
+                let path = relative_path([&sweep1, &sweep2], arms);
+                if second.deforming().is_none() && is_idle(path, &tolerances) {
+                    return Motions::new();
+                }
                 let motion = |pose: Pose3, other: OtherPart<'a>| {
                     let frame = sweep2.start * pose;
                     let sweep2 = sweep2.of_part(&pose);
@@ -173,6 +185,7 @@ impl<'a> PairMotion<'a> {
                 match second.deforming() {
                     Some(shape2) => {
                         let parts = shape2.moving_within(&reach, from);
+                        let parts = parts.filter(|part| !is_idle(path + part.path(), &tolerances));
                         parts.map(|part| motion(Pose3::IDENTITY, OtherPart::Moving(part))).collect()
                     }
                     None => {
@@ -219,7 +232,7 @@ impl<'a> PairMotion<'a> {
         let has_few = self.shape1.len() * self.other.len() <= MANY_PRIMITIVES;
         let is_straight = self.paths().moving.is_none_or(|moving| moving.first_corner().is_none());
         is_straight
-            && chord.deviation() <= self.tolerance()
+            && chord.deviation() <= self.tolerances.chord_deviation()
             && (has_few || self.path() <= INTERVAL_PATH * self.tolerances.size)
     }
 
@@ -267,25 +280,9 @@ impl<'a> PairMotion<'a> {
         self.shape1.hull(first).max_radius() + second
     }
 
-    /// Returns true if no point moves farther than the slop. No overlap can grow by more than the slop then.
-    pub fn is_short(&self) -> bool {
-        self.path() <= self.tolerances.slop
-    }
-
     /// Returns an upper bound of the path length of any point of one body relative to the other, in metres.
     pub fn path(&self) -> f32 {
-        let turn = self.sweep1.rotation.length() * self.arms[0] + self.sweep2.rotation.length() * self.arms[1];
-        (self.sweep1.translation - self.sweep2.translation).length() + turn + self.other.inner_path()
-    }
-
-    /// Returns the deviation of points from their chords that is small enough, in metres.
-    fn tolerance(&self) -> f32 {
-        CHORD_TOLERANCE * self.tolerances.size
-    }
-
-    /// Returns the distance within which primitives are candidates, along a chord, in metres.
-    pub fn reach(&self) -> f32 {
-        (2.0 * self.tolerance()).max(self.tolerances.touch)
+        relative_path([&self.sweep1, &self.sweep2], self.arms) + self.other.inner_path()
     }
 
     /// Returns the largest distance of a point of the second body from its chord over the motion, in metres.
@@ -320,6 +317,12 @@ impl PairMotion<'_> {
             }
         })
     }
+}
+
+/// Returns an upper bound of the path length of any point of one body relative to the other, in metres. `arms`: see [`PairMotion`].
+fn relative_path([sweep1, sweep2]: [&Sweep; 2], arms: [f32; 2]) -> f32 {
+    let turn = sweep1.rotation.length() * arms[0] + sweep2.rotation.length() * arms[1];
+    (sweep1.translation - sweep2.translation).length() + turn
 }
 
 /// Returns a box in the frame of the second body that contains all of its points that the shape may touch.

@@ -376,7 +376,7 @@ fn diagnostics_equal_the_counts_and_times_of_the_step() {
             (paths::MID, ms(times.mid)),
             (paths::NARROW, ms(times.narrow)),
             (paths::STOP, ms(times.stop)),
-            (paths::REDUCE, ms(times.reduce)),
+            (paths::CONTACT_SEARCH, ms(times.contacts)),
             (paths::MOVE, ms(step.move_time)),
             (paths::BODIES, counts.bodies as f64),
             (paths::BODY_PAIRS, counts.body_pairs as f64),

@@ -850,6 +850,8 @@ fn ten_thousand_spawns_and_despawns_leak_no_memory() {
 #[ignore = "needs a process of its own"]
 fn child_process_that_measures_memory() {
     let mut app = app();
+    // The search for a GPU loads libraries, and starts when a step takes long.
+    app.world_mut().resource_mut::<MedialSettings>().backend = MedialBackend::Cpu;
     spawn_ground(&mut app);
     let taken: Vec<usize> = (0..6)
         .map(|_| {
