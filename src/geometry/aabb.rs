@@ -24,6 +24,7 @@ impl Aabb {
     }
 
     /// The smallest box around both boxes.
+    #[inline]
     #[must_use]
     pub fn merge(self, other: Aabb) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }

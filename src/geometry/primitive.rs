@@ -14,6 +14,7 @@ pub struct Sphere {
 
 impl Sphere {
     /// A sphere with the given centre and radius.
+    #[inline]
     pub const fn new(center: Vec3, radius: f32) -> Self {
         Self { center, radius }
     }

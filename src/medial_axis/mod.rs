@@ -67,8 +67,10 @@ pub struct MedialAxis(Arc<Data>);
 #[derive(Clone, Debug)]
 struct Data {
     spheres: Box<[Sphere]>,
-    primitives: Box<[Primitive]>,
-    bvh: Bvh,
+    primitives: Arc<[Primitive]>,
+    bvh: OnceLock<Bvh>,
+    /// The shape in the bind pose, if this is a pose of it.
+    bind: Option<MedialAxis>,
     aabb: Aabb,
     bounding_sphere: Sphere,
     center_reach: f32,
@@ -173,11 +175,10 @@ impl MedialAxis {
 
     /// Computes all values derived from clean lists.
     fn derive(spheres: Vec<Sphere>, primitives: Vec<Primitive>) -> Self {
-        let boxes: Vec<Aabb> =
-            primitives.iter().map(|p| Aabb::from_spheres(p.indices().iter().map(|&i| spheres[i as usize]))).collect();
         let bound = bounding_sphere(&spheres);
         Self(Arc::new(Data {
-            bvh: Bvh::new(&boxes),
+            bvh: OnceLock::from(Bvh::new(&boxes(&spheres, &primitives))),
+            bind: None,
             aabb: Aabb::from_spheres(spheres.iter().copied()),
             bounding_sphere: bound,
             center_reach: spheres.iter().map(|s| s.center.distance(bound.center)).fold(0.0, f32::max),
@@ -261,7 +262,7 @@ impl MedialAxis {
     pub fn memory(&self) -> usize {
         let Data { spheres, primitives, bvh, coarser, skin, mirrored, .. } = &*self.0;
         let own = size_of::<Data>() + size_of_val::<[Sphere]>(spheres) + size_of_val::<[Primitive]>(primitives);
-        own + bvh.memory()
+        own + bvh.get().map_or(0, Bvh::memory)
             + skin.as_ref().map_or(0, Skin::memory)
             + mirrored.get().map_or(0, MedialAxis::memory)
             + coarser.iter().map(|(level, _)| level.memory()).sum::<usize>()
@@ -288,9 +289,13 @@ impl MedialAxis {
         WeakMedialAxis(Arc::downgrade(&self.0))
     }
 
-    /// Hierarchy over the boxes of the primitives.
+    /// Hierarchy over the boxes of the primitives. That of a pose is computed on the first call.
     pub fn bvh(&self) -> &Bvh {
-        &self.0.bvh
+        let Data { bvh, bind, spheres, primitives, .. } = &*self.0;
+        bvh.get_or_init(|| {
+            let boxes = boxes(spheres, primitives);
+            bind.as_ref().map_or_else(|| Bvh::new(&boxes), |bind| bind.bvh().refitted(&boxes))
+        })
     }
 
     /// The smallest axis-aligned box around the shape, up to rounding.
@@ -317,6 +322,11 @@ impl MedialAxis {
     pub fn min_radius(&self) -> f32 {
         self.0.min_radius
     }
+}
+
+fn boxes(spheres: &[Sphere], primitives: &[Primitive]) -> Vec<Aabb> {
+    let of = |primitive: &Primitive| Aabb::from_spheres(primitive.indices().iter().map(|&i| spheres[i as usize]));
+    primitives.iter().map(of).collect()
 }
 
 fn validate(spheres: &[Sphere], primitives: &[Primitive]) -> Result<(), MedialAxisError> {

@@ -1,7 +1,5 @@
 use std::sync::{Arc, OnceLock};
 
-use glam::Vec3;
-
 use super::{Data, MedialAxis};
 use crate::geometry::{Aabb, Sphere};
 
@@ -14,25 +12,28 @@ impl MedialAxis {
     /// If the number of spheres is another one.
     #[must_use]
     pub(crate) fn with_spheres(&self, spheres: Vec<Sphere>) -> Self {
-        let Data { primitives, bvh, .. } = &*self.0;
         assert_eq!(spheres.len(), self.0.spheres.len());
-        let boxes: Vec<Aabb> =
-            primitives.iter().map(|p| Aabb::from_spheres(p.indices().iter().map(|&i| spheres[i as usize]))).collect();
-        let bvh = bvh.refitted(&boxes);
-        let (aabb, center) = (bvh.aabb(), bvh.aabb().center());
-        let most = |value: fn(&Sphere, Vec3) -> f32| spheres.iter().map(|s| value(s, center)).fold(0.0, f32::max);
-        let radius = most(|s, center| s.center.distance(center) + s.radius).next_up();
+        let aabb = Aabb::from_spheres(spheres.iter().copied());
+        let center = aabb.center();
+        let (mut radius, mut center_reach, mut min_radius) = (0.0f32, 0.0f32, f32::INFINITY);
+        for sphere in &spheres {
+            let distance = sphere.center.distance(center);
+            radius = radius.max(distance + sphere.radius);
+            center_reach = center_reach.max(distance);
+            min_radius = min_radius.min(sphere.radius);
+        }
         Self(Arc::new(Data {
-            bvh,
+            bvh: OnceLock::new(),
+            bind: Some(self.clone()),
             aabb,
-            bounding_sphere: Sphere::new(center, radius),
-            center_reach: most(|s, center| s.center.distance(center)),
+            bounding_sphere: Sphere::new(center, radius.next_up()),
+            center_reach,
+            min_radius,
             mass: OnceLock::from(*self.mass()),
             mirrored: OnceLock::new(),
-            min_radius: spheres.iter().fold(f32::INFINITY, |least, s| least.min(s.radius)),
             coarser: Vec::new(),
             skin: None,
-            primitives: primitives.clone(),
+            primitives: self.0.primitives.clone(),
             spheres: spheres.into(),
         }))
     }

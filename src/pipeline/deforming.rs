@@ -1,6 +1,9 @@
 //! Shapes whose spheres move freely within a step, such as a skinned medial mesh that follows its joints.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{
+    OnceLock,
+    atomic::{AtomicUsize, Ordering},
+};
 
 use glam::Vec3;
 
@@ -21,10 +24,11 @@ const CORNER_ROUNDING: f32 = 1.0e-3;
 pub struct Deforming {
     /// The shape at the end of the step.
     axis: MedialAxis,
-    /// The spheres at each knot, from the start to the end of the step. There is a single knot if nothing moves.
-    knots: Vec<Vec<Sphere>>,
-    /// Hierarchy over the boxes that the primitives sweep.
-    swept: Bvh,
+    /// The spheres at each knot before the end of the step. Empty if nothing moves.
+    earlier: Vec<Vec<Sphere>>,
+    /// Hierarchy over the boxes that the primitives sweep, if it has been used.
+    swept: OnceLock<Bvh>,
+    aabb: Aabb,
     /// Upper bound of the path of any point over the step, in metres.
     path: f32,
     bounding_sphere: Sphere,
@@ -49,24 +53,19 @@ impl Deforming {
     /// # Panics
     /// If a knot does not have as many spheres as the axis.
     pub fn new(axis: &MedialAxis, mut knots: Vec<Vec<Sphere>>) -> Self {
-        if knots.is_empty() {
-            knots.push(axis.spheres().to_vec());
-        }
         knots.dedup();
-        let end = axis.with_spheres(knots[knots.len() - 1].clone());
-        let swept = if knots.len() > 1 {
-            let boxes: Vec<Aabb> = end.primitives().iter().map(|primitive| swept_box(primitive, &knots)).collect();
-            end.bvh().refitted(&boxes)
-        } else {
-            end.bvh().clone()
-        };
-        let center = swept.aabb().center();
-        let radius = knots.iter().flatten().map(|s| s.center.distance(center) + s.radius).fold(0.0, f32::max);
-        let path = (0..end.spheres().len()).map(|sphere| path(sphere, &knots)).fold(0.0, f32::max);
+        let end = axis.with_spheres(knots.pop().unwrap_or_else(|| axis.spheres().to_vec()));
+        let aabb = Aabb::from_spheres(knots.iter().flatten().copied()).merge(end.aabb());
+        let center = aabb.center();
+        let all = || knots.iter().map(Vec::as_slice).chain([end.spheres()]);
+        let radius = all().flatten().map(|s| s.center.distance(center) + s.radius).fold(0.0, f32::max);
+        let lines = |sphere: usize| all().zip(all().skip(1)).map(move |(a, b)| path(&a[sphere], &b[sphere]));
+        let path = (0..end.spheres().len()).map(|sphere| lines(sphere).sum()).fold(0.0, f32::max);
         // Addresses of other shapes are even.
         static NEXT: AtomicUsize = AtomicUsize::new(0);
         let id = 2 * NEXT.fetch_add(1, Ordering::Relaxed) + 1;
-        Self { axis: end, knots, swept, path, bounding_sphere: Sphere::new(center, radius.next_up()), id }
+        let bounding_sphere = Sphere::new(center, radius.next_up());
+        Self { axis: end, earlier: knots, swept: OnceLock::new(), aabb, path, bounding_sphere, id }
     }
 
     /// Returns the shape at the end of the step.
@@ -79,12 +78,34 @@ impl Deforming {
         self.path
     }
 
+    fn knot(&self, number: usize) -> &[Sphere] {
+        self.earlier.get(number).map_or(self.axis.spheres(), Vec::as_slice)
+    }
+
+    /// Returns the hierarchy over the boxes that the primitives sweep.
+    fn swept(&self) -> &Bvh {
+        if self.earlier.is_empty() {
+            return self.axis.bvh();
+        }
+        self.swept.get_or_init(|| {
+            let boxes: Vec<Aabb> = self.axis.primitives().iter().map(|primitive| self.swept_box(primitive)).collect();
+            self.axis.bvh().refitted(&boxes)
+        })
+    }
+
+    /// Returns the box that a primitive sweeps.
+    fn swept_box(&self, primitive: &Primitive) -> Aabb {
+        let spheres = primitive.indices();
+        let at = |knot: usize| spheres.iter().map(move |&sphere| self.knot(knot)[sphere as usize]);
+        Aabb::from_spheres((0..=self.earlier.len()).flat_map(at))
+    }
+
     /// Returns a sphere at a fraction of the step.
     pub fn sphere_at(&self, sphere: usize, fraction: f32) -> Sphere {
-        let segments = self.knots.len() - 1;
+        let segments = self.earlier.len();
         let place = fraction * segments as f32;
         let first = (place as usize).min(segments.saturating_sub(1));
-        let [a, b] = [first, (first + 1).min(segments)].map(|knot| self.knots[knot][sphere]);
+        let [a, b] = [first, (first + 1).min(segments)].map(|knot| self.knot(knot)[sphere]);
         let part = place - first as f32;
         let mix = |a: f32, b: f32| a * (1.0 - part) + b * part;
         Sphere::new(a.center * (1.0 - part) + b.center * part, mix(a.radius, b.radius))
@@ -123,13 +144,13 @@ impl Deforming {
         // The coordinates of a ray that starts far from the shape are rounded by this much.
         let rounding = f32::EPSILON * origin.length();
         let crosses = |aabb: &Aabb| aabb.inflated(rounding).crossing(origin, direction, max_time).is_some();
-        self.swept.visit(crosses, visit);
+        self.swept().visit(crosses, visit);
     }
 
     /// Returns the primitives that overlap with `reach` at any time after a fraction of the step, in ascending order.
     pub(super) fn moving_within(&self, reach: &Aabb, from: f32) -> impl Iterator<Item = MovingPart<'_>> {
         let mut found = Vec::new();
-        self.swept.overlapping(reach, |primitive| found.push(primitive));
+        self.swept().overlapping(reach, |primitive| found.push(primitive));
         found.sort_unstable();
         found.into_iter().map(move |primitive| MovingPart::new(self, primitive, [from, 1.0]))
     }
@@ -137,7 +158,7 @@ impl Deforming {
 
 impl ConvexParts for Deforming {
     fn aabb(&self) -> Aabb {
-        self.swept.aabb()
+        self.aabb
     }
 
     fn bounding_sphere(&self) -> Sphere {
@@ -163,16 +184,9 @@ impl ConvexParts for Deforming {
     }
 }
 
-/// Returns the box that a primitive sweeps.
-fn swept_box(primitive: &Primitive, knots: &[Vec<Sphere>]) -> Aabb {
-    let spheres = primitive.indices();
-    Aabb::from_spheres(knots.iter().flat_map(|knot| spheres.iter().map(|&sphere| knot[sphere as usize])))
-}
-
-/// Returns an upper bound of the path of the points of a sphere, in metres.
-fn path(sphere: usize, knots: &[Vec<Sphere>]) -> f32 {
-    let step = |[a, b]: [Sphere; 2]| a.center.distance(b.center) + (a.radius - b.radius).abs();
-    knots.windows(2).map(|pair| step([pair[0][sphere], pair[1][sphere]])).sum()
+/// Returns an upper bound of the path of the points of a sphere that moves on a line, in metres.
+fn path(from: &Sphere, to: &Sphere) -> f32 {
+    from.center.distance(to.center) + (from.radius - to.radius).abs()
 }
 
 /// A primitive of a deforming shape between two fractions of the step.
@@ -214,7 +228,7 @@ impl<'a> MovingPart<'a> {
     /// Returns the fraction of the motion at which the first line ends; `None` if there is only one line.
     pub fn first_corner(&self) -> Option<f32> {
         let [from, to] = self.times;
-        let segments = (self.shape.knots.len() - 1) as f32;
+        let segments = self.shape.earlier.len() as f32;
         // Times are rounded, so a corner near an end of the motion is at this end.
         let next = (from * segments + CORNER_ROUNDING).floor() + 1.0;
         let corner = next / segments;
@@ -224,7 +238,7 @@ impl<'a> MovingPart<'a> {
     /// Returns boxes at the start and at the end. Linear interpolation between both contains the primitive at any time.
     pub fn boxes(&self) -> [Aabb; 2] {
         if self.first_corner().is_some() {
-            return [swept_box(&self.shape.axis.primitives()[self.id as usize], &self.shape.knots); 2];
+            return [self.shape.swept_box(&self.shape.axis.primitives()[self.id as usize]); 2];
         }
         with_moving!(&self.hull, |moving| [0.0, 1.0].map(|time| {
             let spheres = std::iter::zip(&moving.start, &moving.motion);
@@ -264,136 +278,4 @@ fn moving<const N: usize>(ends: [[Sphere; 2]; N]) -> Moving<N> {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use bevy::tasks::TaskPool;
-    use glam::Quat;
-
-    use super::*;
-    use crate::{
-        pipeline::{Body, Culling, Shape, Solid, Statics, StepInput, first_touch, step, with_spheres},
-        query::separation,
-        random::Random,
-    };
-
-    /// A ring whose spheres move on random polylines.
-    fn ring(random: &mut Random, knots: usize, motion: f32) -> Arc<Deforming> {
-        let axis = MedialAxis::torus(0.4, 0.1, 8).unwrap();
-        let mut spheres = axis.spheres().to_vec();
-        let mut all = vec![spheres.clone()];
-        for _ in 1..knots {
-            for sphere in &mut spheres {
-                sphere.center += random.in_cube() * motion;
-            }
-            all.push(spheres.clone());
-        }
-        Arc::new(Deforming::new(&axis, all))
-    }
-
-    /// Returns the distance of a body and a deforming shape at a fraction of the step.
-    fn distance_at(body: &Body, shape: &Deforming, fraction: f32) -> f32 {
-        let own = body.solid.medial().unwrap();
-        let place = body.sweep.pose_at(fraction).into();
-        let ours = || (0..own.len() as u32).map(|i| own.hull(i).placed(&place));
-        let theirs = || (0..shape.len() as u32).map(|i| shape.hull_at(i, fraction));
-        let distance = |a: Hull, b: Hull| with_spheres!(a, |a| with_spheres!(b, |b| separation(&a, &b, 0).distance));
-        ours().flat_map(|a| theirs().map(move |b| distance(a, b))).fold(f32::INFINITY, f32::min)
-    }
-
-    fn moving(shape: impl Into<Solid>, random: &mut Random, spread: f32, speed: f32, turn: f32) -> Body {
-        let start = Pose3::from_parts(random.in_cube() * spread, Quat::from_scaled_axis(random.in_cube() * 3.0));
-        let way = -start.translation * speed + random.in_cube() * 0.3 * speed;
-        Body::new(shape, Sweep::at_rates(start, Vec3::ZERO, way, random.in_cube() * turn))
-    }
-
-    #[test]
-    fn first_touches_are_those_of_a_fine_sampling() {
-        const SAMPLES: usize = 1000;
-        let mut random = Random(11);
-        let (mut hits, mut misses, mut near_misses, mut after_a_corner) = (0, 0, 0, 0);
-        for case in 0..300 {
-            let shape = match case % 2 {
-                0 => Shape::new(MedialAxis::sphere(0.05).unwrap()),
-                _ => Shape { axis: MedialAxis::torus(0.3, 0.05, 12).unwrap(), scale: 0.5 },
-            };
-            let body = moving(shape, &mut random, 1.2, 1.5, [0.0, 0.5][case / 2 % 2]);
-            let ring = ring(&mut random, 1 + case % 5, 0.3);
-            let other = Body::new(Solid::Deforming(ring.clone()), Sweep::at_rest(Pose3::IDENTITY));
-            let distances: Vec<f32> =
-                (0..=SAMPLES).map(|i| distance_at(&body, &ring, i as f32 / SAMPLES as f32)).collect();
-            let least = distances.iter().copied().fold(f32::INFINITY, f32::min);
-            // Bodies that overlap at the start have another first touch.
-            if distances[0] < 0.01 || least.abs() < 2e-3 {
-                continue;
-            }
-            for culling in [Culling::Hybrid, Culling::None] {
-                let found = first_touch([body.clone(), other.clone()], culling, None);
-                let expected = distances.iter().position(|distance| *distance <= 0.0);
-                assert_eq!(found.is_some(), expected.is_some(), "case {case}: {found:?}, least distance {least}");
-                let (Some(impact), Some(expected)) = (found, expected) else {
-                    misses += 1;
-                    near_misses += usize::from(least < 0.1);
-                    continue;
-                };
-                hits += 1;
-                after_a_corner += usize::from(case % 5 > 1 && impact.fraction > 0.5);
-                // At the touch, the bodies are as near as the chord's tolerance.
-                let distance = distance_at(&body, &ring, impact.fraction);
-                let time = expected as f32 / SAMPLES as f32;
-                assert!(
-                    distance.abs() < 2e-3 && impact.fraction < time + 1e-4,
-                    "{case}: {impact:?}, {distance} {time}"
-                );
-                let hull = ring.hull_at(impact.primitive2, impact.fraction);
-                let off = with_spheres!(hull, |s| separation(&s, &[Sphere::new(impact.point, 0.0)], 0).distance);
-                assert!(off.abs() < 2e-3, "case {case}: the point is {off} m off its primitive");
-            }
-        }
-        assert!(
-            hits > 200 && misses > 50 && near_misses > 10 && after_a_corner > 20,
-            "{hits} {misses} {near_misses} {after_a_corner}"
-        );
-    }
-
-    #[test]
-    fn a_swinging_limb_pushes_bodies_as_a_rigid_one_does() {
-        let mut random = Random(12);
-        let (mut pushed, mut missed, mut deepest) = (0, 0, [0.0f32; 2]);
-        for case in 0..200 {
-            // A limb whose tip moves at 10 m/s in a step of 1/60 s.
-            let axis = MedialAxis::capsule(Vec3::ZERO, Vec3::X, 0.1).unwrap();
-            let angle = 0.17;
-            let [root, tip] = [axis.spheres()[0], axis.spheres()[1]];
-            let knot = |i: usize| {
-                let turn = Quat::from_rotation_z(angle * i as f32 / 4.0);
-                vec![root, Sphere::new(turn * tip.center, tip.radius)]
-            };
-            let limb = Arc::new(Deforming::new(&axis, (0..=4).map(knot).collect()));
-            let at = Vec3::new(0.3 + 0.5 * random.unit(), 0.21 + 0.2 * random.unit(), 0.05 * random.signed());
-            let rest = Sweep::at_rest(Pose3::from_translation(at));
-            let ball = Body::new(Shape::new(MedialAxis::sphere(0.1).unwrap()), rest);
-            let swing = Sweep::at_rates(Pose3::IDENTITY, Vec3::ZERO, Vec3::ZERO, Vec3::Z * angle);
-            let solids: [(Solid, Sweep); 2] = [
-                (Solid::Deforming(limb.clone()), Sweep::at_rest(Pose3::IDENTITY)),
-                (Shape::new(axis.clone()).into(), swing),
-            ];
-            let [deforming, rigid] = solids.map(|(solid, sweep)| {
-                let bodies = vec![ball.clone(), Body { stops: false, ..Body::new(solid, sweep) }];
-                let input = StepInput { bodies, stop_at_impact: true, prediction: 0.02, ..Default::default() };
-                let output = step(&input, &Statics::default(), &TaskPool::new());
-                let stop = output.stop_of(0).map(|stop| stop.pose);
-                let ended = Body { sweep: Sweep::at_rest(stop.unwrap_or(rest.end)), ..ball.clone() };
-                (stop.is_some(), distance_at(&ended, &limb, 1.0), output.manifolds.len())
-            });
-            let touched = (0..=64).any(|i| distance_at(&ball, &limb, i as f32 / 64.0) < -1e-3);
-            assert!(deforming.0 || !touched, "case {case}: the ball at {at} is missed");
-            assert!(deforming.1 > rigid.1.min(0.0) - 2e-3, "case {case}: {deforming:?} {rigid:?}");
-            assert!(deforming.2 > 0 || !touched, "case {case}: the pushed ball has no contact");
-            pushed += usize::from(touched);
-            missed += usize::from(!deforming.0);
-            deepest = [deepest[0].min(deforming.1), deepest[1].min(rigid.1)];
-        }
-        assert!(pushed > 50 && missed > 20 && deepest[0] > -0.01, "{pushed} pushed, {missed} missed, {deepest:?}");
-    }
-}
+mod tests;

@@ -286,17 +286,6 @@ impl Scene<'_, '_> {
 
     /// Returns the motion of each joint since the bind pose, in the world.
     fn poses(&self, axis: &MedialAxis, skin: &Skin, joints: &[Entity]) -> Result<Vec<JointPose>, Unplaced> {
-        let place = |(joint, &entity): (&SkinJoint, &Entity)| {
-            self.transforms.get(entity).map(GlobalTransform::affine).map_err(|_| {
-                Unplaced::Refused(format!(
-                    "its joint `{}` ({entity}) does not exist or has no GlobalTransform; keep the joints as long as the shape",
-                    joint.name
-                ))
-            })
-        };
-        let places = std::iter::zip(skin.joints().iter(), joints).map(place).collect::<Result<Vec<_>, _>>()?;
-        let mut poses = Vec::with_capacity(joints.len());
-        skin.joint_poses(&places, &mut poses);
         let Aabb { min, max } = axis.aabb();
         let reach = min.abs().max(max.abs()).length();
         let is_sound = |pose: &JointPose| {
@@ -304,12 +293,22 @@ impl Scene<'_, '_> {
                 && is_bounded(Vec3::splat(reach * pose.scale))
                 && pose.is_uniform()
         };
-        match std::iter::zip(skin.joints().iter(), &poses).find(|(_, pose)| !is_sound(pose)) {
-            Some((joint, pose)) => Err(Unplaced::Refused(format!(
-                "its joint `{}` has the transform {:?}; give it and its ancestors finite values of a moderate size and a uniform scale",
-                joint.name, pose.transform
-            ))),
-            None => Ok(poses),
+        let mut poses = Vec::with_capacity(joints.len());
+        for (SkinJoint { name, inverse_bind }, &entity) in skin.joints().iter().zip(joints) {
+            let place = self.transforms.get(entity).map_err(|_| {
+                Unplaced::Refused(format!(
+                    "its joint `{name}` ({entity}) does not exist or has no GlobalTransform; keep the joints as long as the shape"
+                ))
+            })?;
+            let pose = JointPose::new(place.affine() * *inverse_bind);
+            if !is_sound(&pose) {
+                return Err(Unplaced::Refused(format!(
+                    "its joint `{name}` has the transform {:?}; give it and its ancestors finite values of a moderate size and a uniform scale",
+                    pose.transform
+                )));
+            }
+            poses.push(pose);
         }
+        Ok(poses)
     }
 }

@@ -59,7 +59,8 @@ impl SkinPose {
         // Another level of detail has other spheres.
         let start = if is_known { std::mem::take(&mut self.spheres) } else { posed(axis, before) };
         let end = posed(axis, &self.poses);
-        let displacement = std::iter::zip(&start, &end).map(|(a, b)| a.center.distance(b.center)).fold(0.0, f32::max);
+        let squares = std::iter::zip(&start, &end).map(|(a, b)| a.center.distance_squared(b.center));
+        let displacement = squares.fold(0.0, f32::max).sqrt();
         let jumps = displacement > TELEPORT * self.shape.axis().bounding_sphere().radius;
         let mut knots = if jumps || teleports { Vec::new() } else { between(axis, before, &self.poses) };
         if jumps || teleports {
@@ -111,8 +112,8 @@ fn frame_around(spheres: &[Sphere]) -> Pose3 {
     Pose3::from_translation(Aabb::from_spheres(spheres.iter().copied()).center())
 }
 
-fn seen_from(frame: &Pose3, spheres: Vec<Sphere>) -> Vec<Sphere> {
+fn seen_from(frame: &Pose3, mut spheres: Vec<Sphere>) -> Vec<Sphere> {
     let turn = frame.rotation.inverse();
-    let place = |s: Sphere| Sphere::new(turn * (s.center - frame.translation), s.radius);
-    spheres.into_iter().map(place).collect()
+    spheres.iter_mut().for_each(|sphere| sphere.center = turn * (sphere.center - frame.translation));
+    spheres
 }

@@ -3,14 +3,14 @@
 //! The reference moves each bullet on a line relative to the running character, by conservative advancement: it advances by the time in which neither
 //! bullet nor limbs can close the gap. The triangles have the pose in the middle of each fine step.
 
-use std::error::Error;
+use std::{error::Error, f32::consts::PI};
 
 use bevy::{ecs::message::MessageCursor, prelude::*};
 use bevy_medial::{medial_axis::MedialAxis, prelude::*, random::Random, scenes::Bullet};
 use bevy_rapier3d::{
     parry::{
         query::{PointQuery, PointQueryWithLocation},
-        shape::TriMesh,
+        shape::{TriMesh, Triangle},
     },
     prelude::{CollisionGroups, GravityScale, Group, RigidBody, Velocity},
 };
@@ -181,7 +181,7 @@ fn aim(actor: &Actor, begin: u32, count: usize, random: &mut Random) -> Result<V
         let target = spheres[random.below(spheres.len())].center + random.in_ball() * 0.25;
         let velocity = random.direction().as_vec3() * 10.0 * 100.0f32.powf(random.unit());
         let start = target - (velocity - Vec3::X * actor.speed) * later;
-        if triangles.distance_to_local_point(start, true) < RADIUS + CLEARANCE {
+        if !is_clear(&triangles, start) {
             continue;
         }
         flights.push(Flight {
@@ -198,6 +198,19 @@ fn aim(actor: &Actor, begin: u32, count: usize, random: &mut Random) -> Result<V
         });
     }
     Ok(flights)
+}
+
+/// Returns true if a bullet at a place is outside and has the least distance. The distance from triangles is the same on both
+/// sides, and the normals of a skin with folds are ambiguous, so the winding number decides.
+fn is_clear(triangles: &TriMesh, place: Vec3) -> bool {
+    let solid_angle = |triangle: Triangle| {
+        let [a, b, c] = [triangle.a - place, triangle.b - place, triangle.c - place];
+        let [p, q, r] = [a.length(), b.length(), c.length()];
+        2.0 * a.dot(b.cross(c)).atan2(p * q * r + a.dot(b) * r + b.dot(c) * p + c.dot(a) * q)
+    };
+    let winding = || triangles.triangles().map(solid_angle).sum::<f32>() / (4.0 * PI);
+    triangles.distance_to_local_point(place, true) >= RADIUS + CLEARANCE
+        && (!triangles.local_aabb().contains_local_point(place) || winding().abs() < 0.5)
 }
 
 /// The skinned triangles at a time, relative to the character.
@@ -336,5 +349,35 @@ impl<'a> Reference<'a> {
         joints.sort_unstable();
         joints.dedup();
         (first, joints)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy_medial::scenes::characters::Character;
+
+    use super::*;
+
+    #[test]
+    fn bullets_start_outside() {
+        let actor = Actor::new(Character::biped(), 26, 0.0).unwrap();
+        let (mut inside, mut outside) = (0, 0);
+        for step in 0..10 {
+            let time = step as f32 * 4.0 * DT;
+            let mut spheres = vec![];
+            let poses = actor.poses(&actor.character.pose(time));
+            actor.axis.skin().unwrap().pose(actor.axis.spheres(), &poses, &mut spheres);
+            let triangles = triangles(&actor, time).unwrap();
+            for sphere in spheres {
+                // The middle of the trunk is far from its surface.
+                if triangles.distance_to_local_point(sphere.center, true) >= RADIUS + CLEARANCE {
+                    assert!(!is_clear(&triangles, sphere.center), "{} at {time} s is inside", sphere.center);
+                    inside += 1;
+                }
+                let far = sphere.center.normalize() * 4.0;
+                outside += usize::from(is_clear(&triangles, far));
+            }
+        }
+        assert!(inside > 10 && outside > 200, "{inside} inside, {outside} outside");
     }
 }
