@@ -16,10 +16,10 @@
 //! Within a build, the diagonal of the mesh's bounding box is 1. The same mesh and options give the same bytes, for any number of threads.
 
 mod bind;
-mod boxes;
 mod build;
 mod check;
 mod clean;
+mod convex;
 mod envelope;
 mod fit;
 mod folds;
@@ -40,6 +40,7 @@ mod parallel;
 mod points;
 mod progress;
 mod report;
+mod roof;
 mod samples;
 mod sides;
 mod skinned;
