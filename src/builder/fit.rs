@@ -27,7 +27,7 @@ const ERROR_LIMIT: f32 = 6.0;
 
 /// Options of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), serde(default))]
 #[reflect(Default, Clone, PartialEq)]
 pub struct FitOptions {
     /// Largest number of spheres of the finest level. `None`: 60, or as many as `max_error`, the mass properties or `error_limit` require, up to 512.

@@ -59,7 +59,7 @@ pub use mesh::{MAX_MESH_SIZE, MeshError, TriangleMesh};
 #[cfg(any(feature = "gltf_scenes", feature = "mesh_files"))]
 pub use nodes::{NodeBody, NodeMark, is_named};
 pub use options::{BuildError, BuildOptions, BuildReport, Built, DEFAULT_SEED};
-#[cfg(feature = "bevy_mesh")]
+#[cfg(any(feature = "asset_processor", feature = "bevy_mesh"))]
 pub(crate) use parallel::on_this_thread;
 pub use report::MeshReport;
 pub use skinned::{SkinnedMeshError, SkinnedTriangleMesh};
