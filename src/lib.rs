@@ -63,6 +63,7 @@
 //! |---|---|---|---|
 //! | [`MedialPhysicsPlugins`] | | collision; response with `rapier` | after `DefaultPlugins` or `AssetPlugin`, and after the app's own rapier plugin |
 //! | `MedialBuildPlugin` | `bevy_mesh` | builds the shapes of entities with a `BuildMedialMesh` | after `AssetPlugin` |
+//! | `MedialProcessPlugin` | `asset_processor` | builds shapes from mesh files when Bevy processes the app's assets | after `AssetPlugin` |
 //! | `MedialDebugPlugin` | `debug` | the debug view | at any time |
 //! | `MedialPickingPlugin` | `picking` | pointers pick medial bodies | after `DefaultPlugins` |
 //!
@@ -84,6 +85,7 @@
 //! | `bevy_mesh` | no | conversion of Bevy's meshes to triangle meshes, and building of medial meshes while the app runs |
 //! | `gltf_scenes` | no | shapes of the meshes in Bevy's glTF scenes: `MedialScene` |
 //! | `mesh_files` | no | triangle meshes from OBJ, glTF, STL and PLY files |
+//! | `asset_processor` | no | `MedialProcessPlugin`: medial meshes from mesh files, built by Bevy's asset processor |
 //! | `cli` | no | the program `medial` |
 //!
 //! # Versions
@@ -122,6 +124,8 @@ pub mod whole_file;
 
 /// Common imports for apps.
 pub mod prelude {
+    #[cfg(feature = "asset_processor")]
+    pub use crate::plugin::MedialProcessPlugin;
     #[cfg(feature = "debug")]
     pub use crate::plugin::{MedialDebugPlugin, MedialGizmo, MedialGizmoLayer, MedialGizmos};
     #[cfg(feature = "picking")]

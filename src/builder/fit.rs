@@ -6,9 +6,9 @@ use bevy::prelude::{Reflect, ReflectDefault};
 
 use super::{
     BuildError, BuildOptions, Built, DEFAULT_SEED, Level, MedialLevels, SideLimits, TriangleMesh,
-    boxes::{BOX_SPHERES, boxes},
     build::{coarser, finest, finest_share},
     check::{check, check_solid, within},
+    convex,
     optimise::{Judge, Search},
     progress::between,
     sides::keep,
@@ -27,7 +27,7 @@ const ERROR_LIMIT: f32 = 6.0;
 
 /// Options of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Reflect)]
-#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serialize", derive(serde::Serialize, serde::Deserialize), serde(default))]
 #[reflect(Default, Clone, PartialEq)]
 pub struct FitOptions {
     /// Largest number of spheres of the finest level. `None`: 60, or as many as `max_error`, the mass properties or `error_limit` require, up to 512.
@@ -84,14 +84,13 @@ pub fn fit(
     Ok(MedialLevels { levels: useful(levels), mass: solid.mass, sides: options.sides })
 }
 
-/// The levels of a box. `None` for other solids, and if these levels do not satisfy the options.
+/// The levels of a solid that needs no search. `None` for other solids, and if these levels do not satisfy the options.
 fn exact(solid: &Solid, options: &FitOptions) -> Option<Vec<Level>> {
-    if options.spheres.is_some_and(|spheres| spheres < BOX_SPHERES) {
-        return None;
-    }
+    let most = if options.max_error.is_some() { TRIED[1] } else { DEFAULT_SPHERES };
     let finest = f64::from(options.max_error.unwrap_or(f32::INFINITY)) / 100.0;
-    let levels = boxes(solid, finest)?.into_iter().take(if options.levels { 2 } else { 1 });
-    let mut levels = levels.map(|axis| kept(solid, Level { error: solid.measure(&axis), axis }, options.sides));
+    let levels = convex::exact(solid, options.spheres.unwrap_or(most), finest)?;
+    let levels = levels.into_iter().take(if options.levels { 2 } else { 1 });
+    let mut levels = levels.map(|level| kept(solid, level, options.sides));
     let first = levels.next()?.ok()?;
     check(solid, &first, options.error_limit).ok()?;
     Some(once(first).chain(levels.flatten()).collect())

@@ -16,10 +16,10 @@
 //! Within a build, the diagonal of the mesh's bounding box is 1. The same mesh and options give the same bytes, for any number of threads.
 
 mod bind;
-mod boxes;
 mod build;
 mod check;
 mod clean;
+mod convex;
 mod envelope;
 mod fit;
 mod folds;
@@ -40,6 +40,7 @@ mod parallel;
 mod points;
 mod progress;
 mod report;
+mod roof;
 mod samples;
 mod sides;
 mod skinned;
@@ -58,7 +59,7 @@ pub use mesh::{MAX_MESH_SIZE, MeshError, TriangleMesh};
 #[cfg(any(feature = "gltf_scenes", feature = "mesh_files"))]
 pub use nodes::{NodeBody, NodeMark, is_named};
 pub use options::{BuildError, BuildOptions, BuildReport, Built, DEFAULT_SEED};
-#[cfg(feature = "bevy_mesh")]
+#[cfg(any(feature = "asset_processor", feature = "bevy_mesh"))]
 pub(crate) use parallel::on_this_thread;
 pub use report::MeshReport;
 pub use skinned::{SkinnedMeshError, SkinnedTriangleMesh};

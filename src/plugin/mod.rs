@@ -15,6 +15,7 @@
 //! | [`MedialContacts`] | system parameter: the contacts of the last step, by entity |
 //! | `MedialBuildPlugin` | with the feature `bevy_mesh`: builds the medial meshes of entities with a `BuildMedialMesh` from their `Mesh3d` |
 //! | `MedialDebugPlugin` | with the feature `debug`: draws shapes and the last step, as configured by `MedialGizmos` and the component `MedialGizmo` |
+//! | `MedialProcessPlugin` | with the feature `asset_processor`: builds medial meshes when Bevy processes the app's assets |
 //! | `MedialScene` | with the feature `gltf_scenes`: component: the meshes of a spawned glTF scene get shapes |
 //! | `MedialPickingPlugin` | with the feature `picking`: pointers pick medial bodies |
 //! | [`MedialSystems`] | system sets, for ordering |
@@ -45,6 +46,8 @@ mod messages;
 mod picking;
 #[cfg(feature = "gpu")]
 mod pipelined;
+#[cfg(feature = "asset_processor")]
+mod process;
 mod report;
 #[cfg(feature = "gltf_scenes")]
 mod scene;
@@ -84,6 +87,8 @@ pub use loader::{MaLoader, MaLoaderError, MedialLoader, MedialLoaderError};
 pub use messages::{MedialContactEnded, MedialContactStarted, TouchPoint};
 #[cfg(feature = "picking")]
 pub use picking::{MedialPickingCamera, MedialPickingPlugin, MedialPickingSettings};
+#[cfg(feature = "asset_processor")]
+pub use process::{MedialProcess, MedialProcessPlugin};
 #[cfg(feature = "gltf_scenes")]
 pub use scene::MedialScene;
 #[cfg(all(feature = "gltf_scenes", feature = "rapier"))]

@@ -27,6 +27,7 @@ mod mirrors;
 mod observers;
 mod picking;
 mod probes;
+mod processing;
 mod projectile;
 mod pushing;
 mod quarantine;

@@ -1,0 +1,138 @@
+use std::ops::ControlFlow;
+
+use glam::{DQuat, Vec3};
+
+use super::*;
+use crate::{
+    builder::{
+        FitOptions, MedialLevels, TriangleMesh, fit,
+        mesh::tests::{add_box, triangulated},
+    },
+    random::Random,
+};
+
+fn boxes(each: &[[[f64; 3]; 2]]) -> TriangleMesh {
+    let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
+    each.iter().map(|b| b.map(DVec3::from_array)).for_each(|[min, size]| add_box(&mut mesh, min, size));
+    mesh
+}
+
+/// The mesh, turned and moved.
+fn turned(random: &mut Random, mesh: &TriangleMesh) -> TriangleMesh {
+    let turn = DQuat::from_axis_angle(random.in_cube().as_dvec3().normalize(), f64::from(3.0 * random.unit()));
+    let shift = random.in_cube().as_dvec3() * f64::from(mesh.diagonal());
+    let mut mesh = mesh.clone();
+    mesh.positions.iter_mut().for_each(|p| *p = (turn * p.as_dvec3() + shift).as_vec3());
+    mesh
+}
+
+fn found(mesh: &TriangleMesh) -> Option<[Level; 2]> {
+    exact(&Solid::new(mesh).unwrap(), 60, f64::INFINITY)
+}
+
+fn fitted(mesh: &TriangleMesh, options: &FitOptions) -> MedialLevels {
+    fit(mesh, options, &|_| ControlFlow::Continue(())).unwrap()
+}
+
+#[test]
+fn boxes_of_all_proportions_are_built_without_a_search() {
+    let mut random = Random(6);
+    for number in 0..60 {
+        let thin = 10f32.powf(-2.0 * random.unit());
+        let size = match number % 3 {
+            0 => Vec3::new(1.0, 0.2 + random.unit(), 0.2 + random.unit()),
+            1 => Vec3::new(1.0, 1.0, thin),
+            _ => Vec3::new(1.0, thin, thin),
+        };
+        let size = size.as_dvec3() * 3.0;
+        let mesh = turned(&mut random, &boxes(&[[[0.0; 3], size.to_array()]]));
+        let levels = fitted(&mesh, &FitOptions { levels: true, error_limit: 50.0, ..FitOptions::default() });
+        let [finest, coarse] = &levels.levels[..] else { panic!("{size}: {} levels", levels.levels.len()) };
+        assert!(finest.error.max() < 0.31, "{size}: {}", finest.error);
+        let [fine, few] = [finest, coarse].map(|level| level.axis.primitives().len());
+        assert!(few < fine && fine <= 22, "{size}: {fine} {few}");
+        let ratio = f64::from(finest.axis.mass().volume) / size.element_product();
+        assert!((ratio - 1.0).abs() < 0.02, "{size}: {ratio}");
+        let mass = f64::from(levels.into_medial_axis().unwrap().mass().volume);
+        assert!((mass / size.element_product() - 1.0).abs() < 1e-3, "{size}: {mass}");
+    }
+}
+
+/// A prism over a polygon in x and y, counter-clockwise and star-shaped around its first corner.
+fn prism(polygon: &[[f32; 2]], height: f32) -> TriangleMesh {
+    let count = polygon.len() as u32;
+    let level = |z: f32| polygon.iter().map(move |&[x, y]| Vec3::new(x, y, z));
+    let mut mesh = TriangleMesh { positions: level(0.0).chain(level(height)).collect(), triangles: vec![] };
+    for i in 0..count {
+        let j = (i + 1) % count;
+        mesh.triangles.extend([[i, j, count + j], [i, count + j, count + i]]);
+        if i > 0 && j > 0 {
+            mesh.triangles.extend([[0, j, i], [count, count + i, count + j]]);
+        }
+    }
+    mesh
+}
+
+/// A regular polygon.
+fn circle(corners: u32) -> Vec<[f32; 2]> {
+    let corner = |i: u32| {
+        let (y, x) = (std::f32::consts::TAU * i as f32 / corners as f32).sin_cos();
+        [x, y]
+    };
+    (0..corners).map(corner).collect()
+}
+
+#[test]
+fn unions_of_convex_regions_are_built_without_a_search() {
+    let mut random = Random(8);
+    let mut pyramid = prism(&circle(4), 1.0);
+    pyramid.positions[4..].fill(Vec3::new(0.1, 0.0, 1.5));
+    let mut needle = prism(&circle(3), 20.0);
+    needle.positions[3..].fill(Vec3::new(0.0, 0.0, 20.0));
+    let table: Vec<[[f64; 3]; 2]> = [[0.1, 0.1], [0.1, 1.0], [1.7, 0.1], [1.7, 1.0]]
+        .map(|[x, y]| [[x, y, 0.0], [0.2, 0.2, 1.05]])
+        .into_iter()
+        .chain([[[0.0, 0.0, 1.0], [2.0, 1.3, 0.2]]])
+        .collect();
+    let l = [[1.0, 1.0], [1.0, 3.0], [0.0, 3.0], [0.0, 0.0], [2.5, 0.0], [2.5, 1.0]];
+    let cross = [[[0.0, 1.0, 0.0], [3.0, 1.0, 1.0]], [[1.0, 0.0, 0.0], [1.0, 3.0, 1.0]]];
+    // Name, mesh, and the number of primitives.
+    let cases = [
+        ("needle", needle, 6),
+        ("pyramid", pyramid, 8),
+        ("triangle", prism(&circle(3), 3.0), 12),
+        ("hexagon", prism(&circle(6), 3.0), 24),
+        ("L", prism(&l, 1.0), 32),
+        ("two boxes", boxes(&[[[0.0; 3], [3.0, 2.0, 1.0]], [[5.0; 3], [3.0, 2.0, 1.0]]]), 44),
+        ("boxes in contact", boxes(&[[[0.0; 3], [3.0, 2.0, 1.0]], [[3.0, 0.0, 0.0], [2.0, 2.0, 1.0]]]), 22),
+        ("cross", boxes(&cross), 32),
+        ("table", boxes(&table), 86),
+    ];
+    for (name, mesh, count) in cases {
+        for _ in 0..3 {
+            let mesh = turned(&mut random, &mesh);
+            let [fine, coarse] = found(&mesh).unwrap_or_else(|| panic!("{name}"));
+            assert!(fine.error.max() < 0.31, "{name}: {}", fine.error);
+            assert_eq!(fine.axis.primitives().len(), count, "{name}");
+            assert!(coarse.axis.primitives().len() < fine.axis.primitives().len(), "{name}");
+            let mass = Solid::new(&mesh).unwrap().mass.unwrap();
+            let ratio = fine.axis.mass().volume / mass.volume;
+            assert!((ratio - 1.0).abs() < 0.03, "{name}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn other_solids_are_searched() {
+    let capsule = MedialAxis::capsule(Vec3::ZERO, Vec3::X, 0.2).unwrap();
+    let many: Vec<[[f64; 3]; 2]> = (0..8).map(|i| [[2.0 * f64::from(i), 0.0, 0.0], [1.0, 2.0, 3.0]]).collect();
+    for (name, mesh) in [("curved", triangulated(&capsule, 16)), ("too many regions", boxes(&many))] {
+        assert!(found(&mesh).is_none(), "{name}");
+    }
+    let cube = boxes(&[[[0.0; 3], [1.0; 3]]]);
+    // Narrower edges for a smaller error.
+    let levels = fitted(&cube, &FitOptions { max_error: Some(0.05), ..FitOptions::default() }).levels;
+    assert!(levels[0].error.max() <= 0.05, "{}", levels[0].error);
+    let few = FitOptions { spheres: Some(8), error_limit: 20.0, ..FitOptions::default() };
+    assert!(fitted(&cube, &few).levels[0].axis.spheres().len() <= 8);
+}
