@@ -50,7 +50,8 @@ mod tests {
 
     #[test]
     fn bodies_are_found_by_world_and_collider() {
-        let worlds: Vec<Entity> = (1..3).map(Entity::from_raw_u32).map(Option::unwrap).collect();
+        let mut worlds: Vec<Entity> = (1..3).map(Entity::from_raw_u32).map(Option::unwrap).collect();
+        worlds.sort();
         let shape = Shape { axis: MedialAxis::sphere(1.0).unwrap(), scale: 1.0 };
         let colliders = [(0, [3, 0]), (0, [5, 1]), (1, [0, 0]), (1, [3, 2])];
         let (mut infos, mut bodies) = (Vec::new(), Vec::new());
