@@ -24,7 +24,7 @@ impl MedialAxis {
         }
         Self(Arc::new(Data {
             bvh: OnceLock::new(),
-            bind: Some(self.clone()),
+            bind: Some(self.0.bind.as_ref().unwrap_or(self).clone()),
             aabb,
             bounding_sphere: Sphere::new(center, radius.next_up()),
             center_reach,
