@@ -3,18 +3,15 @@
 use std::sync::Arc;
 
 use bevy::{platform::collections::HashMap, prelude::*};
-use bevy_rapier3d::{
-    parry::shape::SharedShape,
-    rapier::{
-        dynamics::{RigidBody as RapierBody, RigidBodyHandle, RigidBodyType},
-        geometry::{Collider as RapierCollider, ColliderHandle},
-    },
+use bevy_rapier3d::rapier::{
+    dynamics::{RigidBody as RapierBody, RigidBodyHandle, RigidBodyType},
+    geometry::{Collider as RapierCollider, ColliderHandle},
 };
 
 use super::{
     context::{Context, ContextReadOnlyItem, collider_pose, displacement, skin},
     joints::{joint_islands, kept_apart},
-    last_step::{LastBodies, LastStep},
+    last_step::{Fixed, LastBodies, LastStep},
     motion::motion,
     owed::OwedTime,
     parts::{shape_id, solid},
@@ -25,32 +22,6 @@ use crate::{
     pipeline::{Body, ContactMargin, Deforming, Displacement, Groups, Solid, StaticBody, Statics},
     plugin::{BodyInfo, MedialCcd, MedialStep},
 };
-
-/// A collider that does not move, with all properties that the pipeline uses.
-#[derive(Clone)]
-pub(super) struct Fixed {
-    entity: Entity,
-    body: Option<Entity>,
-    collider: ColliderHandle,
-    shape: SharedShape,
-    pose: Pose3,
-    rigid_body: Option<u64>,
-    groups: [Groups; 2],
-    types: Groups,
-    world: u32,
-    sensor: bool,
-    passes: bool,
-}
-
-impl PartialEq for Fixed {
-    fn eq(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.shape.0, &other.shape.0)
-            && (self.entity, self.collider, self.pose, self.groups, self.types)
-                == (other.entity, other.collider, other.pose, other.groups, other.types)
-            && (self.rigid_body, self.world, self.sensor, self.passes)
-                == (other.rigid_body, other.world, other.sensor, other.passes)
-    }
-}
 
 /// Lists of a step that is being gathered.
 #[derive(Default)]
@@ -198,25 +169,19 @@ impl Gather<'_, '_, '_> {
         let Some(solid) = last.map(|body| body.solid.clone()).or_else(|| solid(collider.shared_shape())) else {
             return;
         };
-        // Rapier may have woken the body within the step.
-        let woken = || slept_at.filter(|_| running && !body.is_sleeping()).unwrap_or(end);
-        let start = self.rapier.snapshot.starts.get(&(context.entity, handle)).filter(|_| running);
-        let start = start.copied().unwrap_or_else(|| Start::at_rest(woken()));
+        let start = self.start(world, handle, body, [slept_at.unwrap_or(end), end]);
         let simulated = running && body.is_enabled();
         // A body that sleeps at another pose was moved there, e.g. by restoring a context, so its pairs are searched once.
         let active = simulated && (!body.is_sleeping() || slept_at != Some(end));
-        if simulated && !active {
-            gathered.resting.push((self.step.input.bodies.len(), sensor || !body.is_dynamic()));
-        }
+        let number = self.step.input.bodies.len();
+        gathered.resting.extend((simulated && !active).then_some((number, sensor || !body.is_dynamic())));
         // A fast kinematic body would pass through sleeping bodies before rapier finds a contact. A link of a multibody cannot be moved by itself.
         let stops = simulated && body.is_dynamic() && !is_link(context, parent);
         let (sweep, held) = match resting.filter(|_| !active) {
             Some(sweep) => (sweep, false),
             None => self.sweep(world, (parent, body), [start.pose, end], stops, active),
         };
-        if sweep.end != end {
-            gathered.astray.push(self.step.input.bodies.len() as u32);
-        }
+        gathered.astray.extend((sweep.end != end).then_some(number as u32));
         let [linear, angular] = velocities(body, &start, &sweep, running.then_some(dt));
         let [groups, stop_groups] = groups(collider);
         let next_dt = to_come(&self.rapier.mode, &self.rapier.time);
@@ -241,17 +206,20 @@ impl Gather<'_, '_, '_> {
             core_depth,
             next_displacement: Some(displacement(collider, body, context.configuration.gravity, next_dt)),
         });
-        self.step.infos.push(BodyInfo {
-            entity,
-            body: context.bodies.rigid_body_entity(parent),
-            collider: handle.into_raw_parts(),
-            sensor,
-            // Bodies of a paused world are treated like sleeping bodies.
-            asleep: !running || body.is_sleeping(),
-            center: start.pose.transform_point(sweep.local_center),
-            linear,
-            angular,
-        });
+        let collider = handle.into_raw_parts();
+        // Bodies of a paused world are treated like sleeping bodies.
+        let asleep = !running || body.is_sleeping();
+        let (body, center) = (context.bodies.rigid_body_entity(parent), start.pose.transform_point(sweep.local_center));
+        self.step.infos.push(BodyInfo { entity, body, collider, sensor, asleep, center, linear, angular });
+    }
+
+    /// Returns pose and velocities of a collider before rapier's step. `slept_at`: its pose in the last step if its body slept, and otherwise that after
+    /// rapier's step.
+    fn start(&self, world: &World, handle: ColliderHandle, body: &RapierBody, [slept_at, end]: [Pose3; 2]) -> Start {
+        let known = self.rapier.snapshot.starts.get(&(world.context.entity, handle)).filter(|_| world.running);
+        // Rapier may have woken the body within the step.
+        let woken = world.running && !body.is_sleeping();
+        known.copied().unwrap_or(Start::at_rest(if woken { slept_at } else { end }))
     }
 
     /// Adds a skinned shape. Its spheres move in the frame of its collider, which is at rest within the step.

@@ -1,10 +1,41 @@
 //! Bodies and statics of the last step. Bodies that still sleep keep their input.
 
-use bevy::prelude::*;
-use bevy_rapier3d::rapier::geometry::ColliderHandle;
+use std::sync::Arc;
 
-use super::gather::Fixed;
-use crate::{pipeline::Body, plugin::BodyInfo};
+use bevy::prelude::*;
+use bevy_rapier3d::{parry::shape::SharedShape, rapier::geometry::ColliderHandle};
+
+use crate::{
+    geometry::Pose3,
+    pipeline::{Body, Groups},
+    plugin::BodyInfo,
+};
+
+/// A collider that does not move, with all properties that the pipeline uses.
+#[derive(Clone)]
+pub(super) struct Fixed {
+    pub entity: Entity,
+    pub body: Option<Entity>,
+    pub collider: ColliderHandle,
+    pub shape: SharedShape,
+    pub pose: Pose3,
+    pub rigid_body: Option<u64>,
+    pub groups: [Groups; 2],
+    pub types: Groups,
+    pub world: u32,
+    pub sensor: bool,
+    pub passes: bool,
+}
+
+impl PartialEq for Fixed {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.shape.0, &other.shape.0)
+            && (self.entity, self.collider, self.pose, self.groups, self.types)
+                == (other.entity, other.collider, other.pose, other.groups, other.types)
+            && (self.rigid_body, self.world, self.sensor, self.passes)
+                == (other.rigid_body, other.world, other.sensor, other.passes)
+    }
+}
 
 /// Lists of the last step.
 #[derive(Default)]

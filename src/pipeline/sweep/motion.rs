@@ -7,7 +7,7 @@ use crate::{
     constants::{INTERVAL_PATH, MANY_PRIMITIVES},
     geometry::{Aabb, Pose3, Sphere, Sweep},
     pipeline::{
-        OtherShape, Part, Side, Statics, StepInput,
+        ConvexParts, OtherShape, Part, Side, Solid, Statics, StepInput,
         deforming::MovingPart,
         pairs::{BodyPair, PrimitivePair},
         shape::Shape,
@@ -168,31 +168,46 @@ impl<'a> PairMotion<'a> {
                 if second.deforming().is_none() && is_idle(path, &tolerances) {
                     return Motions::new();
                 }
-                let motion = |pose: Pose3, other: OtherPart<'a>| {
-                    let frame = sweep2.start * pose;
-                    let sweep2 = sweep2.of_part(&pose);
-                    Self {
-                        shape1,
-                        other,
-                        sweep1: sweep1.seen_from(&frame),
-                        sweep2: sweep2.seen_from(&frame),
-                        frame,
-                        arms,
-                        tolerances,
-                    }
-                };
-                let reach = reach(shape1, &sweep1, &sweep2, arm2);
-                match second.deforming() {
-                    Some(shape2) => {
-                        let parts = shape2.moving_within(&reach, from);
-                        let parts = parts.filter(|part| !is_idle(path + part.path(), &tolerances));
-                        parts.map(|part| motion(Pose3::IDENTITY, OtherPart::Moving(part))).collect()
-                    }
-                    None => {
-                        let parts = parts.within(&reach).into_iter();
-                        parts.map(|part| motion(part.pose, OtherPart::Part(part))).collect()
-                    }
-                }
+                Self::of_parts(shape1, second, parts, [sweep1, sweep2], arms, tolerances, from, is_idle)
+            }
+        }
+    }
+
+    /// Creates the motions of the parts of another collider that are in reach. See [`all`](Self::all).
+    fn of_parts(
+        shape1: &'a Shape,
+        second: &'a Solid,
+        parts: &'a dyn ConvexParts,
+        [sweep1, sweep2]: [Sweep; 2],
+        arms: [f32; 2],
+        tolerances: Tolerances,
+        from: f32,
+        is_idle: impl Fn(f32, &Tolerances) -> bool,
+    ) -> Motions<'a> {
+        let motion = |pose: Pose3, other: OtherPart<'a>| {
+            let frame = sweep2.start * pose;
+            let sweep2 = sweep2.of_part(&pose);
+            Self {
+                shape1,
+                other,
+                sweep1: sweep1.seen_from(&frame),
+                sweep2: sweep2.seen_from(&frame),
+                frame,
+                arms,
+                tolerances,
+            }
+        };
+        let reach = reach(shape1, &sweep1, &sweep2, arms[1]);
+        match second.deforming() {
+            Some(shape2) => {
+                let path = relative_path([&sweep1, &sweep2], arms);
+                let parts = shape2.moving_within(&reach, from);
+                let parts = parts.filter(|part| !is_idle(path + part.path(), &tolerances));
+                parts.map(|part| motion(Pose3::IDENTITY, OtherPart::Moving(part))).collect()
+            }
+            None => {
+                let parts = parts.within(&reach).into_iter();
+                parts.map(|part| motion(part.pose, OtherPart::Part(part))).collect()
             }
         }
     }
