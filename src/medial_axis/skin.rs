@@ -41,6 +41,13 @@ pub struct SkinJoint {
     pub inverse_bind: Affine3A,
 }
 
+impl SkinJoint {
+    /// Returns the motion of the joint since the bind pose. `place`: its current transform to the frame of the posed mesh.
+    pub fn pose(&self, place: Affine3A) -> JointPose {
+        JointPose::new(place * self.inverse_bind)
+    }
+}
+
 /// Joints, and for each point of a mesh the weights of the joints that move it. The points are the spheres of a [`MedialAxis`](super::MedialAxis), or the
 /// vertices of a skinned triangle mesh.
 ///
@@ -186,7 +193,7 @@ impl Skin {
     /// the posed mesh, in the order of [`joints`](Self::joints).
     pub fn joint_poses(&self, joints: &[Affine3A], poses: &mut Vec<JointPose>) {
         poses.clear();
-        poses.extend(joints.iter().zip(&*self.joints).map(|(now, joint)| JointPose::new(*now * joint.inverse_bind)));
+        poses.extend(joints.iter().zip(&*self.joints).map(|(place, joint)| joint.pose(*place)));
     }
 
     /// Moves a point of the mesh, given its index and its position in the bind pose: the weighted mean of its positions under all joints.

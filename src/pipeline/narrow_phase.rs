@@ -39,7 +39,7 @@ pub(super) fn impacts(
         let known = known.get(i).unwrap_or(&Primitives::Unknown);
         let gap = gap_at_start(input, statics, pair, cache);
         let is_idle = |path: f32, tolerances: &Tolerances| tolerances.is_short(path) || path + tolerances.reach() < gap;
-        let motions = PairMotion::all(input, statics, pair, is_idle, 0.0, |body| input.bodies[body as usize].sweep);
+        let motions = PairMotion::of_step(input, statics, pair, is_idle);
         let times = [Some([0.0, 1.0]); 2];
         let question = Question { input, statics, pair, known, times, normal: Vec3::ZERO };
         let result = first_impact(&question, motions, scratch, laps());

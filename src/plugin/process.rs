@@ -16,7 +16,7 @@ use bevy::{
 use super::{MedialLoader, init_medial_axis};
 use crate::builder::{
     FitOptions, fit,
-    load::{LoadError, Loaded, MeshFormat},
+    load::{Loaded, MeshFormat, parse_as},
     on_this_thread,
 };
 
@@ -63,9 +63,7 @@ fn built(
     path: &Path,
     settings: &FitOptions,
 ) -> Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>> {
-    let format = MeshFormat::detect(bytes, path).ok_or_else(|| LoadError::UnknownFormat { path: path.into() })?;
-    let loaded = format.parse(bytes, Path::new("")).map_err(|source| LoadError::Format { path: path.into(), source });
-    let Loaded { mesh, warnings } = loaded?;
+    let Loaded { mesh, warnings } = parse_as(bytes, path, Path::new(""), MeshFormat::parse)?;
     warnings.iter().for_each(|warning| warn!("{}: {warning}", path.display()));
     let options = FitOptions { levels: true, ..*settings };
     // The pool of the frame's systems stays free. Several files are built at the same time.

@@ -294,13 +294,14 @@ impl Scene<'_, '_> {
                 && pose.is_uniform()
         };
         let mut poses = Vec::with_capacity(joints.len());
-        for (SkinJoint { name, inverse_bind }, &entity) in skin.joints().iter().zip(joints) {
+        for (joint, &entity) in skin.joints().iter().zip(joints) {
+            let SkinJoint { name, .. } = joint;
             let place = self.transforms.get(entity).map_err(|_| {
                 Unplaced::Refused(format!(
                     "its joint `{name}` ({entity}) does not exist or has no GlobalTransform; keep the joints as long as the shape"
                 ))
             })?;
-            let pose = JointPose::new(place.affine() * *inverse_bind);
+            let pose = joint.pose(place.affine());
             if !is_sound(&pose) {
                 return Err(Unplaced::Refused(format!(
                     "its joint `{name}` has the transform {:?}; give it and its ancestors finite values of a moderate size and a uniform scale",

@@ -6,16 +6,10 @@ use super::*;
 use crate::{
     builder::{
         FitOptions, MedialLevels, TriangleMesh, fit,
-        mesh::tests::{add_box, triangulated},
+        mesh::tests::{boxes, circle, prism, triangulated},
     },
     random::Random,
 };
-
-fn boxes(each: &[[[f64; 3]; 2]]) -> TriangleMesh {
-    let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
-    each.iter().map(|b| b.map(DVec3::from_array)).for_each(|[min, size]| add_box(&mut mesh, min, size));
-    mesh
-}
 
 /// The mesh, turned and moved.
 fn turned(random: &mut Random, mesh: &TriangleMesh) -> TriangleMesh {
@@ -58,36 +52,12 @@ fn boxes_of_all_proportions_are_built_without_a_search() {
     }
 }
 
-/// A prism over a polygon in x and y, counter-clockwise and star-shaped around its first corner.
-fn prism(polygon: &[[f32; 2]], height: f32) -> TriangleMesh {
-    let count = polygon.len() as u32;
-    let level = |z: f32| polygon.iter().map(move |&[x, y]| Vec3::new(x, y, z));
-    let mut mesh = TriangleMesh { positions: level(0.0).chain(level(height)).collect(), triangles: vec![] };
-    for i in 0..count {
-        let j = (i + 1) % count;
-        mesh.triangles.extend([[i, j, count + j], [i, count + j, count + i]]);
-        if i > 0 && j > 0 {
-            mesh.triangles.extend([[0, j, i], [count, count + i, count + j]]);
-        }
-    }
-    mesh
-}
-
-/// A regular polygon.
-fn circle(corners: u32) -> Vec<[f32; 2]> {
-    let corner = |i: u32| {
-        let (y, x) = (std::f32::consts::TAU * i as f32 / corners as f32).sin_cos();
-        [x, y]
-    };
-    (0..corners).map(corner).collect()
-}
-
 #[test]
 fn unions_of_convex_regions_are_built_without_a_search() {
     let mut random = Random(8);
-    let mut pyramid = prism(&circle(4), 1.0);
+    let mut pyramid = prism(&circle(4, 1.0), 1.0);
     pyramid.positions[4..].fill(Vec3::new(0.1, 0.0, 1.5));
-    let mut needle = prism(&circle(3), 20.0);
+    let mut needle = prism(&circle(3, 1.0), 20.0);
     needle.positions[3..].fill(Vec3::new(0.0, 0.0, 20.0));
     let table: Vec<[[f64; 3]; 2]> = [[0.1, 0.1], [0.1, 1.0], [1.7, 0.1], [1.7, 1.0]]
         .map(|[x, y]| [[x, y, 0.0], [0.2, 0.2, 1.05]])
@@ -100,8 +70,8 @@ fn unions_of_convex_regions_are_built_without_a_search() {
     let cases = [
         ("needle", needle, 6),
         ("pyramid", pyramid, 8),
-        ("triangle", prism(&circle(3), 3.0), 12),
-        ("hexagon", prism(&circle(6), 3.0), 24),
+        ("triangle", prism(&circle(3, 1.0), 3.0), 12),
+        ("hexagon", prism(&circle(6, 1.0), 3.0), 24),
         ("L", prism(&l, 1.0), 32),
         ("two boxes", boxes(&[[[0.0; 3], [3.0, 2.0, 1.0]], [[5.0; 3], [3.0, 2.0, 1.0]]]), 44),
         ("boxes in contact", boxes(&[[[0.0; 3], [3.0, 2.0, 1.0]], [[3.0, 0.0, 0.0], [2.0, 2.0, 1.0]]]), 22),

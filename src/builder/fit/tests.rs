@@ -2,7 +2,10 @@ use glam::{DQuat, DVec3, Vec3};
 
 use super::*;
 use crate::{
-    builder::{Deviation, TwoSidedError, mesh::tests::add_box},
+    builder::{
+        Deviation, TwoSidedError,
+        mesh::tests::{boxes, circle, prism},
+    },
     medial_axis::MedialAxis,
     random::Random,
 };
@@ -36,37 +39,6 @@ struct Case {
     name: String,
     mesh: TriangleMesh,
     volume: f64,
-}
-
-/// Boxes by their lower corners and sizes, each of 12 triangles.
-fn boxes(each: &[[[f64; 3]; 2]]) -> TriangleMesh {
-    let mut mesh = TriangleMesh { positions: vec![], triangles: vec![] };
-    each.iter().map(|b| b.map(DVec3::from_array)).for_each(|[min, size]| add_box(&mut mesh, min, size));
-    mesh
-}
-
-/// A prism over a polygon in x and y, counter-clockwise and star-shaped around its first corner.
-fn prism(polygon: &[[f64; 2]], height: f64) -> TriangleMesh {
-    let count = polygon.len() as u32;
-    let level = |z: f64| polygon.iter().map(move |&[x, y]| DVec3::new(x, y, z).as_vec3());
-    let mut mesh = TriangleMesh { positions: level(0.0).chain(level(height)).collect(), triangles: vec![] };
-    for i in 0..count {
-        let j = (i + 1) % count;
-        mesh.triangles.extend([[i, j, count + j], [i, count + j, count + i]]);
-        if i > 0 && j > 0 {
-            mesh.triangles.extend([[0, j, i], [count, count + i, count + j]]);
-        }
-    }
-    mesh
-}
-
-/// A regular polygon.
-fn circle(corners: u32, radius: f64) -> Vec<[f64; 2]> {
-    let corner = |i: u32| {
-        let (y, x) = (std::f64::consts::TAU * f64::from(i) / f64::from(corners)).sin_cos();
-        [x * radius, y * radius]
-    };
-    (0..corners).map(corner).collect()
 }
 
 fn case(name: &str, mesh: TriangleMesh, volume: f64) -> Case {

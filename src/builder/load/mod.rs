@@ -233,9 +233,18 @@ fn read_with<M>(
     parse: impl Fn(MeshFormat, &[u8], &Path) -> Result<M, FormatError>,
 ) -> Result<M, LoadError> {
     let bytes = std::fs::read(path).map_err(|source| LoadError::Io { path: path.into(), source })?;
-    let format = MeshFormat::detect(&bytes, path).ok_or_else(|| LoadError::UnknownFormat { path: path.into() })?;
-    let folder = path.parent().unwrap_or(Path::new(""));
-    parse(format, &bytes, folder).map_err(|source| LoadError::Format { path: path.into(), source })
+    parse_as(&bytes, path, path.parent().unwrap_or(Path::new("")), parse)
+}
+
+/// Parses the content of a mesh file. `path`: its name, for the format and for messages. `folder`: the folder of the files that it refers to.
+pub(crate) fn parse_as<M>(
+    bytes: &[u8],
+    path: &Path,
+    folder: &Path,
+    parse: impl Fn(MeshFormat, &[u8], &Path) -> Result<M, FormatError>,
+) -> Result<M, LoadError> {
+    let format = MeshFormat::detect(bytes, path).ok_or_else(|| LoadError::UnknownFormat { path: path.into() })?;
+    parse(format, bytes, folder).map_err(|source| LoadError::Format { path: path.into(), source })
 }
 
 /// The lines of a text without its byte order mark. They end in LF, CR LF, or CR alone.

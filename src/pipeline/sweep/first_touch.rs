@@ -28,8 +28,7 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
     }
     let input = StepInput { bodies: bodies.into(), culling, ..Default::default() };
     let statics = Statics::default();
-    let mut motions =
-        PairMotion::all(&input, &statics, &PAIR, |path, _| path == 0.0, 0.0, |body| input.bodies[body as usize].sweep);
+    let mut motions = PairMotion::of_step(&input, &statics, &PAIR, |path, _| path == 0.0);
     motions.iter_mut().for_each(|motion| motion.tolerances.use_surfaces());
     let question = Question {
         input: &input,

@@ -163,14 +163,7 @@ mod tests {
             let input = StepInput { bodies, ..Default::default() };
             for (second, count) in [(Side::Body(1), shape.len()), (Side::Static(0), 1)] {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
-                for motion in PairMotion::all(
-                    &input,
-                    &statics,
-                    &pair,
-                    |_, _| false,
-                    0.0,
-                    |body| input.bodies[body as usize].sweep,
-                ) {
+                for motion in PairMotion::of_step(&input, &statics, &pair, |_, _| false) {
                     let (mut own, mut found) = (OwnBoxes::default(), Candidates::new());
                     candidates(&motion, Culling::Hybrid, 0.01, usize::MAX, [None; 2], &mut own, &mut found);
                     for pair in all(shape.len(), count) {

@@ -212,6 +212,16 @@ impl<'a> PairMotion<'a> {
         }
     }
 
+    /// Creates the motions of a pair over the whole step: see [`all`](Self::all).
+    pub fn of_step(
+        input: &'a StepInput,
+        statics: &'a Statics,
+        pair: &BodyPair,
+        is_idle: impl Fn(f32, &Tolerances) -> bool,
+    ) -> Motions<'a> {
+        Self::all(input, statics, pair, is_idle, 0.0, |body| input.bodies[body as usize].sweep)
+    }
+
     /// Returns the chord of the motion. For a moving part, it is that of the first side in the part's frame, because kernels for boxes require a box at
     /// rest.
     pub fn chord(&self) -> Chord {

@@ -166,14 +166,7 @@ mod tests {
             let input = StepInput { bodies, length_unit: 10.0, ..Default::default() };
             for second in [Side::Body(1), Side::Static(0)] {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
-                for motion in PairMotion::all(
-                    &input,
-                    &statics,
-                    &pair,
-                    |_, _| false,
-                    0.0,
-                    |body| input.bodies[body as usize].sweep,
-                ) {
+                for motion in PairMotion::of_step(&input, &statics, &pair, |_, _| false) {
                     let (chord, mut spheres) = (motion.chord(), SphereBuffers::default());
                     curved += usize::from(!motion.is_one_interval(&chord));
                     let mut separating_axis = SeparatingAxis::new(&motion, &chord, Vec3::Y, &mut spheres);
