@@ -297,14 +297,16 @@ impl StepInput {
     /// `moved_until`: the fraction of the step for which a body has moved. The body's next step is longer by the remaining fraction.
     pub(super) fn contact_margin(&self, sides: [Side; 2], moved_until: impl Fn(u32) -> f32) -> ContactMargin {
         let margin = ContactMargin::new(self.prediction, self.length_unit);
-        let displacement = |side: Side| {
-            let Some(body) = side.body() else { return Some(Displacement::REST) };
-            Some(self.bodies[body as usize].next_displacement?.times(2.0 - moved_until(body)))
-        };
-        match sides.map(displacement) {
+        match sides.map(|side| self.next_displacement(side, &moved_until)) {
             [Some(first), Some(second)] => margin.of_pair([&first, &second]),
             _ => margin,
         }
+    }
+
+    /// Returns the displacement of a side in the next step; `None` if a solver does not act on it. `moved_until`: see [`contact_margin`](Self::contact_margin).
+    pub(super) fn next_displacement(&self, side: Side, moved_until: impl Fn(u32) -> f32) -> Option<Displacement> {
+        let Some(body) = side.body() else { return Some(Displacement::REST) };
+        Some(self.bodies[body as usize].next_displacement?.times(2.0 - moved_until(body)))
     }
 
     /// Returns the identity of a side in successive steps.

@@ -7,6 +7,7 @@ use super::{
     BoundedPair, CachedPair, Contact, ContactCache, ContactMargin, Culling, Manifold, Pair, Primitives, Side, Statics,
     StepInput, StepOutput,
     contacts::{
+        approach::Approach,
         find::{self, Listed},
         gap, reduce,
     },
@@ -21,7 +22,7 @@ use super::{
     },
     tolerances::Tolerances,
 };
-use crate::geometry::Pose3;
+use crate::geometry::{Pose3, Sweep};
 
 /// Finds the first impact of each pair on the assumption that no body leaves its path. `known`: the primitive pairs of each pair; empty if no pair has any.
 /// `cache`: the contacts of the last step.
@@ -139,14 +140,36 @@ impl Ends<'_> {
             contacts.clear();
             let listed = self.listed(index, pair, listed);
             find::find_with(shape1, second.second(), &pose12, reach, listed, contacts, buffers);
+            let approach = self.approach(sides);
+            reach.keep_reached(contacts, |contact| {
+                approach.is_some_and(|approach| approach.reaches(contact, shape1, second.second()))
+            });
             // A fast pair would use up its gap in a few steps.
-            let is_slow = reach.in_touch < input.prediction;
+            let is_slow = reach.prediction < input.prediction;
             if contacts.is_empty() && is_slow && input.recycle_contacts {
                 gap = gap::gap(shape1, second.second(), &pose12, 2.0 * input.prediction).max(0.0);
             }
             reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push(manifold));
         }
         found.push(Found { pair: index, count: manifolds.len() - before, reach, gap, pose12, recycled });
+    }
+
+    /// Returns the relative motion of a pair in the coming step; `None` if a solver does not act on it or the second side is skinned, because its next pose is not
+    /// known.
+    fn approach(&self, sides: [Side; 2]) -> Option<Approach> {
+        let Self { input, statics, trajectories, .. } = *self;
+        if input.side(statics, sides[1]).0.deforming().is_some() {
+            return None;
+        }
+        let sweep = |side: Side| match side {
+            Side::Static(body) => Some(Sweep::at_rest(statics.bodies[body as usize].pose)),
+            Side::Body(body) => {
+                let next = input.next_displacement(side, |body| trajectories.moved_until(body))?;
+                let center = input.bodies[body as usize].sweep.local_center;
+                Some(Sweep::at_rates(trajectories.final_pose(input, body), center, next.translation, next.rotation))
+            }
+        };
+        Some(Approach::new(&[sweep(sides[0])?, sweep(sides[1])?]))
     }
 
     /// Returns the primitive pairs that may have contacts, if they are known. `listed`: a buffer for them.

@@ -106,9 +106,9 @@ impl ContactTable {
         let table = self.read();
         let (found, range) = table.pairs.get(key)?;
         // Contacts within contact skins have to be searched.
-        let about = |a: f32, b: f32| a <= 2.0 * b && b <= 2.0 * a;
-        let is_near = about(found.prediction, reach.prediction) && about(found.in_touch, reach.in_touch);
-        let fits = if has_skins { *found == reach } else { is_near };
+        let (found_reach, reach) = (found.prediction, reach.prediction);
+        let is_near = found_reach <= 2.0 * reach && reach <= 2.0 * found_reach;
+        let fits = if has_skins { found_reach == reach } else { is_near };
         fits.then(|| table.manifolds[range.clone()].to_vec())
     }
 
@@ -159,7 +159,7 @@ impl ContactTable {
             [SecondKey::Medial(first), second].map(|key| table.displacements.get(&key).unwrap_or(&Displacement::REST));
         let bare = ContactMargin::new(prediction.min(table.prediction), table.length_unit);
         let reach = bare.of_pair(displacements);
-        (ContactMargin { prediction: reach.prediction + skins, in_touch: reach.in_touch + skins, ..reach }, skins > 0.0)
+        (ContactMargin { prediction: reach.prediction + skins, ..reach }, skins > 0.0)
     }
 
     /// Returns the number of pairs.

@@ -47,10 +47,11 @@ pub(in crate::pipeline) struct Scratch {
     edges: internal_edges::Scratch,
 }
 
-/// Returns all manifolds of a pair. `pose12`: pose of body 2 in the frame of body 1.
+/// Returns all manifolds of a pair. `pose12`: pose of body 2 in the frame of body 1. A fast pair that is apart has no manifolds, because its motion is not known.
 pub fn manifolds(shape1: &Shape, second: OtherShape, pose12: &Pose3, reach: impl Into<ContactMargin>) -> Vec<Manifold> {
     let (reach, mut contacts, mut manifolds) = (reach.into(), Vec::new(), Vec::new());
     find(shape1, second, pose12, reach, &mut contacts);
+    reach.keep_reached(&mut contacts, |_| false);
     reduce(&mut contacts, reach.length_unit, &mut Default::default(), |manifold| manifolds.push(manifold));
     manifolds
 }
@@ -77,15 +78,9 @@ pub(in crate::pipeline) fn find_with(
     contacts: &mut Vec<Contact>,
     buffers: &mut Scratch,
 ) {
-    let mut find = |reach: ContactMargin, contacts: &mut Vec<Contact>| match second {
+    match second {
         OtherShape::Shape(shape2) => of_shapes(shape1, shape2, pose12, reach, listed, contacts, buffers),
         OtherShape::Parts(parts) => of_parts(shape1, parts, pose12, reach, listed, contacts, buffers),
-    };
-    find(reach, contacts);
-    let touch = reach.enlarging_distance();
-    if contacts.iter().any(|contact| contact.distance <= touch) {
-        contacts.clear();
-        find(ContactMargin::new(reach.in_touch, reach.length_unit), contacts);
     }
 }
 
@@ -113,17 +108,16 @@ fn surroundings(shape1: &Shape, pose12: &Pose3, distance: f32) -> Aabb {
     shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(distance)
 }
 
-/// Finds the contacts of two medial shapes. Stops at the first one to which the larger margin applies.
+/// Finds the contacts of two medial shapes.
 fn of_shapes(
     shape1: &Shape,
     shape2: &Shape,
     pose12: &Pose3,
-    reach: ContactMargin,
+    ContactMargin { prediction, length_unit, .. }: ContactMargin,
     listed: Listed,
     contacts: &mut Vec<Contact>,
     Scratch { near, settled, taken, edges }: &mut Scratch,
 ) {
-    let ContactMargin { prediction, length_unit, .. } = reach;
     let to_second = Placement::from(pose12.inverse());
     let to_first = Placement::from(*pose12);
     let mut directions = Directions::default();
@@ -131,13 +125,8 @@ fn of_shapes(
     let [size1, size2] = [shape1, shape2].map(|shape| shape.bounding_sphere().radius);
     let apart = Vec4::splat(prediction + CONTACT_ROUNDING * (size1 + size2));
     settled.iter_mut().for_each(HashSet::clear);
-    let (enlarging, mut has_ended) = (reach.enlarging_distance(), false);
     let mut collect = |[primitive1, primitive2]: [u32; 2], hull: Hull| {
-        if has_ended {
-            return;
-        }
         let mut push = |s: &Separation| {
-            has_ended |= s.distance <= enlarging;
             contacts.push(Contact {
                 point1: to_first.point(s.point1),
                 point2: s.point2,
@@ -166,9 +155,6 @@ fn of_shapes(
         Listed::Pairs(pairs) => pairs.iter().for_each(|pair| visit(*pair)),
         Listed::All => mid_phase::all(shape1.len(), shape2.len()).for_each(visit),
         Listed::Unknown => near_shape(shape1, shape2, pose12, prediction, near, collect),
-    }
-    if has_ended {
-        return;
     }
     cluster(contacts, taken);
     internal_edges::remove(contacts, pose12.rotation, [shape1, shape2], length_unit, edges);

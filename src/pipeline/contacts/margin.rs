@@ -1,11 +1,12 @@
 //! Margin of the contact search: how far apart surfaces may be for the solver to need their contact.
 //!
 //! A solver keeps the normals and lever arms of contacts for a whole step. This is accurate for bodies that hardly move, so contacts of slow bodies are
-//! searched as far as the bodies can move. A fast body that is apart would be stopped too early by such contacts, even if it only passes. The sweep finds its
-//! impact instead. A fast body in touch needs the contacts that carry it next.
+//! searched as far as the bodies can move. A fast body that is apart would be stopped by such contacts even if it only passes. So it gets those that it
+//! [reaches](super::approach::Approach). A fast body in touch needs the contacts that carry it next.
 
 use glam::Vec3;
 
+use super::Contact;
 use crate::constants::{LINEAR_SLOP, REST_MARGIN};
 
 /// Displacement of a collider in a step at the current velocity of its body.
@@ -43,8 +44,8 @@ impl Displacement {
 pub struct ContactMargin {
     /// Largest distance of contacts.
     pub prediction: f32,
-    /// Largest distance of contacts if the bodies touch: at least [`prediction`](Self::prediction).
-    pub in_touch: f32,
+    /// True if the pair moves farther than its prediction distance in the step. If it is apart, it needs only the contacts that it will reach.
+    pub is_fast: bool,
     /// [`StepInput::length_unit`](crate::pipeline::StepInput::length_unit).
     pub length_unit: f32,
 }
@@ -52,13 +53,12 @@ pub struct ContactMargin {
 impl ContactMargin {
     /// Creates a margin that does not depend on the motion of the pair.
     pub fn new(prediction: f32, length_unit: f32) -> Self {
-        Self { prediction, in_touch: prediction, length_unit }
+        Self { prediction, is_fast: false, length_unit }
     }
 
     /// Returns the margin for a pair with these displacements in the coming step.
     ///
-    /// The margin is the relative displacement plus an allowance for accelerations, up to the prediction distance. If the pair is apart and moves farther than
-    /// the prediction distance in the step, the margin falls with the square of the speed.
+    /// The margin is the relative displacement plus an allowance for accelerations, up to the prediction distance.
     ///
     /// The margin is the prediction distance halved a number of times, or the touch distance if that is larger. So it stays the same when velocities change a
     /// little.
@@ -69,22 +69,18 @@ impl ContactMargin {
         let least = prediction.min(LINEAR_SLOP * length_unit);
         let displacement = first.against(second);
         let needed = displacement + REST_MARGIN * prediction;
-        let ratio = (prediction / displacement).min(1.0);
-        let trusted = prediction * ratio * ratio;
         let mut reach = prediction;
         while reach > least && 0.5 * reach >= needed {
             reach *= 0.5;
         }
-        let in_touch = reach.max(least);
-        while reach > least && reach > trusted {
-            reach *= 0.5;
-        }
-        Self { prediction: reach.max(least), in_touch, length_unit }
+        Self { prediction: reach.max(least), is_fast: displacement > prediction, length_unit }
     }
 
-    /// Returns the distance below which the larger margin applies, in metres; −∞ if both margins are equal.
-    pub fn enlarging_distance(&self) -> f32 {
-        if self.in_touch > self.prediction { self.touch() } else { f32::NEG_INFINITY }
+    /// Removes the contacts of a fast pair that is apart, except those that it reaches in the step.
+    pub fn keep_reached(&self, contacts: &mut Vec<Contact>, reaches: impl FnMut(&Contact) -> bool) {
+        if self.is_fast && contacts.iter().all(|contact| contact.distance > self.touch()) {
+            contacts.retain(reaches);
+        }
     }
 
     /// Returns the distance at which bodies touch, in metres.
@@ -111,10 +107,9 @@ mod tests {
     }
 
     #[test]
-    fn slow_and_fast_pairs_have_smaller_margins() {
+    fn slow_pairs_have_smaller_margins() {
         let margin = |displacement: f32| of_moving(ContactMargin::from(0.02), displacement);
         assert_eq!([0.0, 1.0e-3, 5.0e-3, 0.019].map(margin), [0.005, 0.01, 0.01, 0.02]);
-        assert_eq!([0.021, 0.04, 0.07, 0.2, f32::INFINITY].map(margin), [0.01, 0.005, 1.25e-3, 1.0e-3, 1.0e-3]);
         assert_eq!(margin(f32::NAN), 0.02);
         for displacement in [0.0, 1.0, f32::INFINITY, f32::NAN] {
             assert_eq!(of_moving(ContactMargin::from(0.0), displacement), 0.0);
@@ -122,6 +117,6 @@ mod tests {
         }
         // All lengths are proportional to the length unit.
         let large = ContactMargin::new(2.0, 100.0);
-        assert_eq!([0.0, 7.0, 20.0].map(|displacement| of_moving(large, displacement)), [0.5, 0.125, 0.1]);
+        assert_eq!([0.0, 7.0, 20.0].map(|displacement| of_moving(large, displacement)), [0.5, 2.0, 2.0]);
     }
 }

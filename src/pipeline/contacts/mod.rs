@@ -1,5 +1,6 @@
 //! Contacts of a pair: found, thinned out, freed from internal edges, reduced to manifolds, and kept for the next step.
 
+pub(in crate::pipeline) mod approach;
 mod cache;
 mod cluster;
 mod features;

@@ -25,7 +25,10 @@ use super::{
     },
     tolerances::Tolerances,
 };
-use crate::{constants::MAX_PUSHES, geometry::Sweep};
+use crate::{
+    constants::{LINEAR_SLOP, MAX_PUSHES},
+    geometry::Sweep,
+};
 
 use decision::{Decision, Obstacle, decide};
 pub(super) use trajectory::Trajectories;
@@ -170,17 +173,17 @@ fn respond(
     let sides = [(pair.first, pair.second, -impact.normal), (pair.second, pair.first, impact.normal)];
     for (side, other, away) in sides {
         let Some(body) = side.body().filter(|&body| input.is_stopping(body)) else { continue };
-        let advance = |body: u32| {
-            let sweep = trajectories.sweep_from(input, body, fraction);
-            let within = match input.bodies[body as usize].solid.deforming() {
-                Some(shape) => shape.displacement_from(impact.primitive2, &sweep, impact.point, fraction),
+        let own = trajectories.sweep_from(input, body, fraction);
+        let pusher = |other: u32| {
+            let theirs = trajectories.sweep_from(input, other, fraction);
+            let within = match input.bodies[other as usize].solid.deforming() {
+                Some(shape) => shape.displacement_from(impact.primitive2, &theirs, impact.point, fraction),
                 None => Vec3::ZERO,
             };
-            (displacement_at(&sweep, impact.point) + within).dot(away)
-        };
-        let pusher = |other: u32| Obstacle::Pusher {
-            approach: advance(other) - advance(body),
-            exhausted: trajectories.pushed(body) >= trajectories.push_reach(input, other),
+            Obstacle::Pusher {
+                approach: approach(&own, &theirs, within, impact.point, away),
+                exhausted: trajectories.pushed(body) >= trajectories.push_reach(input, other),
+            }
         };
         let obstacle = match other.body() {
             None => Obstacle::Fixed,
@@ -191,7 +194,8 @@ fn respond(
         let mut push = Push { displacement: Vec3::ZERO, pushed: trajectories.pushed(body), reach: 0.0 };
         if let (Obstacle::Pusher { approach, .. }, Some(other)) = (obstacle, other.body()) {
             push.reach = trajectories.push_reach(input, other);
-            let length = approach.clamp(0.0, (push.reach - push.pushed).max(0.0));
+            // Without the slop, bodies at their largest overlap would have the next impact at once.
+            let length = (approach + LINEAR_SLOP * input.length_unit).clamp(0.0, (push.reach - push.pushed).max(0.0));
             push.displacement = away * length;
             // A push counts at least this much, even without a displacement. This limits the number of pushes to MAX_PUSHES.
             push.pushed += length.max(push.reach / MAX_PUSHES as f32);
@@ -201,6 +205,18 @@ fn respond(
             Some((body, trajectory(&input.bodies[body as usize], fraction, &now, decision, &push)?))
         }));
     }
+}
+
+/// Returns how far a body has to be pushed along `away` so that it ends in front of the pusher, in metres: the point of contact ends on the plane that touches
+/// the pusher there and turns with it. `own`, `theirs`: motions of body and pusher over the rest of the step. `within`: displacement of the point of contact in
+/// the frame of the pusher.
+///
+/// The displacement of the pusher's own point is not enough. It follows an arc, and a body that slides outwards meets points that move faster.
+fn approach(own: &Sweep, theirs: &Sweep, within: Vec3, point: Vec3, away: Vec3) -> f32 {
+    let relative = displacement_at(theirs, point) + within - displacement_at(own, point);
+    let normal = theirs.end.rotation * theirs.start.rotation.inverse() * away;
+    let cosine = normal.dot(away);
+    if cosine > 0.0 { relative.dot(normal) / cosine } else { relative.dot(away) }
 }
 
 /// The push of a body by a pusher.

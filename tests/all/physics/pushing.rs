@@ -167,6 +167,47 @@ fn a_swinging_bat_hits_the_ball() {
     }
 }
 
+/// The ball slides outwards, to points of the rod that move faster.
+#[test]
+fn a_ball_that_slides_along_a_turning_rod_stays_in_front_of_it() {
+    for medial in [false, true] {
+        for spin in [5.0, 10.0, 20.0, 30.0, 40.0] {
+            let mut app = app();
+            let smooth = Friction { coefficient: 0.0, combine_rule: CoefficientCombineRule::Min };
+            let turning = (RigidBody::KinematicVelocityBased, Velocity::angular(Vec3::Z * spin), smooth);
+            let rod = app.world_mut().spawn((turning, Transform::default())).id();
+            let [start, end] = [Vec3::NEG_X, Vec3::X];
+            if medial {
+                let mesh = mesh(&mut app, MedialAxis::capsule(start, end, 0.05).unwrap());
+                app.world_mut().entity_mut(rod).insert(mesh);
+            } else {
+                app.world_mut().entity_mut(rod).insert(Collider::capsule(start, end, 0.05));
+            }
+            let place = Transform::from_translation(
+                0.5 * Vec3::new(64.0_f32.to_radians().cos(), 64.0_f32.to_radians().sin(), 0.0),
+            );
+            let ball = spawn_flying(&mut app, MedialAxis::sphere(0.1).unwrap(), place, Velocity::zero());
+            app.world_mut().entity_mut(ball).insert(smooth);
+            let mut pushed = 0;
+            for step in 0..80 {
+                app.update();
+                pushed += app.world().resource::<MedialStep>().output.stops.len();
+                let pose = *rigid(&mut app, rod).position();
+                let local = pose.inverse_transform_point(position(&mut app, ball));
+                let what = format!("medial {medial}, {spin} rad/s, step {step}");
+                if local.x > 1.0 {
+                    break;
+                }
+                assert!(local.y > 0.1, "{what}: the ball is at {local} in the frame of the rod");
+            }
+            let speed = rigid(&mut app, ball).linvel().length();
+            assert!(pushed > 0, "medial {medial}, {spin} rad/s: the ball was not pushed");
+            // Steps of 1/1920 s: 1.23 m per radian.
+            assert!((0.9..1.35).contains(&(speed / spin)), "medial {medial}, {spin} rad/s: {speed} m/s");
+        }
+    }
+}
+
 #[test]
 fn a_body_is_not_pushed_through_a_wall() {
     for medial in [false, true] {

@@ -77,8 +77,14 @@ fn contacts_of_a_step_equal_those_computed_at_its_end() {
                 let [first, second] = [pair.first, pair.second].map(|side| step.solid(side));
                 *if pair.second.body().is_some() { &mut bodies } else { &mut statics } += 1;
                 let (shape1, second) = (first.medial().unwrap(), second.second());
-                let computed = contacts::manifolds(shape1, second, &step.final_pose12(pair), pair.reach);
+                let touch = pair.reach.touch();
                 let found = &step.output.manifolds[pair.manifolds.clone()];
+                // The contacts of a fast pair that is apart depend on its motion too.
+                let mut points = found.iter().flat_map(|manifold| manifold.contacts());
+                if pair.reach.is_fast && points.all(|contact| contact.distance > touch) {
+                    continue;
+                }
+                let computed = contacts::manifolds(shape1, second, &step.final_pose12(pair), pair.reach);
                 assert_eq!(found, computed, "{name}: {pair:?}");
                 contacts += found.iter().map(|manifold| manifold.contacts().len()).sum::<usize>();
             }
@@ -173,8 +179,8 @@ impl Routes {
                     self.misses += 1;
                     continue;
                 }
-                let ContactMargin { prediction, in_touch, .. } = pair.reach;
-                assert!([prediction, in_touch].map(computed).contains(&answer), "{what}");
+                let ContactMargin { prediction, is_fast, .. } = pair.reach;
+                assert!(is_fast || computed(prediction) == answer, "{what}");
                 assert_eq!(found, answer, "{what}");
                 *if pair.second.body().is_some() { &mut self.with_bodies } else { &mut self.with_statics } += 1;
             }
