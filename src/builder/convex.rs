@@ -26,18 +26,42 @@ const CORNER: f64 = 0.003;
 /// Largest number of radii that are tried.
 const TRIALS: usize = 3;
 
-/// The levels of a solid that consists of a few convex regions, the finest first: with narrow edges, and with edges that are as round as possible. `None` for
-/// other solids, and if more than `most` spheres are required. `finest`: largest error as a part of the diagonal.
+/// Largest error of a shape without the sharp edges of its smallest regions, as a part of the diagonal.
+const BLUNT: f64 = 0.02;
+
+/// The levels of a solid that consists of a few convex regions, the finest first: with narrow edges, and with edges that are as round as possible. If narrow
+/// edges of all regions require more than `most` spheres, the smallest regions have round edges in both. `None` for other solids, for too few spheres, and if
+/// the error is too large. `finest`: largest error as a part of the diagonal.
 pub(super) fn exact(solid: &Solid, most: usize, finest: f64) -> Option<[Level; 2]> {
     solid.mass?;
-    let regions = Facets::new(solid, most)?.regions(most)?;
-    let goal = finest.min(CORNER);
+    let mut regions = Facets::new(solid, most)?.regions(most)?;
+    let size = |planes: &[Plane]| Roof::new(planes, 0.0).map_or(0.0, |roof| roof.largest().radius);
+    regions.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    let parts = |scale: f64, shape: fn(&Roof) -> Vec<Primitive>| -> Option<Vec<Part>> {
+        regions.iter().map(|planes| Part::new(planes, scale, shape)).collect()
+    };
+    let round = parts(1.0, Roof::ridge)?;
     let mut scale = 1.0;
     for _ in 0..TRIALS {
-        let fine = level(solid, &regions, most, scale, Roof::slabs)?;
+        let narrow = parts(scale, Roof::slabs)?;
+        let mut left = most.checked_sub(round.iter().map(|part| part.balls.len()).sum())?;
+        let mut is_blunt = false;
+        let chosen = round.iter().zip(&narrow).map(|(round, narrow)| {
+            let Some(rest) = (left + round.balls.len()).checked_sub(narrow.balls.len()) else {
+                is_blunt = true;
+                return round;
+            };
+            left = rest;
+            narrow
+        });
+        let fine = level(solid, chosen)?;
+        let goal = finest.min(if is_blunt { BLUNT } else { CORNER });
         let error = f64::from(fine.error.max()) / 100.0;
         if error <= goal {
-            return Some([fine, level(solid, &regions, most, scale, Roof::ridge)?]);
+            return Some([fine, level(solid, round.iter())?]);
+        }
+        if is_blunt {
+            return None;
         }
         // The error at a corner is proportional to the radius.
         scale *= 0.95 * goal / error;
@@ -45,36 +69,47 @@ pub(super) fn exact(solid: &Solid, most: usize, finest: f64) -> Option<[Level; 2
     None
 }
 
-/// The union of the regions' shapes. `scale`: factor on the radius of the edges.
-fn level(
-    solid: &Solid,
-    regions: &[Vec<Plane>],
-    most: usize,
-    scale: f64,
-    shape: impl Fn(&Roof) -> Vec<Primitive>,
-) -> Option<Level> {
-    let (mut spheres, mut primitives) = (vec![], vec![]);
-    for planes in regions {
+/// The shape of a region.
+struct Part {
+    balls: Vec<Ball>,
+    primitives: Vec<Primitive>,
+}
+
+impl Part {
+    /// `scale`: factor on the radius of the edges.
+    fn new(planes: &[Plane], scale: f64, shape: fn(&Roof) -> Vec<Primitive>) -> Option<Self> {
         let largest = Roof::new(planes, 0.0)?.largest().radius;
         let roof = Roof::new(planes, scale * ROUND[0].min(ROUND[1] * largest))?;
-        let first = spheres.len() as u32;
         let shape = shape(&roof);
         let is_used = |i: u32| shape.iter().any(|primitive| primitive.indices().contains(&i));
         let balls: Vec<Ball> = roof.balls().collect();
         let numbers = numbers_of_kept((0..balls.len() as u32).map(is_used));
-        spheres.extend((0..).zip(&balls).filter(|(i, _)| is_used(*i)).map(|(_, ball)| {
+        let primitives = shape.iter().map(|primitive| renumbered(primitive, |i| numbers[i as usize])).collect();
+        Some(Self { balls: (0..).zip(balls).filter(|(i, _)| is_used(*i)).map(|(_, ball)| ball).collect(), primitives })
+    }
+}
+
+fn renumbered(primitive: &Primitive, number: impl Fn(u32) -> u32) -> Primitive {
+    match *primitive {
+        Primitive::Sphere(i) => Primitive::Sphere(i.map(number)),
+        Primitive::Cone(e) => Primitive::Cone(e.map(number)),
+        Primitive::Slab(f) => Primitive::Slab(f.map(number)),
+    }
+}
+
+/// The union of the regions' shapes.
+fn level<'a>(solid: &Solid, parts: impl Iterator<Item = &'a Part>) -> Option<Level> {
+    let (mut spheres, mut primitives) = (vec![], vec![]);
+    for part in parts {
+        let first = spheres.len() as u32;
+        primitives.extend(part.primitives.iter().map(|primitive| renumbered(primitive, |i| first + i)));
+        spheres.extend(part.balls.iter().map(|ball| {
             let center = (ball.center * solid.diagonal + solid.origin).as_vec3();
             Sphere::new(center, (ball.radius * solid.diagonal) as f32)
         }));
-        let number = |i: u32| first + numbers[i as usize];
-        primitives.extend(shape.iter().map(|primitive| match *primitive {
-            Primitive::Sphere(i) => Primitive::Sphere(i.map(number)),
-            Primitive::Cone(e) => Primitive::Cone(e.map(number)),
-            Primitive::Slab(f) => Primitive::Slab(f.map(number)),
-        }));
     }
     let (axis, _) = MedialAxis::new(spheres, primitives).ok()?;
-    (axis.spheres().len() <= most).then(|| Level { error: solid.measure(&axis), axis })
+    Some(Level { error: solid.measure(&axis), axis })
 }
 
 /// True if a region contains a cell.
@@ -91,10 +126,8 @@ struct Facets<'a> {
 }
 
 impl<'a> Facets<'a> {
-    /// `None` if there are more planes than `most` spheres can have.
+    /// `None` if there are more planes than `most`.
     fn new(solid: &'a Solid, most: usize) -> Option<Self> {
-        // A convex polyhedron has more than half as many corners as planes.
-        let most_planes = most.saturating_mul(2);
         let triangles = solid.tree.triangles();
         let areas: Vec<DVec3> = triangles.iter().map(|[a, b, c]| (b - a).cross(c - a)).collect();
         let mut order: Vec<usize> = (0..triangles.len()).collect();
@@ -105,7 +138,7 @@ impl<'a> Facets<'a> {
             let holds = |plane: &Plane| corners.iter().all(|&corner| plane.height(corner).abs() < CLOSE);
             of_triangle[triangle] = planes.iter().position(holds).unwrap_or(planes.len());
             if of_triangle[triangle] == planes.len() {
-                if planes.len() == most_planes {
+                if planes.len() == most {
                     return None;
                 }
                 let normal = areas[triangle].normalize_or_zero();
@@ -119,7 +152,7 @@ impl<'a> Facets<'a> {
     fn regions(&self, most: usize) -> Option<Vec<Vec<Plane>>> {
         let all: Vec<usize> = (0..self.of_triangle.len()).collect();
         let mut cells = vec![];
-        self.divide(&[], &all, most, &mut cells)?;
+        self.divide(&Roof::new(&[], 0.0)?, &all, most, &mut cells)?;
         cells.sort_by(|a, b| b.largest().radius.total_cmp(&a.largest().radius));
         let mut regions: Vec<Vec<Plane>> = vec![];
         for cell in &cells {
@@ -137,17 +170,18 @@ impl<'a> Facets<'a> {
     }
 
     /// Divides a convex cell along the planes of the triangles that cross it, and adds the parts inside the solid. `None` if there are more than `most`.
-    fn divide(&self, cell: &[Plane], among: &[usize], most: usize, cells: &mut Vec<Roof>) -> Option<()> {
-        // A cell that is too thin to have a ball is left out.
-        let Some(roof) = Roof::new(cell, 0.0) else { return Some(()) };
-        let planes = roof.planes();
+    fn divide(&self, cell: &Roof, among: &[usize], most: usize, cells: &mut Vec<Roof>) -> Option<()> {
+        let planes = cell.planes();
         let crossing: Vec<usize> = among.iter().copied().filter(|&triangle| self.crosses(&planes, triangle)).collect();
         if let Some(plane) = crossing.iter().map(|&triangle| self.of_triangle[triangle]).min() {
             for side in [self.planes[plane], self.planes[plane].flipped()] {
-                self.divide(&[&planes[..], &[side]].concat(), &crossing, most, cells)?;
+                // A part that is too thin to have a ball is left out.
+                if let Some(part) = cell.below(&side) {
+                    self.divide(&part, &crossing, most, cells)?;
+                }
             }
-        } else if self.solid.is_inside(roof.largest().center) {
-            cells.push(roof);
+        } else if self.solid.is_inside(cell.largest().center) {
+            cells.push(cell.clone());
         }
         (cells.len() <= most).then_some(())
     }

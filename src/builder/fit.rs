@@ -93,7 +93,10 @@ fn exact(solid: &Solid, options: &FitOptions) -> Option<Vec<Level>> {
     let mut levels = levels.map(|level| kept(solid, level, options.sides));
     let first = levels.next()?.ok()?;
     check(solid, &first, options.error_limit).ok()?;
-    Some(once(first).chain(levels.flatten()).collect())
+    // If the other level has as many spheres, both are the same.
+    let spheres = first.axis.spheres().len();
+    let others = levels.flatten().filter(|level| level.axis.spheres().len() < spheres);
+    Some(once(first).chain(others).collect())
 }
 
 /// A level that keeps limits.

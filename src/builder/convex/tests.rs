@@ -93,6 +93,24 @@ fn unions_of_convex_regions_are_built_without_a_search() {
 }
 
 #[test]
+fn small_regions_have_round_edges_if_spheres_are_few() {
+    let mut comb = vec![[[0.0; 3], [1.0, 0.1, 0.1]]];
+    comb.extend((0..10).map(|i| [[0.1 * f64::from(i), 0.05, 0.0], [0.05, 0.5, 0.1]]));
+    // Name, mesh, number of levels, and the largest error.
+    for (name, mesh, count, most) in [("comb", boxes(&comb), 2, 1.9), ("disc", prism(&circle(48, 1.0), 0.1), 1, 0.8)] {
+        assert!(found(&mesh).is_some(), "{name}");
+        let levels = fitted(&mesh, &FitOptions { levels: true, ..FitOptions::default() }).levels;
+        assert_eq!(levels.len(), count, "{name}");
+        let finest = &levels[0];
+        assert!(finest.axis.spheres().len() <= 60 && finest.error.max() < most, "{name}: {}", finest.error);
+        let ratio = finest.axis.mass().volume / Solid::new(&mesh).unwrap().mass.unwrap().volume;
+        assert!((ratio - 1.0).abs() < 0.1, "{name}: {ratio}");
+    }
+    // The error of round edges is too large.
+    assert!(found(&prism(&circle(24, 1.0), 1.5)).is_none());
+}
+
+#[test]
 fn other_solids_are_searched() {
     let capsule = MedialAxis::capsule(Vec3::ZERO, Vec3::X, 0.2).unwrap();
     let many: Vec<[[f64; 3]; 2]> = (0..8).map(|i| [[2.0 * f64::from(i), 0.0, 0.0], [1.0, 2.0, 3.0]]).collect();

@@ -264,7 +264,7 @@ fn examine_random_shapes(count: usize) {
         case.mesh.positions.iter_mut().for_each(|p| *p = (turn * (p.as_dvec3() * stretch) * scale).as_vec3());
         case.volume *= scale.powi(3) * stretch.element_product();
         case.name = format!("{number}: {}", case.name);
-        if examine(&case, &quick(8 + random.below(30))) { built += 1 } else { refused += 1 }
+        if examine(&case, &quick(4 + random.below(30))) { built += 1 } else { refused += 1 }
     }
     println!("{built} built, {refused} refused");
     assert!(built > count / 2 && refused > 0, "{built} built, {refused} refused");

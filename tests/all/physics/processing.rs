@@ -27,7 +27,7 @@ impl Folder {
         Self(path)
     }
 
-    fn write(&self, name: &str, content: &str) {
+    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         fs::write(self.0.join("assets").join(name), content).unwrap();
     }
 }
@@ -93,7 +93,7 @@ fn processed_meshes_load_as_if_built_directly() {
     let settings = "(max_error: Some(0.1))";
     let meta =
         format!(r#"(meta_format_version: "1.0", asset: Process(processor: "MedialProcess", settings: {settings}))"#);
-    folder.write("fine.obj.meta", &meta);
+    folder.write("fine.obj.meta", meta);
     let mesh = load::load(&folder.0.join("assets/fine.obj")).unwrap();
     let by_default = direct(&mesh, FitOptions::default());
     let by_meta = direct(&mesh, FitOptions { max_error: Some(0.1), ..FitOptions::default() });
@@ -107,6 +107,62 @@ fn processed_meshes_load_as_if_built_directly() {
             fs::remove_dir_all(folder.0.join("assets")).unwrap();
             fs::create_dir_all(folder.0.join("assets")).unwrap();
         }
+    }
+}
+
+/// A file with triangles. `corners` has three points for each.
+fn file(format: &str, corners: &[Vec3]) -> Vec<u8> {
+    let lines = |start: &str, points: &[Vec3]| -> String {
+        points.iter().map(|p| format!("{start}{} {} {}\n", p.x, p.y, p.z)).collect()
+    };
+    let count = corners.len();
+    match format {
+        "stl" => {
+            let facet =
+                |points| format!("facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n", lines("vertex ", points));
+            format!("solid\n{}endsolid\n", corners.chunks(3).map(facet).collect::<String>()).into()
+        }
+        "ply" => {
+            let faces: String = (0..count).step_by(3).map(|i| format!("3 {i} {} {}\n", i + 1, i + 2)).collect();
+            let vertices = format!("element vertex {count}\nproperty float x\nproperty float y\nproperty float z\n");
+            let header = format!("{vertices}element face {}\nproperty list uchar int vertex_indices\n", count / 3);
+            format!("ply\nformat ascii 1.0\n{header}end_header\n{}{faces}", lines("", corners)).into()
+        }
+        _ => {
+            let buffer: Vec<u8> = corners.iter().flat_map(|p| p.to_array()).flat_map(f32::to_le_bytes).collect();
+            let view = format!(r#""byteLength": {}"#, buffer.len());
+            let document = format!(
+                r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
+                "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}}}]}}], "buffers": [{{{view}}}],
+                "bufferViews": [{{"buffer": 0, {view}}}], "accessors": [{{"bufferView": 0, "componentType": 5126,
+                "count": {count}, "type": "VEC3", "min": [0, 0, 0], "max": [2, 1, 1]}}]}}"#
+            );
+            let mut document = document.into_bytes();
+            document.resize(document.len().next_multiple_of(4), b' ');
+            let length = |bytes: usize| (bytes as u32).to_le_bytes();
+            let whole = length(12 + 8 + document.len() + 8 + buffer.len());
+            let header = [&b"glTF"[..], &length(2), &whole, &length(document.len()), b"JSON"].concat();
+            [header, document, length(buffer.len()).to_vec(), b"BIN\0".to_vec(), buffer].concat()
+        }
+    }
+}
+
+#[test]
+fn meshes_of_all_formats_are_processed() {
+    let folder = Folder::new("formats");
+    folder.write("wedge.obj", WEDGE);
+    let wedge = load::load(&folder.0.join("assets/wedge.obj")).unwrap();
+    let corners: Vec<Vec3> = wedge.triangles.iter().flatten().map(|&i| wedge.positions[i as usize]).collect();
+    let names = ["glb", "ply", "stl"].map(|format| {
+        let name = format!("wedge.medial.{format}");
+        folder.write(&name, file(format, &corners));
+        name
+    });
+    let mut app = app(&folder.0, true);
+    for name in names {
+        let axis = loaded(&mut app, &name).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_same(&axis, &direct(&load::load(&folder.0.join("assets").join(&name)).unwrap(), FitOptions::default()));
+        assert!((axis.mass().volume - 1.0).abs() < 1e-3, "{name}: {}", axis.mass().volume);
     }
 }
 

@@ -335,7 +335,8 @@ fn the_predicted_first_impact_happens() {
         let steps = (0..120).find(|_| {
             app.update();
             let step = app.world().resource::<MedialStep>();
-            step.output.pairs.iter().any(|pair| pair.impact.is_some())
+            // A fast pair that is near has contacts in the step before its impact. They may prevent the impact.
+            step.output.pairs.iter().any(|pair| pair.impact.is_some() || !pair.manifolds.is_empty())
         });
         let found = steps.expect("an impact") as f32 * dt;
         // Rapier turns a body slightly less than its velocity implies, so a predicted graze may pass.
