@@ -30,21 +30,22 @@ const TRIALS: usize = 3;
 const BLUNT: f64 = 0.02;
 
 /// The levels of a solid that consists of a few convex regions, the finest first: with narrow edges, and with edges that are as round as possible. If narrow
-/// edges of all regions require more than `most` spheres, the smallest regions have round edges in both. `None` for other solids, for too few spheres, and if
+/// edges of all regions require more than `most` spheres, regions that exceed them have round edges in both; the largest regions come first. `None` for other solids, for too few spheres, and if
 /// the error is too large. `finest`: largest error as a part of the diagonal.
 pub(super) fn exact(solid: &Solid, most: usize, finest: f64) -> Option<[Level; 2]> {
     solid.mass?;
     let mut regions = Facets::new(solid, most)?.regions(most)?;
     let size = |planes: &[Plane]| Roof::new(planes, 0.0).map_or(0.0, |roof| roof.largest().radius);
-    regions.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    regions.sort_by_cached_key(|planes| std::cmp::Reverse(size(planes).to_bits()));
     let parts = |scale: f64, shape: fn(&Roof) -> Vec<Primitive>| -> Option<Vec<Part>> {
         regions.iter().map(|planes| Part::new(planes, scale, shape)).collect()
     };
     let round = parts(1.0, Roof::ridge)?;
+    let spare = most.checked_sub(round.iter().map(|part| part.balls.len()).sum())?;
     let mut scale = 1.0;
     for _ in 0..TRIALS {
         let narrow = parts(scale, Roof::slabs)?;
-        let mut left = most.checked_sub(round.iter().map(|part| part.balls.len()).sum())?;
+        let mut left = spare;
         let mut is_blunt = false;
         let chosen = round.iter().zip(&narrow).map(|(round, narrow)| {
             let Some(rest) = (left + round.balls.len()).checked_sub(narrow.balls.len()) else {
@@ -126,7 +127,7 @@ struct Facets<'a> {
 }
 
 impl<'a> Facets<'a> {
-    /// `None` if there are more planes than `most`.
+    /// `None` if there are more planes than `most` spheres: few polyhedra with more planes have few enough corners.
     fn new(solid: &'a Solid, most: usize) -> Option<Self> {
         let triangles = solid.tree.triangles();
         let areas: Vec<DVec3> = triangles.iter().map(|[a, b, c]| (b - a).cross(c - a)).collect();

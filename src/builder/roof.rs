@@ -76,8 +76,8 @@ impl Roof {
         let others = [DVec4::X, DVec4::Y, DVec4::Z, 0.5 * DVec4::W].map(|axis| least + extent * axis);
         let balls = others.into_iter().chain([least]);
         let corners = balls.enumerate().map(|(without, ball)| Corner { ball, tight: 0b11111 & !(1 << without) });
-        let roof = Self { corners: corners.collect(), bounds };
-        planes.iter().try_fold(roof, |roof, plane| roof.below(plane))
+        let mut roof = Self { corners: corners.collect(), bounds };
+        planes.iter().all(|plane| roof.cut(plane)).then_some(roof)
     }
 
     /// The balls of the part of the region below a plane. `None` if there is no such ball, or if the part has too many planes.

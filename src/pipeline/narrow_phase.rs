@@ -140,7 +140,7 @@ impl Ends<'_> {
             contacts.clear();
             let listed = self.listed(index, pair, listed);
             find::find_with(shape1, second.second(), &pose12, reach, listed, contacts, buffers);
-            let approach = self.approach(sides);
+            let approach = if reach.is_fast { self.approach(sides) } else { None };
             reach.keep_reached(contacts, |contact| {
                 approach.is_some_and(|approach| approach.reaches(contact, shape1, second.second()))
             });
@@ -154,8 +154,7 @@ impl Ends<'_> {
         found.push(Found { pair: index, count: manifolds.len() - before, reach, gap, pose12, recycled });
     }
 
-    /// Returns the relative motion of a pair in the coming step; `None` if a solver does not act on it or the second side is skinned, because its next pose is not
-    /// known.
+    /// Returns the relative motion of a pair in the coming step; `None` if the second side is skinned, because its next pose is not known.
     fn approach(&self, sides: [Side; 2]) -> Option<Approach> {
         let Self { input, statics, trajectories, .. } = *self;
         if input.side(statics, sides[1]).0.deforming().is_some() {

@@ -24,7 +24,7 @@ pub struct Impact {
     pub primitive2: u32,
 }
 
-/// A pair of bodies that touch, touched within the step, or are within [`ContactMargin`](super::ContactMargin) of each other at its end.
+/// A pair of bodies that touch, touched within the step, or have contacts within [`ContactMargin`](super::ContactMargin) at its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
     /// The first side. It is medial.

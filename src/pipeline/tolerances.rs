@@ -82,7 +82,8 @@ impl Tolerances {
     /// Thin primitives gain at most a fraction of their thickness, because a contact beyond their middle pushes to the wrong side.
     pub fn known_overlap(&self, thickness: f32, overlap: f32, deepest: f32) -> f32 {
         let thin = CORE_FRACTION * thickness;
-        let spawned = SPAWNED * self.known_limit;
+        // Cores may be deeper than the limit.
+        let spawned = (SPAWNED * self.known_limit).max(self.core_depths[0] + self.core_depths[1] + self.slop);
         if deepest > spawned {
             return overlap + spawned.min(thin);
         }

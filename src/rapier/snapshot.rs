@@ -75,8 +75,8 @@ pub(super) fn snapshot(
             let owed = collider.parent().and_then(|parent| owed.get(context.entity, parent));
             let seconds = dt + owed.map_or(0.0, |owed| owed.seconds);
             let displacement = displacement(collider, moving, context.configuration.gravity, seconds);
-            // The dispatcher cannot distinguish colliders that share a shape. The fastest one counts, because the reach of a slower one would include bodies
-            // that the fastest one only passes.
+            // The dispatcher cannot distinguish colliders that share a shape. The fastest one counts, because a slow one also has contacts with bodies that it only
+            // passes.
             let known = displacements.entry(SecondKey::of(collider.shape())).or_insert(displacement);
             if displacement.against(&Displacement::REST) > known.against(&Displacement::REST) {
                 *known = displacement;

@@ -14,8 +14,8 @@ use crate::{
 
 /// The manifolds of the last step, by pair and relative pose, and the displacements of the bodies in the next step. The dispatcher reads it.
 ///
-/// Manifolds depend on shapes, relative pose, reach and length unit. An entry is used for the same shapes, pose and unit, and for about the same reach. It is
-/// missing if a body has been moved after the step.
+/// Manifolds depend on shapes, relative pose, reach and length unit, and those of fast bodies that are apart also on the motion. An entry is used for the same
+/// shapes, pose and unit, and for about the same reach. It is missing if a body has been moved after the step.
 ///
 /// Reflection shows the resource without its content, because the content consists of memory addresses.
 #[derive(Resource, Clone, Default, Reflect)]
@@ -106,9 +106,9 @@ impl ContactTable {
         let table = self.read();
         let (found, range) = table.pairs.get(key)?;
         // Contacts within contact skins have to be searched.
-        let (found_reach, reach) = (found.prediction, reach.prediction);
+        let (found_reach, ContactMargin { prediction: reach, is_fast, .. }) = (found.prediction, reach);
         let is_near = found_reach <= 2.0 * reach && reach <= 2.0 * found_reach;
-        let fits = if has_skins { found_reach == reach } else { is_near };
+        let fits = is_near && !has_skins && (is_fast || !found.is_fast);
         fits.then(|| table.manifolds[range.clone()].to_vec())
     }
 
@@ -159,7 +159,11 @@ impl ContactTable {
             [SecondKey::Medial(first), second].map(|key| table.displacements.get(&key).unwrap_or(&Displacement::REST));
         let bare = ContactMargin::new(prediction.min(table.prediction), table.length_unit);
         let reach = bare.of_pair(displacements);
-        (ContactMargin { prediction: reach.prediction + skins, ..reach }, skins > 0.0)
+        if skins == 0.0 {
+            return (reach, false);
+        }
+        let within = if reach.is_fast { reach.touch() } else { reach.prediction };
+        (ContactMargin::new(within + skins, reach.length_unit), true)
     }
 
     /// Returns the number of pairs.

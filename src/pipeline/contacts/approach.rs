@@ -1,7 +1,7 @@
 //! Contacts ahead of fast bodies: which of them the bodies will reach.
 
 use crate::{
-    geometry::{Aabb, Placement, Pose3, Sphere, Sweep},
+    geometry::{Placement, Pose3, Sphere, Sweep},
     pipeline::{Contact, OtherShape, Part, Shape, sweep::motion::with_core, with_spheres},
     query::{Moving, Rigid, TimeOfImpactStatus, time_of_impact},
 };
@@ -28,8 +28,8 @@ impl Approach {
                 |second| self.meets(&first, &second, &Pose3::IDENTITY)
             )),
             OtherShape::Parts(parts) => {
-                let around = Aabb { min: contact.point2, max: contact.point2 }.inflated(contact.distance);
-                let parts = parts.within(&around);
+                let [start, end] = [self.start, self.end].map(|pose| hull.placed(&Placement::from(pose)).aabb());
+                let parts = parts.within(&start.merge(end).inflated(contact.distance));
                 let part = parts.iter().find(|part| part.id == contact.primitive2);
                 part.is_some_and(|part| with_spheres!(hull, |first| self.meets_part(&first, part)))
             }
@@ -72,6 +72,7 @@ mod tests {
                 (Vec3::new(-0.16, 0.0, 0.0), Vec3::Y),
                 (Vec3::new(-0.06, 1.106, 0.0), Vec3::X),
                 (Vec3::new(-0.06, 1.106, 0.0), Vec3::new(1.0, -1.0, 0.0)),
+                (Vec3::new(-0.16, 0.0, 0.0), Vec3::new(0.02, 0.5, 0.0)),
             ] {
                 let start = frame * Pose3::from_translation(place);
                 let sweeps =
@@ -82,7 +83,7 @@ mod tests {
                 let approach = Approach::new(&sweeps);
                 reached.push(contacts.iter().any(|contact| approach.reaches(contact, &ball, second)));
             }
-            assert_eq!(reached, [true, false, false, false, true]);
+            assert_eq!(reached, [true, false, false, false, true, true]);
         }
     }
 }

@@ -90,7 +90,7 @@ impl ContactCache {
         } else {
             let size = smaller_radius(solids);
             let tolerance = (LINEAR_SLOP * reach.length_unit).min(SLOP_OF_SIZE * size).min(0.25 * reach.prediction);
-            pair.reach == reach && pair.displacement(solids, pose12) <= tolerance
+            !reach.is_fast && pair.reach == reach && pair.displacement(solids, pose12) <= tolerance
         };
         (is_valid && pair.is_of(solids)).then_some(index)
     }

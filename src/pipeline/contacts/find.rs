@@ -1,6 +1,7 @@
 //! Contacts of a pair at an instant: a pure function of shapes, relative pose and prediction distance.
 //!
-//! The narrow phase and rapier's dispatcher call the same function, so contacts from the step and contacts that are computed on demand have the same bits.
+//! The narrow phase and rapier's dispatcher call the same function, so contacts from the step and contacts that are computed on demand have the same bits. Only the
+//! step knows which contacts a fast pair that is apart will reach.
 
 use arrayvec::ArrayVec;
 use bevy::platform::collections::HashSet;

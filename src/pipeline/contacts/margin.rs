@@ -1,8 +1,8 @@
 //! Margin of the contact search: how far apart surfaces may be for the solver to need their contact.
 //!
 //! A solver keeps the normals and lever arms of contacts for a whole step. This is accurate for bodies that hardly move, so contacts of slow bodies are
-//! searched as far as the bodies can move. A fast body that is apart would be stopped by such contacts even if it only passes. So it gets those that it
-//! [reaches](super::approach::Approach). A fast body in touch needs the contacts that carry it next.
+//! searched as far as the bodies can move. A fast body that is apart would be stopped by such contacts even if it only passes. So such a pair gets only
+//! the contacts that it [reaches](super::approach::Approach). A fast body in touch needs the contacts that carry it next.
 
 use glam::Vec3;
 

@@ -22,7 +22,7 @@ pub(super) enum Obstacle {
     Fixed,
     /// A body that stops at impacts, in this state.
     Stopping(State),
-    /// A body that pushes. `approach`: relative displacement of both bodies towards each other along the normal in the rest of the step, in metres.
+    /// A body that pushes. `approach`: length of the push along the normal that the rest of the step requires, in metres; negative if the bodies separate.
     /// `exhausted`: true if the body has been pushed as far as the pusher can push it.
     Pusher { approach: f32, exhausted: bool },
 }

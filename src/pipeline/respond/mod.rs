@@ -26,7 +26,7 @@ use super::{
     tolerances::Tolerances,
 };
 use crate::{
-    constants::{LINEAR_SLOP, MAX_PUSHES},
+    constants::{LINEAR_SLOP, MAX_PUSHES, SLOP_OF_SIZE},
     geometry::Sweep,
 };
 
@@ -195,7 +195,9 @@ fn respond(
         if let (Obstacle::Pusher { approach, .. }, Some(other)) = (obstacle, other.body()) {
             push.reach = trajectories.push_reach(input, other);
             // Without the slop, bodies at their largest overlap would have the next impact at once.
-            let length = (approach + LINEAR_SLOP * input.length_unit).clamp(0.0, (push.reach - push.pushed).max(0.0));
+            let radius = input.bodies[body as usize].solid.bounding_sphere().radius;
+            let slop = (LINEAR_SLOP * input.length_unit).min(SLOP_OF_SIZE * radius);
+            let length = (approach + slop).clamp(0.0, (push.reach - push.pushed).max(0.0));
             push.displacement = away * length;
             // A push counts at least this much, even without a displacement. This limits the number of pushes to MAX_PUSHES.
             push.pushed += length.max(push.reach / MAX_PUSHES as f32);
@@ -212,11 +214,14 @@ fn respond(
 /// the frame of the pusher.
 ///
 /// The displacement of the pusher's own point is not enough. It follows an arc, and a body that slides outwards meets points that move faster.
+///
+/// After a turn of more than 60 degrees the plane says little, so the displacement counts.
 fn approach(own: &Sweep, theirs: &Sweep, within: Vec3, point: Vec3, away: Vec3) -> f32 {
     let relative = displacement_at(theirs, point) + within - displacement_at(own, point);
     let normal = theirs.end.rotation * theirs.start.rotation.inverse() * away;
+    const LEAST_COSINE: f32 = 0.5;
     let cosine = normal.dot(away);
-    if cosine > 0.0 { relative.dot(normal) / cosine } else { relative.dot(away) }
+    if cosine > LEAST_COSINE { relative.dot(normal) / cosine } else { relative.dot(away) }
 }
 
 /// The push of a body by a pusher.
