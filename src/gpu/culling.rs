@@ -96,7 +96,7 @@ impl GpuCulling {
             bound: None,
             capacity,
             reserved: capacity,
-            expected: Room { pairs: 256, survivors: 1024 },
+            expected: Room::LEAST,
             statics: None,
             staging: Vec::new(),
             timer: Timer::new(gpu, PASSES)?,

@@ -31,11 +31,13 @@ impl Room {
     /// Offset of the pairs, in bytes.
     pub const PAIRS_AT: u64 = size_of::<Counters>() as u64;
 
-    /// Room for these counts and a quarter more.
+    /// Room of small steps. Copying it takes less time than the round trip, and bodies that come together need it suddenly.
+    pub const LEAST: Self = Self { pairs: 256, survivors: 4096 };
+
+    /// Room for these counts and a quarter more, as a multiple of the least room.
     pub fn for_counts(counts: &Counters) -> Self {
-        let [pairs, survivors] =
-            [counts.pairs, counts.survivors].map(|count| (count + count / 4).next_multiple_of(256));
-        Self { pairs, survivors }
+        let room = |count: u32, least: u32| (count + count / 4).max(1).next_multiple_of(least);
+        Self { pairs: room(counts.pairs, Self::LEAST.pairs), survivors: room(counts.survivors, Self::LEAST.survivors) }
     }
 
     /// Expected room after a step that needed `now`. It decreases slowly, because a step with too little room is culled again.
