@@ -30,15 +30,17 @@ const TRIALS: usize = 3;
 const BLUNT: f64 = 0.02;
 
 /// The levels of a solid that consists of a few convex regions, the finest first: with narrow edges, and with edges that are as round as possible. If narrow
-/// edges of all regions require more than `most` spheres, regions that exceed them have round edges in both; the largest regions come first. `None` for other solids, for too few spheres, and if
-/// the error is too large. `finest`: largest error as a part of the diagonal.
+/// edges of all regions require more than `most` spheres, regions that exceed them have round edges in both; the largest regions come first. `None` for other
+/// solids, for too few spheres, and if the error is too large. `finest`: largest error as a part of the diagonal.
 pub(super) fn exact(solid: &Solid, most: usize, finest: f64) -> Option<[Level; 2]> {
     solid.mass?;
-    let mut regions = Facets::new(solid, most)?.regions(most)?;
-    let size = |planes: &[Plane]| Roof::new(planes, 0.0).map_or(0.0, |roof| roof.largest().radius);
-    regions.sort_by_cached_key(|planes| std::cmp::Reverse(size(planes).to_bits()));
+    let regions = Facets::new(solid, most)?.regions(most)?.into_iter();
+    let with_radius = |planes: Vec<Plane>| Some((Roof::new(&planes, 0.0)?.largest().radius, planes));
+    let mut regions: Vec<(f64, Vec<Plane>)> = regions.map(with_radius).collect::<Option<_>>()?;
+    regions.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     let parts = |scale: f64, shape: fn(&Roof) -> Vec<Primitive>| -> Option<Vec<Part>> {
-        regions.iter().map(|planes| Part::new(planes, scale, shape)).collect()
+        let edge = |largest: f64| scale * ROUND[0].min(ROUND[1] * largest);
+        regions.iter().map(|(largest, planes)| Some(Part::new(&Roof::new(planes, edge(*largest))?, shape))).collect()
     };
     let round = parts(1.0, Roof::ridge)?;
     let spare = most.checked_sub(round.iter().map(|part| part.balls.len()).sum())?;
@@ -77,24 +79,13 @@ struct Part {
 }
 
 impl Part {
-    /// `scale`: factor on the radius of the edges.
-    fn new(planes: &[Plane], scale: f64, shape: fn(&Roof) -> Vec<Primitive>) -> Option<Self> {
-        let largest = Roof::new(planes, 0.0)?.largest().radius;
-        let roof = Roof::new(planes, scale * ROUND[0].min(ROUND[1] * largest))?;
-        let shape = shape(&roof);
+    fn new(roof: &Roof, shape: fn(&Roof) -> Vec<Primitive>) -> Self {
+        let shape = shape(roof);
         let is_used = |i: u32| shape.iter().any(|primitive| primitive.indices().contains(&i));
         let balls: Vec<Ball> = roof.balls().collect();
         let numbers = numbers_of_kept((0..balls.len() as u32).map(is_used));
-        let primitives = shape.iter().map(|primitive| renumbered(primitive, |i| numbers[i as usize])).collect();
-        Some(Self { balls: (0..).zip(balls).filter(|(i, _)| is_used(*i)).map(|(_, ball)| ball).collect(), primitives })
-    }
-}
-
-fn renumbered(primitive: &Primitive, number: impl Fn(u32) -> u32) -> Primitive {
-    match *primitive {
-        Primitive::Sphere(i) => Primitive::Sphere(i.map(number)),
-        Primitive::Cone(e) => Primitive::Cone(e.map(number)),
-        Primitive::Slab(f) => Primitive::Slab(f.map(number)),
+        let primitives = shape.iter().map(|primitive| primitive.renumbered(|i| numbers[i as usize])).collect();
+        Self { balls: (0..).zip(balls).filter(|(i, _)| is_used(*i)).map(|(_, ball)| ball).collect(), primitives }
     }
 }
 
@@ -103,7 +94,7 @@ fn level<'a>(solid: &Solid, parts: impl Iterator<Item = &'a Part>) -> Option<Lev
     let (mut spheres, mut primitives) = (vec![], vec![]);
     for part in parts {
         let first = spheres.len() as u32;
-        primitives.extend(part.primitives.iter().map(|primitive| renumbered(primitive, |i| first + i)));
+        primitives.extend(part.primitives.iter().map(|primitive| primitive.renumbered(|i| first + i)));
         spheres.extend(part.balls.iter().map(|ball| {
             let center = (ball.center * solid.diagonal + solid.origin).as_vec3();
             Sphere::new(center, (ball.radius * solid.diagonal) as f32)

@@ -63,6 +63,15 @@ impl Primitive {
         }
     }
 
+    /// The primitive with other indices for the same spheres.
+    pub(crate) fn renumbered(&self, number: impl Fn(u32) -> u32) -> Self {
+        match *self {
+            Primitive::Sphere(i) => Primitive::Sphere(i.map(number)),
+            Primitive::Cone(i) => Primitive::Cone(i.map(number)),
+            Primitive::Slab(i) => Primitive::Slab(i.map(number)),
+        }
+    }
+
     /// The primitive's non-degenerate parts, at most two, whose union is the same set of points (paper, section 3).
     ///
     /// * A sphere inside another sphere of the primitive adds no volume, for any interpolation of the two, and is removed.

@@ -21,11 +21,7 @@ impl MedialAxis {
         used.sort_unstable();
         used.dedup();
         let number = |i: u32| used.partition_point(|&other| other < i) as u32;
-        let renumbered = primitives.iter().map(|primitive| match *primitive {
-            Primitive::Sphere(indices) => Primitive::Sphere(indices.map(number)),
-            Primitive::Cone(indices) => Primitive::Cone(indices.map(number)),
-            Primitive::Slab(indices) => Primitive::Slab(indices.map(number)),
-        });
+        let renumbered = primitives.iter().map(|primitive| primitive.renumbered(number));
         let own = used.iter().map(|&i| spheres[i as usize]).collect();
         Ok(MedialAxis::new(own, renumbered.collect())?.0)
     }

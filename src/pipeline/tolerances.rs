@@ -121,6 +121,9 @@ mod tests {
     fn bodies_that_were_put_into_each_other_may_come_apart() {
         assert_eq!(PAIR.known_overlap(0.2, 0.05, 0.05), 0.07);
         assert_eq!(PAIR.known_overlap(0.2, 0.0, 0.05), 0.02);
+        // Deep cores overlap as far without being spawned inside each other.
+        let deep = Tolerances { core_depths: [0.03; 2], ..PAIR };
+        assert_eq!(deep.known_overlap(0.2, 0.05, 0.05), 0.05);
     }
 
     #[test]

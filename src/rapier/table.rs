@@ -106,10 +106,9 @@ impl ContactTable {
         let table = self.read();
         let (found, range) = table.pairs.get(key)?;
         // Contacts within contact skins have to be searched.
-        let (found_reach, ContactMargin { prediction: reach, is_fast, .. }) = (found.prediction, reach);
-        let is_near = found_reach <= 2.0 * reach && reach <= 2.0 * found_reach;
-        let fits = is_near && !has_skins && (is_fast || !found.is_fast);
-        fits.then(|| table.manifolds[range.clone()].to_vec())
+        let about = |a: f32, b: f32| a <= 2.0 * b && b <= 2.0 * a;
+        let has_all = about(found.prediction, reach.prediction) && (reach.is_fast || !found.is_fast);
+        (has_all && !has_skins).then(|| table.manifolds[range.clone()].to_vec())
     }
 
     /// Replaces all content: the motion of the colliders of awake bodies in the next step, the prediction distance, the length unit, and the contacts of the last step.

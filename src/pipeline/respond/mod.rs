@@ -213,13 +213,12 @@ fn respond(
 /// the pusher there and turns with it. `own`, `theirs`: motions of body and pusher over the rest of the step. `within`: displacement of the point of contact in
 /// the frame of the pusher.
 ///
-/// The displacement of the pusher's own point is not enough. It follows an arc, and a body that slides outwards meets points that move faster.
-///
-/// After a turn of more than 60 degrees the plane says little, so the displacement counts.
+/// The displacement of the pusher's own point is not enough. It follows an arc, and a body that slides outwards meets points that move faster. It is used after
+/// turns of more than 60 degrees, because the length grows without limit towards a quarter turn.
 fn approach(own: &Sweep, theirs: &Sweep, within: Vec3, point: Vec3, away: Vec3) -> f32 {
+    const LEAST_COSINE: f32 = 0.5;
     let relative = displacement_at(theirs, point) + within - displacement_at(own, point);
     let normal = theirs.end.rotation * theirs.start.rotation.inverse() * away;
-    const LEAST_COSINE: f32 = 0.5;
     let cosine = normal.dot(away);
     if cosine > LEAST_COSINE { relative.dot(normal) / cosine } else { relative.dot(away) }
 }

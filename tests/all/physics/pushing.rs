@@ -20,6 +20,20 @@ fn spawn_plate(app: &mut App, medial: bool, kind: RigidBody, at: Vec3) -> Entity
     plate
 }
 
+/// A rod along x that turns, as a medial mesh or as a capsule. `half`: half of its length in metres.
+fn spawn_turning_rod(app: &mut App, medial: bool, half: f32, radius: f32, spin: Vec3) -> Entity {
+    let [start, end] = [-half, half].map(|x| Vec3::X * x);
+    let turning = (RigidBody::KinematicVelocityBased, Velocity::angular(spin), Transform::default());
+    let rod = app.world_mut().spawn(turning).id();
+    if medial {
+        let mesh = mesh(app, MedialAxis::capsule(start, end, radius).unwrap());
+        app.world_mut().entity_mut(rod).insert(mesh);
+    } else {
+        app.world_mut().entity_mut(rod).insert(Collider::capsule(start, end, radius));
+    }
+    rod
+}
+
 #[test]
 fn a_thin_plate_pushes_bodies_at_any_speed() {
     for medial in [false, true] {
@@ -144,16 +158,7 @@ fn a_swinging_bat_hits_the_ball() {
     for medial in [false, true] {
         for spin in [5.0, 30.0, 90.0] {
             let mut app = app();
-            let half = 1.2;
-            let bat = app.world_mut().spawn((RigidBody::KinematicVelocityBased, Transform::default())).id();
-            if medial {
-                let mesh = mesh(&mut app, MedialAxis::capsule(Vec3::X * -half, Vec3::X * half, 0.03).unwrap());
-                app.world_mut().entity_mut(bat).insert(mesh);
-            } else {
-                let shape = Collider::capsule(Vec3::X * -half, Vec3::X * half, 0.03);
-                app.world_mut().entity_mut(bat).insert(shape);
-            }
-            app.world_mut().entity_mut(bat).insert(Velocity::angular(Vec3::Y * spin));
+            spawn_turning_rod(&mut app, medial, 1.2, 0.03, Vec3::Y * spin);
             // The ball is a quarter of a turn away.
             let ball = MedialAxis::sphere(0.05).unwrap();
             let ball = spawn_flying(&mut app, ball, Transform::from_xyz(0.0, 0.01, -1.0), Velocity::zero());
@@ -174,20 +179,12 @@ fn a_ball_that_slides_along_a_turning_rod_stays_in_front_of_it() {
         for spin in [5.0, 10.0, 20.0, 30.0, 40.0] {
             let mut app = app();
             let smooth = Friction { coefficient: 0.0, combine_rule: CoefficientCombineRule::Min };
-            let turning = (RigidBody::KinematicVelocityBased, Velocity::angular(Vec3::Z * spin), smooth);
-            let rod = app.world_mut().spawn((turning, Transform::default())).id();
-            let [start, end] = [Vec3::NEG_X, Vec3::X];
-            if medial {
-                let mesh = mesh(&mut app, MedialAxis::capsule(start, end, 0.05).unwrap());
-                app.world_mut().entity_mut(rod).insert(mesh);
-            } else {
-                app.world_mut().entity_mut(rod).insert(Collider::capsule(start, end, 0.05));
-            }
-            let place = Transform::from_translation(
-                0.5 * Vec3::new(64.0_f32.to_radians().cos(), 64.0_f32.to_radians().sin(), 0.0),
-            );
+            let rod = spawn_turning_rod(&mut app, medial, 1.0, 0.05, Vec3::Z * spin);
+            let place = Transform::from_translation(Quat::from_rotation_z(64.0_f32.to_radians()) * Vec3::X * 0.5);
             let ball = spawn_flying(&mut app, MedialAxis::sphere(0.1).unwrap(), place, Velocity::zero());
-            app.world_mut().entity_mut(ball).insert(smooth);
+            for entity in [rod, ball] {
+                app.world_mut().entity_mut(entity).insert(smooth);
+            }
             let mut pushed = 0;
             for step in 0..80 {
                 app.update();

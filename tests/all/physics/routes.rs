@@ -80,12 +80,11 @@ fn contacts_of_a_step_equal_those_computed_at_its_end() {
                 let touch = pair.reach.touch();
                 let found = &step.output.manifolds[pair.manifolds.clone()];
                 // The contacts of a fast pair that is apart depend on its motion too.
-                let mut points = found.iter().flat_map(|manifold| manifold.contacts());
-                if pair.reach.is_fast && points.all(|contact| contact.distance > touch) {
+                let points: Vec<_> = found.iter().flat_map(|manifold| manifold.contacts()).collect();
+                if pair.reach.is_fast && points.iter().all(|contact| contact.distance > touch) {
                     let mut all = Vec::new();
                     contacts::find(shape1, second, &step.final_pose12(pair), pair.reach, &mut all);
-                    let mut points = found.iter().flat_map(|manifold| manifold.contacts());
-                    assert!(points.all(|contact| all.contains(contact)), "{name}: {pair:?}");
+                    assert!(points.iter().all(|contact| all.contains(contact)), "{name}: {pair:?}");
                     fast += 1;
                     continue;
                 }
@@ -185,7 +184,8 @@ impl Routes {
                     continue;
                 }
                 let ContactMargin { prediction, is_fast, .. } = pair.reach;
-                assert!(is_fast || computed(prediction) == answer, "{what}");
+                let is_apart = answer.iter().all(|(.., distance)| *distance > pair.reach.touch());
+                assert!((is_fast && is_apart) || computed(prediction) == answer, "{what}");
                 assert_eq!(found, answer, "{what}");
                 *if pair.second.body().is_some() { &mut self.with_bodies } else { &mut self.with_statics } += 1;
             }

@@ -4,7 +4,7 @@ use std::f32::consts::FRAC_PI_2;
 
 use bevy::prelude::*;
 use bevy_medial::{geometry::Sphere, medial_axis::MedialAxis, prelude::*, scenes::Monitor};
-use bevy_rapier3d::prelude::{Collider, ContactSkin, Damping, RigidBody, Velocity};
+use bevy_rapier3d::prelude::{CoefficientCombineRule, Collider, ContactSkin, Damping, Friction, RigidBody, Velocity};
 
 use crate::common::*;
 
@@ -263,6 +263,24 @@ fn bodies_rest_on_their_contact_skins() {
             assert_rests_at(&mut app, body, 0.1 + own + floors, &format!("skins of {own} and {floors} on {kind}"));
         }
     }
+}
+
+#[test]
+fn fast_bodies_slide_on_their_contact_skins() {
+    let skin = 0.01;
+    let mut app = app();
+    let ground = spawn_ground(&mut app);
+    let smooth = Friction { coefficient: 0.0, combine_rule: CoefficientCombineRule::Min };
+    app.world_mut().entity_mut(ground).insert(smooth);
+    let plate = MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.02).unwrap();
+    let body = spawn_body(&mut app, plate, Transform::from_xyz(0.0, 0.1 + skin, 0.0));
+    app.world_mut().entity_mut(body).insert((smooth, ContactSkin(skin), Velocity::linear(Vec3::X * 3.0)));
+    for step in 0..60 {
+        app.update();
+        let height = position(&mut app, body).y - 0.1;
+        assert!((height - skin).abs() < 2e-3, "step {step}: {height} m above the ground");
+    }
+    assert!(rigid(&mut app, body).linvel().x > 2.9, "the body was held up");
 }
 
 fn assert_rests_at(app: &mut App, body: Entity, height: f32, what: &str) {
