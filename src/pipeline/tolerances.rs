@@ -88,7 +88,7 @@ impl Tolerances {
             return overlap + spawned.min(thin);
         }
         let limit = if self.held { HELD_UP * self.known_limit } else { self.known_limit };
-        (deepest + self.slop.min(thin)).min(limit.min(2.0 * thin)).max(overlap)
+        (deepest + self.slop.min(thin)).min(limit.max(deepest).min(2.0 * thin)).max(overlap)
     }
 }
 
