@@ -141,10 +141,10 @@ pub const CORE_DEPTH: f32 = 0.0075;
 pub const SLOP_OF_SIZE: f32 = 0.02;
 
 /// Overlap up to which the solver handles contacts of bodies that are already in touch, per metre of the smaller body's bounding radius. The overlap
-/// is at least ten [`LINEAR_SLOP`], because a ball that rolls at 10 m/s sinks by 8 mm. It is also at least the displacement by gravity in a step, so
+/// is at least twelve [`LINEAR_SLOP`], because a ball that rolls at 10 m/s sinks by 8 mm. It is also at least the displacement by gravity in a step, so
 /// that bodies can tip over in long steps. With a larger value, bodies in piles overlap more; with a smaller one, bodies in piles and hoppers stop
 /// in step after step.
-pub const KNOWN_OVERLAP: f32 = 0.02;
+pub const KNOWN_OVERLAP: f32 = 0.024;
 
 /// Weight of depth when the outermost contacts are chosen: metres farther out that equal one metre of depth. Depth beyond [`LINEAR_SLOP`] does not
 /// count. With a larger value, rounding chooses among the contacts of a body at rest; with a smaller one, a deeper contact may be left out.

@@ -70,8 +70,6 @@ pub struct Body {
     pub sensor: bool,
     /// World axes along which no push moves the body.
     pub locked: BVec3,
-    /// True if impacts have held up the body for a whole step.
-    pub held: bool,
     /// How much smaller the core is than the body, in bounding radii of the smaller body of a pair.
     pub core_depth: f32,
     /// Displacement in the next step, if a solver acts on contacts. The solver needs [fewer contacts](ContactMargin::of_pair) then.
@@ -97,7 +95,6 @@ impl Body {
             passes: false,
             sensor: false,
             locked: BVec3::FALSE,
-            held: false,
             core_depth: CORE_DEPTH,
             next_displacement: None,
         }

@@ -3,10 +3,6 @@
 use super::{Statics, StepInput, pairs::BodyPair};
 use crate::constants::{CHORD_TOLERANCE, CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP, SLOP_OF_SIZE};
 
-/// Limit of the overlap of bodies that were held up for a whole step, in [`Tolerances::known_limit`]. With a larger value, bodies that hit each other overlap by
-/// more than 2 % of the smaller one's diameter.
-const HELD_UP: f32 = 1.2;
-
 /// Lengths of a pair of bodies, in metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tolerances {
@@ -20,8 +16,6 @@ pub(super) struct Tolerances {
     core_depths: [f32; 2],
     /// Overlap up to which the solver handles contacts that it had in the last step.
     known_limit: f32,
-    /// True if one of the bodies has been held up by impacts for a whole step.
-    held: bool,
 }
 
 impl Tolerances {
@@ -36,8 +30,7 @@ impl Tolerances {
             touch: LINEAR_SLOP * input.length_unit,
             slop: slop.min(SLOP_OF_SIZE * size),
             core_depths: [pair.first, pair.second].map(|side| size * input.core_depth(statics, side)),
-            known_limit: (10.0 * slop).max(KNOWN_OVERLAP * size).max(fall),
-            held: bodies().any(|body| body.held),
+            known_limit: (12.0 * slop).max(KNOWN_OVERLAP * size).max(fall),
         }
     }
 
@@ -75,9 +68,8 @@ impl Tolerances {
     /// `thickness`: summed thickness of both primitives. `overlap`: overlap of both primitives at the start of the step. `deepest`: largest overlap of any
     /// primitives of the bodies at that time. It counts because a sliding body meets the next primitives at the same depth.
     ///
-    /// The result is the deepest overlap plus the slop, up to a limit. At the limit, bodies would stop in every step, even if the solver holds them while they
-    /// turn about each other. So bodies that were held up for a whole step may gain overlap up to [`HELD_UP`] times the limit. Bodies that overlap by more than
-    /// twice the limit were spawned inside each other. They may gain that much in each step, so that they can come apart.
+    /// The result is the deepest overlap plus the slop, up to a limit. No limit is less than the deepest overlap, so that bodies at the limit can turn about each
+    /// other. Bodies that overlap by more than twice the limit were spawned inside each other. They may gain that much in each step, so that they can come apart.
     ///
     /// Thin primitives gain at most a fraction of their thickness, because a contact beyond their middle pushes to the wrong side.
     pub fn known_overlap(&self, thickness: f32, overlap: f32, deepest: f32) -> f32 {
@@ -87,8 +79,8 @@ impl Tolerances {
         if deepest > spawned {
             return overlap + spawned.min(thin);
         }
-        let limit = if self.held { HELD_UP * self.known_limit } else { self.known_limit };
-        (deepest + self.slop.min(thin)).min(limit.max(deepest).min(2.0 * thin)).max(overlap)
+        let limit = self.known_limit.max(deepest);
+        (deepest + self.slop.min(thin)).min(limit.min(2.0 * thin)).max(overlap)
     }
 }
 
@@ -97,7 +89,7 @@ mod tests {
     use super::*;
 
     const PAIR: Tolerances =
-        Tolerances { size: 0.5, touch: 1e-3, slop: 1e-3, core_depths: [4e-3; 2], known_limit: 0.01, held: false };
+        Tolerances { size: 0.5, touch: 1e-3, slop: 1e-3, core_depths: [4e-3; 2], known_limit: 0.01 };
 
     #[test]
     fn cores_are_a_part_of_thin_primitives_and_absent_in_other_colliders() {
@@ -109,12 +101,11 @@ mod tests {
     #[test]
     fn known_contacts_gain_a_slop_a_step_up_to_a_limit() {
         let known = |deepest: f32| PAIR.known_overlap(0.2, 0.0, deepest);
-        assert_eq!([0.0, 0.005, 0.0095, 0.012].map(known), [1e-3, 0.005 + 1e-3, 0.01, 0.01]);
+        assert_eq!([0.0, 0.005, 0.0095].map(known), [1e-3, 0.005 + 1e-3, 0.01]);
+        // No overlap is limited to less than the deepest one.
+        assert_eq!(known(0.012), 0.012);
         // The result is never less than the overlap at the start.
         assert_eq!(PAIR.known_overlap(0.2, 0.012, 0.012), 0.012);
-        let held = Tolerances { held: true, ..PAIR };
-        assert_eq!(held.known_overlap(0.2, 0.0, 0.0105), 0.0105 + 1e-3);
-        assert_eq!(held.known_overlap(0.2, 0.0, 0.0124), HELD_UP * 0.01);
     }
 
     #[test]

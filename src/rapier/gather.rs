@@ -177,10 +177,8 @@ impl Gather<'_, '_, '_> {
         gathered.resting.extend((simulated && !active).then_some((number, sensor || !body.is_dynamic())));
         // A fast kinematic body would pass through sleeping bodies before rapier finds a contact. A link of a multibody cannot be moved by itself.
         let stops = simulated && body.is_dynamic() && !is_link(context, parent);
-        let (sweep, held) = match resting.filter(|_| !active) {
-            Some(sweep) => (sweep, false),
-            None => self.sweep(world, (parent, body), [start.pose, end], stops, active),
-        };
+        let sweep = resting.filter(|_| !active);
+        let sweep = sweep.unwrap_or_else(|| self.sweep(world, (parent, body), [start.pose, end], stops, active));
         gathered.astray.extend((sweep.end != end).then_some(number as u32));
         let [linear, angular] = velocities(body, &start, &sweep, running.then_some(dt));
         let [groups, stop_groups] = groups(collider);
@@ -202,7 +200,6 @@ impl Gather<'_, '_, '_> {
             passes,
             sensor,
             locked: locked(body),
-            held,
             core_depth,
             next_displacement: Some(displacement(collider, body, context.configuration.gravity, next_dt)),
         });
@@ -262,7 +259,7 @@ impl Gather<'_, '_, '_> {
         });
     }
 
-    /// Returns the motion of a body between two poses, extended by the time that is owed to it, and true if more than a step is owed.
+    /// Returns the motion of a body between two poses, extended by the time that is owed to it.
     fn sweep(
         &self,
         world: &World,
@@ -270,12 +267,12 @@ impl Gather<'_, '_, '_> {
         [start, end]: [Pose3; 2],
         stops: bool,
         active: bool,
-    ) -> (Sweep, bool) {
+    ) -> Sweep {
         let motion = if stops { motion } else { Sweep::between };
         let sweep = motion(start, end, end.inverse_transform_point(body.center_of_mass()), body.angvel() * world.dt);
         match self.owed.get(world.context.entity, parent).filter(|_| active && stops) {
-            Some(owed) => (owed.longer(&sweep, body), owed.is_full),
-            None => (sweep, false),
+            Some(owed) => owed.longer(&sweep, body),
+            None => sweep,
         }
     }
 

@@ -33,13 +33,11 @@ pub(super) struct Owed {
     pub seconds: f32,
     /// Velocity that gravity adds in this time, in metres per second.
     velocity: Vec3,
-    /// True if more than a step would be owed without the limit.
-    pub is_full: bool,
 }
 
 impl Owed {
     fn times(self, factor: f32) -> Self {
-        Self { seconds: self.seconds * factor, velocity: self.velocity * factor, ..self }
+        Self { seconds: self.seconds * factor, velocity: self.velocity * factor }
     }
 
     /// Extends the motion of a body by the owed time.
@@ -52,13 +50,23 @@ impl Owed {
     }
 }
 
-/// Returns the part of the velocity change `fall` by gravity that shows in the velocity of a body. `before`: velocity before the step. A body that a contact
-/// holds up has gained no velocity, and no body gains velocity along locked axes.
-fn gained(body: &RapierBody, before: Vec3, fall: Vec3) -> Vec3 {
+/// Returns the acceleration of a body by gravity, in metres per second squared. Gravity accelerates no body along locked axes.
+fn acceleration(body: &RapierBody, gravity: Vec3) -> Vec3 {
     let free = Vec3::select(body.mass_properties().effective_inv_mass.cmpgt(Vec3::ZERO), Vec3::ONE, Vec3::ZERO);
-    let fall = free * fall * body.gravity_scale();
+    free * gravity * body.gravity_scale()
+}
+
+/// Returns the part of the velocity change `fall` by gravity that shows in the velocity of a body. `before`: velocity before the step. A body that a contact
+/// holds up has gained no velocity.
+fn gained(body: &RapierBody, before: Vec3, fall: Vec3) -> Vec3 {
     let shown = (body.linvel() - before).dot(fall) / fall.length_squared();
     if shown > 0.0 { fall * shown.min(1.0) } else { Vec3::ZERO }
+}
+
+/// Returns a velocity without its part along `fall`, up to the length of `fall`.
+fn slower(velocity: Vec3, fall: Vec3) -> Vec3 {
+    let down = fall.normalize_or_zero();
+    velocity - down * velocity.dot(down).clamp(0.0, fall.length())
 }
 
 /// Moves stopped bodies back to their impacts, so that the next step solves a true contact at a true pose. The rest of the step is owed to the body, and the
@@ -98,15 +106,19 @@ pub(super) fn stop_bodies(
         if let Some(body) = bodies.bodies.get_mut(parent) {
             body.set_position(stop.pose * local.inverse(), true);
             let known = before.get(entity, parent).copied().unwrap_or_default();
-            let gained = gained(body, info.linear, configuration.gravity * dt);
-            let left = Owed { seconds: dt + known.seconds, velocity: gained + known.velocity, is_full: false };
+            let acceleration = acceleration(body, configuration.gravity);
+            let gained = gained(body, info.linear, acceleration * dt);
+            let left = Owed { seconds: dt + known.seconds, velocity: gained + known.velocity };
             let rest = left.times(1.0 - stop.fraction);
             body.set_linvel(body.linvel() + known.velocity - rest.velocity, true);
             if rest.seconds > 0.0 {
-                // At most one step is owed. If more is left, the body turns more slowly by the same factor, because it would gain energy otherwise.
+                // At most one step is owed. The body must gain no energy from the time that it loses, so it turns more slowly by the same factor. In that time a
+                // contact has passed the weight of the body on to another one. The velocity does not show that part of gravity, so it is taken from the fall.
                 let kept = (dt / rest.seconds).min(1.0);
                 body.set_angvel(body.angvel() * kept, true);
-                owed.0.insert((entity, parent), Owed { is_full: kept < 1.0, ..rest.times(kept) });
+                let hidden = acceleration * rest.seconds - rest.velocity;
+                body.set_linvel(slower(body.linvel(), hidden * (1.0 - kept)), true);
+                owed.0.insert((entity, parent), rest.times(kept));
             }
         }
     }

@@ -249,7 +249,9 @@ fn energy_gained(count: usize, closed: bool) -> f32 {
 
 #[test]
 fn linked_tori_gain_no_energy() {
-    for (count, closed) in [(2, false), (24, true)] {
+    let rows = [2, 20, 24, 28].map(|count| (count, false));
+    let rings = [24, 28, 30, 32].map(|count| (count, true));
+    for (count, closed) in rows.into_iter().chain(rings) {
         let gained = energy_gained(count, closed);
         assert!(gained < 0.1, "{count} links, closed {closed}: {gained} J/kg");
     }
