@@ -46,15 +46,15 @@ pub const MAX_LANE_ADVANCES: f32 = 20.0;
 /// Smallest squared length of a usable direction, in square metres. Products of smaller numbers underflow.
 pub const LEAST_SQUARE: f32 = 1.0e-30;
 
-/// Iterations after which the search stops and reports the iteration limit.
-pub const MAX_ROUNDS: u32 = 1024;
+/// Iterations after which a search stops: for a time of impact, with the iteration limit as its result; for the nearest point beyond planes, at the best point.
+pub const MAX_ITERATIONS: u32 = 1024;
 
 /// Smallest advance of a bound of the time of impact, as a fraction of a chord. A shorter one ends the search. With a smaller value, bounds are closer to
 /// the time of impact; with a larger one, the GPU needs fewer iterations.
 pub const SHORTEST_ADVANCE: f32 = 1.0 / 256.0;
 
 /// Iterations of a search for bounds on the GPU. Most pairs need three; pairs that graze stop early with an earlier bound.
-pub const MAX_BOUND_ROUNDS: u32 = 12;
+pub const MAX_BOUND_ITERATIONS: u32 = 12;
 
 /// Shortest collision time of a step on the CPU for which a GPU is tried: twice the time of a call of a GPU without work. With a smaller value, trials slow
 /// down steps of small scenes; with a larger one, steps stay on the CPU although a GPU is faster.
@@ -137,13 +137,10 @@ pub const CORE_FRACTION: f32 = 0.3;
 /// more; with a smaller one, more of them stop within the step.
 pub const CORE_DEPTH: f32 = 0.0075;
 
-/// Upper limit of [`LINEAR_SLOP`] for small bodies, per metre of the smaller body's bounding radius.
-pub const SLOP_OF_SIZE: f32 = 0.02;
-
 /// Overlap up to which the solver handles contacts of bodies that are already in touch, per metre of the smaller body's bounding radius. The overlap
 /// is at least twelve [`LINEAR_SLOP`], because a ball that rolls at 10 m/s sinks by 8 mm. It is also at least the displacement by gravity in a step, so
 /// that bodies can tip over in long steps. With a larger value, bodies in piles overlap more; with a smaller one, bodies in piles and hoppers stop
-/// in step after step.
+/// in step after step. For small bodies it is the upper limit of [`LINEAR_SLOP`] as well.
 pub const KNOWN_OVERLAP: f32 = 0.024;
 
 /// Weight of depth when the outermost contacts are chosen: metres farther out that equal one metre of depth. Depth beyond [`LINEAR_SLOP`] does not
@@ -162,9 +159,6 @@ pub const DEFAULT_PREDICTION: f32 = 0.02;
 
 /// Iterations of the search for the surface point that is nearest to a point inside a shape. Few are needed unless surfaces meet at a sharp angle.
 pub const PROJECTION_ITERATIONS: usize = 32;
-
-/// Iterations of the inner search, for the nearest point beyond planes, within each iteration of that search.
-pub const NEAREST_BEYOND_ROUNDS: usize = 1000;
 
 /// Smallest improvement by an iteration that continues that search, per metre of the shape's bounding radius.
 pub const PROJECTION_ACCURACY: f32 = 1.0e-6;
@@ -192,8 +186,9 @@ pub const MAX_SEGMENTS: usize = 16;
 /// one to another place of the level.
 pub const TELEPORT: f32 = 2.0;
 
-/// Relative rounding error of scales that went through a rotation.
-pub const SCALE_ROUNDING: f32 = 1.0e-4;
+/// Relative difference up to which two lengths or scales count as equal. Scales that went through a rotation, and distances from the surface of a sphere,
+/// differ by less because of rounding.
+pub const SAME_LENGTH: f32 = 1.0e-4;
 
 /// Largest number of contacts of a pair that the reduction processes. With a larger value, fine shapes that lie on each other cost more; with a
 /// smaller one, covered contacts are detected less reliably.
@@ -205,9 +200,6 @@ pub const CLUSTER_CELLS: f32 = 32.0;
 
 /// Resolution of a normal's coordinates that distinguishes contacts in one cell, in steps per unit: about 15 degrees each.
 pub const CLUSTER_NORMALS: f32 = 4.0;
-
-/// Largest distance from a sphere, in its radii, of a nearest point that lies on the sphere up to rounding.
-pub const SAME_SPHERE: f32 = 1.0e-4;
 
 /// Cosine of the largest angle between the normals of contacts that push in the same direction (a quarter of a degree).
 pub const SAME_NORMAL_COSINE: f32 = 1.0 - 1.0e-5;

@@ -31,7 +31,7 @@ pub(super) fn shader<'a>(files: impl IntoIterator<Item = &'a str>) -> String {
     }
     for (name, value) in [
         ("MAX_LINKS", constants::MAX_LINKS),
-        ("MAX_ROUNDS", constants::MAX_BOUND_ROUNDS),
+        ("MAX_ITERATIONS", constants::MAX_BOUND_ITERATIONS),
         ("MAX_CHORDS", constants::MAX_CULLING_CHORDS),
         ("MOST_INTERVALS", (1.0 / constants::SHORTEST_INTERVAL) as u32),
     ] {

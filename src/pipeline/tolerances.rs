@@ -1,7 +1,7 @@
 //! Overlaps that impacts leave to the solver, as functions of a few lengths of a pair.
 
 use super::{Statics, StepInput, pairs::BodyPair};
-use crate::constants::{CHORD_TOLERANCE, CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP, SLOP_OF_SIZE};
+use crate::constants::{CHORD_TOLERANCE, CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP};
 
 /// Lengths of a pair of bodies, in metres.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +28,7 @@ impl Tolerances {
         Self {
             size,
             touch: LINEAR_SLOP * input.length_unit,
-            slop: slop.min(SLOP_OF_SIZE * size),
+            slop: slop.min(KNOWN_OVERLAP * size),
             core_depths: [pair.first, pair.second].map(|side| size * input.core_depth(statics, side)),
             known_limit: (12.0 * slop).max(KNOWN_OVERLAP * size).max(fall),
         }

@@ -65,7 +65,7 @@ use bevy::{
 };
 
 use crate::{
-    constants::{MAX_MAGNITUDE, SCALE_ROUNDING},
+    constants::{MAX_MAGNITUDE, SAME_LENGTH},
     geometry::Pose3,
     medial_axis::MedialAxis,
 };
@@ -165,7 +165,7 @@ pub(crate) fn is_sound_pose(pose: &Pose3) -> bool {
 /// rotation, and may be negative along x, as in Bevy's decomposition of a mirrored transform.
 pub(crate) fn uniform_scale(scale: Vec3) -> Option<f32> {
     let (sizes, least) = (scale.abs(), scale.abs().min_element());
-    let is_uniform = scale.is_finite() && least > 0.0 && sizes.max_element() <= least * (1.0 + SCALE_ROUNDING);
+    let is_uniform = scale.is_finite() && least > 0.0 && sizes.max_element() <= least * (1.0 + SAME_LENGTH);
     (is_uniform && scale.y > 0.0 && scale.z > 0.0).then_some(scale.x)
 }
 

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     constants::{
-        CONTACT_ROUNDING, FIRST_TRIAL, MAX_ADVANCES, MAX_ROUNDS, NEAR_TOUCH, SHORTEST_TRIAL, TILT_ROUNDING,
+        CONTACT_ROUNDING, FIRST_TRIAL, MAX_ADVANCES, MAX_ITERATIONS, NEAR_TOUCH, SHORTEST_TRIAL, TILT_ROUNDING,
         TIME_TOLERANCE, TOUCH_ROUNDING,
     },
     geometry::Sphere,
@@ -319,7 +319,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
         let mut step = FIRST_TRIAL * shortest.max(cleared - here.fraction);
         let mut halve = false;
         while cleared <= max_fraction && here.fraction <= limit {
-            if rounds >= MAX_ROUNDS {
+            if rounds >= MAX_ITERATIONS {
                 return self.end(TimeOfImpactStatus::IterationLimit, here.fraction, &here, rounds);
             }
             let next = (here.fraction + step).min(max_fraction);

@@ -18,7 +18,7 @@ use bevy_rapier3d::{
 
 use super::shape::MedialShape;
 use crate::{
-    constants::SCALE_ROUNDING,
+    constants::SAME_LENGTH,
     medial_axis::MedialAxis,
     pipeline::Shape,
     plugin::{Detail, MedialLevel, MedialMesh, SkinnedMedialMesh, StaticObb, uniform_scale},
@@ -47,7 +47,7 @@ impl Attached {
 
 fn is_same_scale(scale: Vec3, wanted: Vec3) -> bool {
     match (scale.is_finite(), wanted.is_finite()) {
-        (true, true) => (scale - wanted).abs().max_element() <= SCALE_ROUNDING * wanted.abs().max_element(),
+        (true, true) => (scale - wanted).abs().max_element() <= SAME_LENGTH * wanted.abs().max_element(),
         (finite, wanted_finite) => finite == wanted_finite,
     }
 }

@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use super::{primitive::PrimitiveShape, shape::MedialShape};
 use crate::{
-    constants::{NEAREST_BEYOND_ROUNDS, PROJECTION_ACCURACY, PROJECTION_ITERATIONS},
+    constants::{MAX_ITERATIONS, PROJECTION_ACCURACY, PROJECTION_ITERATIONS},
     geometry::{Aabb, Sphere},
     pipeline::{Hull, with_spheres},
     query::{Separation, separation},
@@ -128,11 +128,11 @@ impl MedialShape {
 }
 
 /// Finds the point nearest to `point` beyond all planes with Hildreth's method. `accuracy` is in metres. Returns `None` if the method does not converge within
-/// [`NEAREST_BEYOND_ROUNDS`] iterations.
+/// [`MAX_ITERATIONS`] iterations.
 fn nearest_beyond(planes: &[Outside], point: Vec3, accuracy: f32) -> Option<Vec3> {
     let mut pushes = vec![0.0f32; planes.len()];
     let mut nearest = point;
-    for _ in 0..NEAREST_BEYOND_ROUNDS {
+    for _ in 0..MAX_ITERATIONS {
         let mut moved = 0.0f32;
         for (plane, push) in planes.iter().zip(&mut pushes) {
             let change = (plane.offset - plane.normal.dot(nearest)).max(-*push);

@@ -2,7 +2,7 @@
 
 use std::{
     path::{Path, PathBuf},
-    sync::OnceLock,
+    sync::{LazyLock, OnceLock},
     time::Duration,
 };
 
@@ -99,6 +99,18 @@ pub fn wait(app: &mut App, mesh: &MedialMesh) -> LoadState {
 
 pub fn mesh(app: &mut App, axis: MedialAxis) -> MedialMesh {
     MedialMesh(app.world_mut().resource_mut::<Assets<MedialAxis>>().add(axis))
+}
+
+/// A ball with a radius of 0.2 m.
+pub fn ball() -> MedialAxis {
+    MedialAxis::sphere(0.2).unwrap()
+}
+
+/// A plate of 0.6 m x 0.2 m x 0.6 m with round edges.
+pub fn plate() -> MedialAxis {
+    static PLATE: LazyLock<MedialAxis> =
+        LazyLock::new(|| MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.1).unwrap());
+    PLATE.clone()
 }
 
 /// A dynamic body.

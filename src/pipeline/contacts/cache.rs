@@ -10,7 +10,7 @@ use bevy::platform::collections::HashMap;
 use glam::Quat;
 
 use crate::{
-    constants::{CONTACT_ROUNDING, LINEAR_SLOP, SLOP_OF_SIZE},
+    constants::{CONTACT_ROUNDING, KNOWN_OVERLAP, LINEAR_SLOP},
     geometry::Pose3,
     pipeline::{ContactMargin, Manifold, ShapeId, Solid},
 };
@@ -89,7 +89,7 @@ impl ContactCache {
             pair.gap_at(solids, pose12) > reach.prediction
         } else {
             let size = smaller_radius(solids);
-            let tolerance = (LINEAR_SLOP * reach.length_unit).min(SLOP_OF_SIZE * size).min(0.25 * reach.prediction);
+            let tolerance = (LINEAR_SLOP * reach.length_unit).min(KNOWN_OVERLAP * size).min(0.25 * reach.prediction);
             !reach.is_fast && pair.reach == reach && pair.displacement(solids, pose12) <= tolerance
         };
         (is_valid && pair.is_of(solids)).then_some(index)

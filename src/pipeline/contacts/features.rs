@@ -4,7 +4,7 @@ use bevy::platform::collections::HashSet;
 use glam::Vec3;
 
 use crate::{
-    constants::{CROSSING_END, CROSSING_SINE, SAME_SPHERE, VERTEX_NORMAL_COSINE},
+    constants::{CROSSING_END, CROSSING_SINE, SAME_LENGTH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Sphere},
     pipeline::Shape,
     query::{Convex, Separation, separation},
@@ -116,8 +116,8 @@ pub(super) fn two_sided<const N: usize, const M: usize>(
 /// Returns true if `point`, the nearest point of a primitive, lies on this sphere. `normal`: the outward normal at the point, with either sign.
 fn is_on(sphere: &Sphere, point: Vec3, normal: Vec3) -> bool {
     let rise = point - sphere.center;
-    rise.cross(normal).length_squared() <= (SAME_SPHERE * sphere.radius).powi(2)
-        && (rise.length_squared() - sphere.radius.powi(2)).abs() <= SAME_SPHERE * sphere.radius.powi(2)
+    rise.cross(normal).length_squared() <= (SAME_LENGTH * sphere.radius).powi(2)
+        && (rise.length_squared() - sphere.radius.powi(2)).abs() <= SAME_LENGTH * sphere.radius.powi(2)
 }
 
 /// [`two_sided`] without the spheres of the second side.

@@ -26,7 +26,7 @@ use super::{
     tolerances::Tolerances,
 };
 use crate::{
-    constants::{LINEAR_SLOP, MAX_PUSHES, SLOP_OF_SIZE},
+    constants::{KNOWN_OVERLAP, LINEAR_SLOP, MAX_PUSHES},
     geometry::Sweep,
 };
 
@@ -196,7 +196,7 @@ fn respond(
             push.reach = trajectories.push_reach(input, other);
             // Without the slop, bodies at their largest overlap would have the next impact at once.
             let radius = input.bodies[body as usize].solid.bounding_sphere().radius;
-            let slop = (LINEAR_SLOP * input.length_unit).min(SLOP_OF_SIZE * radius);
+            let slop = (LINEAR_SLOP * input.length_unit).min(KNOWN_OVERLAP * radius);
             let length = (approach + slop).clamp(0.0, (push.reach - push.pushed).max(0.0));
             push.displacement = away * length;
             // A push counts at least this much, even without a displacement. This limits the number of pushes to MAX_PUSHES.

@@ -6,10 +6,6 @@ use bevy_rapier3d::{plugin::context::RapierContextSimulation, prelude::*, rapier
 
 use crate::common::*;
 
-fn ball() -> MedialAxis {
-    MedialAxis::sphere(0.2).unwrap()
-}
-
 fn spawn_wall(app: &mut App, x: f32) -> Entity {
     app.world_mut().spawn((StaticObb::new(0.1, 3.0, 3.0), Transform::from_xyz(x, 0.0, 0.0))).id()
 }

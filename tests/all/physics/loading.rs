@@ -8,10 +8,6 @@ use bevy_rapier3d::prelude::{
 
 use crate::common::*;
 
-fn ball() -> MedialAxis {
-    MedialAxis::sphere(0.2).unwrap()
-}
-
 /// A shape that [`load`] loads.
 fn reserve(app: &App) -> MedialMesh {
     MedialMesh(app.world().resource::<Assets<MedialAxis>>().reserve_handle())

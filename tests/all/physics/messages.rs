@@ -6,10 +6,6 @@ use bevy_rapier3d::prelude::{CollisionGroups, Group, RigidBody, Sensor, Velocity
 
 use crate::common::*;
 
-fn ball() -> MedialAxis {
-    MedialAxis::sphere(0.2).unwrap()
-}
-
 /// A thin wall across the x axis: a box, a static shape or a resting body.
 fn spawn_wall(app: &mut App, kind: &str) -> Entity {
     let half = Vec3::new(0.05, 1.0, 1.0);

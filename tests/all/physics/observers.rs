@@ -6,10 +6,6 @@ use bevy_rapier3d::prelude::{RigidBody, Velocity};
 
 use crate::common::*;
 
-fn ball() -> MedialAxis {
-    MedialAxis::sphere(0.2).unwrap()
-}
-
 /// Events that observers received.
 #[derive(Resource, Default)]
 struct Heard {

@@ -1,21 +1,13 @@
 //! A body with an invalid value is disabled, is logged once, and returns after a repair. Other bodies are not affected.
 
-use std::sync::LazyLock;
-
 use bevy::prelude::*;
-use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_medial::prelude::*;
 use bevy_rapier3d::prelude::{
     Collider, ColliderDisabled, Damping, ExternalForce, ExternalImpulse, GravityScale, RigidBody, RigidBodyDisabled,
     Velocity,
 };
 
 use crate::{common::*, log};
-
-fn plate() -> MedialAxis {
-    static PLATE: LazyLock<MedialAxis> =
-        LazyLock::new(|| MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.1).unwrap());
-    PLATE.clone()
-}
 
 /// An invalid value: name, damage and repair.
 type Spoil = (&'static str, fn(&mut EntityWorldMut), fn(&mut EntityWorldMut));

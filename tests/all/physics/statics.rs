@@ -10,10 +10,6 @@ use bevy_rapier3d::prelude::{
 
 use crate::common::*;
 
-fn ball() -> MedialAxis {
-    MedialAxis::sphere(0.2).unwrap()
-}
-
 fn plate() -> MedialAxis {
     MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.02).unwrap()
 }

@@ -11,10 +11,6 @@ use bevy_rapier3d::{
 
 use crate::common::*;
 
-fn ball() -> MedialAxis {
-    MedialAxis::sphere(0.2).unwrap()
-}
-
 #[test]
 fn bodies_of_two_contexts_do_not_collide() {
     let mut app = app();
