@@ -46,7 +46,7 @@ pub const MAX_LANE_ADVANCES: f32 = 20.0;
 /// Smallest squared length of a usable direction, in square metres. Products of smaller numbers underflow.
 pub const LEAST_SQUARE: f32 = 1.0e-30;
 
-/// Iterations after which a search stops: for a time of impact, with the iteration limit as its result; for the nearest point beyond planes, at the best point.
+/// Iterations after which a search stops: for a time of impact, with the iteration limit as its result; for the nearest point beyond planes, without a result.
 pub const MAX_ITERATIONS: u32 = 1024;
 
 /// Smallest advance of a bound of the time of impact, as a fraction of a chord. A shorter one ends the search. With a smaller value, bounds are closer to
@@ -140,7 +140,7 @@ pub const CORE_DEPTH: f32 = 0.0075;
 /// Overlap up to which the solver handles contacts of bodies that are already in touch, per metre of the smaller body's bounding radius. The overlap
 /// is at least twelve [`LINEAR_SLOP`], because a ball that rolls at 10 m/s sinks by 8 mm. It is also at least the displacement by gravity in a step, so
 /// that bodies can tip over in long steps. With a larger value, bodies in piles overlap more; with a smaller one, bodies in piles and hoppers stop
-/// in step after step. For small bodies it is the upper limit of [`LINEAR_SLOP`] as well.
+/// in step after step. It also limits the slop of small bodies.
 pub const KNOWN_OVERLAP: f32 = 0.024;
 
 /// Weight of depth when the outermost contacts are chosen: metres farther out that equal one metre of depth. Depth beyond [`LINEAR_SLOP`] does not
@@ -186,8 +186,8 @@ pub const MAX_SEGMENTS: usize = 16;
 /// one to another place of the level.
 pub const TELEPORT: f32 = 2.0;
 
-/// Relative difference up to which two lengths or scales count as equal. Scales that went through a rotation, and distances from the surface of a sphere,
-/// differ by less because of rounding.
+/// Relative difference up to which two lengths or scales count as equal. Scales that went through a rotation, and distances of points on a sphere from
+/// its centre, differ by less because of rounding.
 pub const SAME_LENGTH: f32 = 1.0e-4;
 
 /// Largest number of contacts of a pair that the reduction processes. With a larger value, fine shapes that lie on each other cost more; with a

@@ -68,8 +68,9 @@ impl Tolerances {
     /// `thickness`: summed thickness of both primitives. `overlap`: overlap of both primitives at the start of the step. `deepest`: largest overlap of any
     /// primitives of the bodies at that time. It counts because a sliding body meets the next primitives at the same depth.
     ///
-    /// The result is the deepest overlap plus the slop, up to a limit. No limit is less than the deepest overlap, so that bodies at the limit can turn about each
-    /// other. Bodies that overlap by more than twice the limit were spawned inside each other. They may gain that much in each step, so that they can come apart.
+    /// The result is the deepest overlap plus the slop, up to [`Self::known_limit`]. Other primitives of bodies that overlap by more may get as deep, so that the
+    /// bodies can turn about each other. Bodies that overlap by more than twice the limit were spawned inside each other. They may gain that much in each step, so
+    /// that they can come apart.
     ///
     /// Thin primitives gain at most a fraction of their thickness, because a contact beyond their middle pushes to the wrong side.
     pub fn known_overlap(&self, thickness: f32, overlap: f32, deepest: f32) -> f32 {

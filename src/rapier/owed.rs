@@ -66,7 +66,7 @@ fn gained(body: &RapierBody, before: Vec3, fall: Vec3) -> Vec3 {
 /// Returns a velocity without its part along `fall`, up to the length of `fall`.
 fn slower(velocity: Vec3, fall: Vec3) -> Vec3 {
     let down = fall.normalize_or_zero();
-    velocity - down * velocity.dot(down).clamp(0.0, fall.length())
+    velocity - (down * velocity.dot(down).max(0.0)).clamp_length_max(fall.length())
 }
 
 /// Moves stopped bodies back to their impacts, so that the next step solves a true contact at a true pose. The rest of the step is owed to the body, and the
@@ -112,8 +112,8 @@ pub(super) fn stop_bodies(
             let rest = left.times(1.0 - stop.fraction);
             body.set_linvel(body.linvel() + known.velocity - rest.velocity, true);
             if rest.seconds > 0.0 {
-                // At most one step is owed. The body must gain no energy from the time that it loses, so it turns more slowly by the same factor. In that time a
-                // contact has passed the weight of the body on to another one. The velocity does not show that part of gravity, so it is taken from the fall.
+                // At most one step is owed. The body must gain no energy from the time that it loses, so it turns more slowly by the same factor. A contact or a
+                // joint may have passed the weight of the body on in that time. The velocity does not show that part of gravity, so it is taken from the fall.
                 let kept = (dt / rest.seconds).min(1.0);
                 body.set_angvel(body.angvel() * kept, true);
                 let hidden = acceleration * rest.seconds - rest.velocity;
