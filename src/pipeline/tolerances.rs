@@ -3,6 +3,11 @@
 use super::{Statics, StepInput, pairs::BodyPair};
 use crate::constants::{CHORD_TOLERANCE, CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP};
 
+/// Returns the overlap that a contact may gain in a step, in metres. `size`: bounding radius of the smaller body, in metres.
+pub(super) fn slop(length_unit: f32, size: f32) -> f32 {
+    (LINEAR_SLOP * length_unit).min(KNOWN_OVERLAP * size)
+}
+
 /// Lengths of a pair of bodies, in metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tolerances {
@@ -21,16 +26,16 @@ pub(super) struct Tolerances {
 impl Tolerances {
     /// Returns the tolerances of a pair. `size`: bounding radius of the smaller body, in metres.
     pub fn new(input: &StepInput, statics: &Statics, pair: &BodyPair, size: f32) -> Self {
-        let slop = LINEAR_SLOP * input.length_unit;
+        let touch = LINEAR_SLOP * input.length_unit;
         let bodies = || pair.bodies().map(|body| &input.bodies[body as usize]);
         // In long steps gravity moves bodies farther between two solves.
         let fall = bodies().filter_map(|body| body.next_displacement).map(|next| next.fall).fold(0.0, f32::max);
         Self {
             size,
-            touch: LINEAR_SLOP * input.length_unit,
-            slop: slop.min(KNOWN_OVERLAP * size),
+            touch,
+            slop: slop(input.length_unit, size),
             core_depths: [pair.first, pair.second].map(|side| size * input.core_depth(statics, side)),
-            known_limit: (12.0 * slop).max(KNOWN_OVERLAP * size).max(fall),
+            known_limit: (12.0 * touch).max(KNOWN_OVERLAP * size).max(fall),
         }
     }
 

@@ -110,14 +110,13 @@ pub(super) fn stop_bodies(
             let gained = gained(body, info.linear, acceleration * dt);
             let left = Owed { seconds: dt + known.seconds, velocity: gained + known.velocity };
             let rest = left.times(1.0 - stop.fraction);
-            body.set_linvel(body.linvel() + known.velocity - rest.velocity, true);
+            // At most one step is owed. The body must gain no energy from the time that it loses, so it turns more slowly by the same factor. A contact or a joint
+            // may have passed the weight of the body on in that time. The velocity does not show that part of gravity, so it is taken from the fall.
+            let kept = (dt / rest.seconds).min(1.0);
+            let hidden = acceleration * rest.seconds - rest.velocity;
+            body.set_linvel(slower(body.linvel() + known.velocity - rest.velocity, hidden * (1.0 - kept)), true);
+            body.set_angvel(body.angvel() * kept, true);
             if rest.seconds > 0.0 {
-                // At most one step is owed. The body must gain no energy from the time that it loses, so it turns more slowly by the same factor. A contact or a
-                // joint may have passed the weight of the body on in that time. The velocity does not show that part of gravity, so it is taken from the fall.
-                let kept = (dt / rest.seconds).min(1.0);
-                body.set_angvel(body.angvel() * kept, true);
-                let hidden = acceleration * rest.seconds - rest.velocity;
-                body.set_linvel(slower(body.linvel(), hidden * (1.0 - kept)), true);
                 owed.0.insert((entity, parent), rest.times(kept));
             }
         }

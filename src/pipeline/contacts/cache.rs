@@ -2,7 +2,7 @@
 //! searched until it has moved by its distance.
 //!
 //! The contact points stay where they are on both bodies, and only their distances are computed again. The new distance is exact up to the second order of
-//! the displacement, which is at most [`LINEAR_SLOP`] and less for small bodies.
+//! the displacement, which is at most the [`slop`].
 
 use std::ops::Range;
 
@@ -10,9 +10,9 @@ use bevy::platform::collections::HashMap;
 use glam::Quat;
 
 use crate::{
-    constants::{CONTACT_ROUNDING, KNOWN_OVERLAP, LINEAR_SLOP},
+    constants::CONTACT_ROUNDING,
     geometry::Pose3,
-    pipeline::{ContactMargin, Manifold, ShapeId, Solid},
+    pipeline::{ContactMargin, Manifold, ShapeId, Solid, tolerances::slop},
 };
 
 /// The contacts of all pairs of the last step, searched or recycled. It is part of the state of a simulation: steps with equal input and equal caches have equal
@@ -89,7 +89,7 @@ impl ContactCache {
             pair.gap_at(solids, pose12) > reach.prediction
         } else {
             let size = smaller_radius(solids);
-            let tolerance = (LINEAR_SLOP * reach.length_unit).min(KNOWN_OVERLAP * size).min(0.25 * reach.prediction);
+            let tolerance = slop(reach.length_unit, size).min(0.25 * reach.prediction);
             !reach.is_fast && pair.reach == reach && pair.displacement(solids, pose12) <= tolerance
         };
         (is_valid && pair.is_of(solids)).then_some(index)

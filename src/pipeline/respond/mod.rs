@@ -23,12 +23,9 @@ use super::{
         first_impact::{self, ImpactResult, Question, first_impact},
         motion::PairMotion,
     },
-    tolerances::Tolerances,
+    tolerances::{Tolerances, slop},
 };
-use crate::{
-    constants::{KNOWN_OVERLAP, LINEAR_SLOP, MAX_PUSHES},
-    geometry::Sweep,
-};
+use crate::{constants::MAX_PUSHES, geometry::Sweep};
 
 use decision::{Decision, Obstacle, decide};
 pub(super) use trajectory::Trajectories;
@@ -196,8 +193,7 @@ fn respond(
             push.reach = trajectories.push_reach(input, other);
             // Without the slop, bodies at their largest overlap would have the next impact at once.
             let radius = input.bodies[body as usize].solid.bounding_sphere().radius;
-            let slop = (LINEAR_SLOP * input.length_unit).min(KNOWN_OVERLAP * radius);
-            let length = (approach + slop).clamp(0.0, (push.reach - push.pushed).max(0.0));
+            let length = (approach + slop(input.length_unit, radius)).clamp(0.0, (push.reach - push.pushed).max(0.0));
             push.displacement = away * length;
             // A push counts at least this much, even without a displacement. This limits the number of pushes to MAX_PUSHES.
             push.pushed += length.max(push.reach / MAX_PUSHES as f32);

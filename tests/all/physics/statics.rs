@@ -10,7 +10,7 @@ use bevy_rapier3d::prelude::{
 
 use crate::common::*;
 
-fn plate() -> MedialAxis {
+fn sharp_plate() -> MedialAxis {
     MedialAxis::rounded_box(Vec3::new(0.3, 0.1, 0.3), 0.02).unwrap()
 }
 
@@ -23,9 +23,9 @@ fn a_static_box_follows_its_scale() {
         app.world_mut().spawn((StaticObb::new(0.5, 1.0, 0.5), Transform::from_rotation(turn).with_scale(scale))).id();
     // These positions are above the box only because of its scale, one along each wide axis.
     let bodies = [Vec3::new(2.5, 1.0, 0.0), Vec3::new(0.0, 1.0, 1.1)]
-        .map(|at| spawn_body(&mut app, plate(), Transform::from_translation(turn * at).with_rotation(turn)));
+        .map(|at| spawn_body(&mut app, sharp_plate(), Transform::from_translation(turn * at).with_rotation(turn)));
     // This position is beside the scaled box, but within its largest extent.
-    let outside = spawn_body(&mut app, plate(), Transform::from_translation(turn * Vec3::new(0.0, 1.0, 2.2)));
+    let outside = spawn_body(&mut app, sharp_plate(), Transform::from_translation(turn * Vec3::new(0.0, 1.0, 2.2)));
     run(&mut app, 300);
     for body in bodies {
         assert!((position(&mut app, body).y - 0.6).abs() < 2e-3, "{}", position(&mut app, body));
@@ -62,7 +62,7 @@ fn contacts_follow_a_moved_static() {
     for kind in ["box", "shape", "rapier"] {
         let mut app = app();
         let floor = spawn_static(&mut app, kind, Vec3::ZERO);
-        let body = spawn_body(&mut app, plate(), Transform::from_xyz(0.0, 0.7, 0.0));
+        let body = spawn_body(&mut app, sharp_plate(), Transform::from_xyz(0.0, 0.7, 0.0));
         run(&mut app, 200);
         assert!(is_at_rest(&mut app, body) && (position(&mut app, body).y - 0.6).abs() < 2e-3, "{kind}");
         // The static moves down, and the body must wake up and follow. Then it moves up a little and pushes the body out.
@@ -195,7 +195,7 @@ fn a_mirrored_box_collides_like_a_box() {
     ];
     let floors = floors.map(|floor| app.world_mut().spawn(floor).id());
     app.world_mut().entity_mut(mirror).add_child(floors[2]);
-    let bodies = [0.0, 10.0, 20.0, 30.0].map(|x| spawn_body(&mut app, plate(), Transform::from_xyz(x, 0.3, 0.0)));
+    let bodies = [0.0, 10.0, 20.0, 30.0].map(|x| spawn_body(&mut app, sharp_plate(), Transform::from_xyz(x, 0.3, 0.0)));
     let stand = |app: &mut App| {
         // The colliders are valid from the first step on.
         run(app, 1);
@@ -230,7 +230,7 @@ fn touches_of_a_sheared_static_have_valid_normals() {
         assert!(!rotation.is_normalized(), "{rotation} is normalised");
         let mut record = Record::default();
         for speed in [0.0, 100.0] {
-            let body = spawn_body(&mut app, plate(), Transform::from_xyz(0.01 * speed, 1.2, 0.0));
+            let body = spawn_body(&mut app, sharp_plate(), Transform::from_xyz(0.01 * speed, 1.2, 0.0));
             app.world_mut().entity_mut(body).insert(Velocity::linear(Vec3::NEG_Y * speed));
             record.run(&mut app, 30);
         }
