@@ -97,7 +97,7 @@ fn between(a: u32, b: u32) {
     let greater = max(a, b);
     let body1 = bodies[lesser];
     let body2 = bodies[greater];
-    let one_medial = body1.shape < BOX_SHAPE || body2.shape < BOX_SHAPE;
+    let one_medial = is_medial(body1.shape) || is_medial(body2.shape);
     let one_active = body1.is_active != 0u || body2.is_active != 0u;
     let strangers = are_strangers(body1.rigid_body, body2.rigid_body);
     if !(one_medial && one_active && strangers && body1.world == body2.world) {
@@ -115,7 +115,7 @@ fn between(a: u32, b: u32) {
         return;
     }
     // The first side is medial.
-    if body1.shape < BOX_SHAPE {
+    if is_medial(body1.shape) {
         add_bodies(lesser, greater, body1, body2);
     } else {
         add_bodies(greater, lesser, body2, body1);
@@ -138,7 +138,7 @@ fn add_bodies(first: u32, second: u32, body1: Body, body2: Body) {
 fn with_static(index: u32, item: u32) {
     let body = bodies[index];
     let wall = statics[item];
-    let one_medial = body.shape < BOX_SHAPE || wall.shape < BOX_SHAPE;
+    let one_medial = is_medial(body.shape) || is_medial(wall.shape);
     let strangers = are_strangers(body.rigid_body, wall.rigid_body);
     if !(one_medial && body.is_active != 0u && strangers && body.world == wall.world) {
         return;
@@ -156,7 +156,7 @@ fn with_static(index: u32, item: u32) {
     if gap > 0.5 * params.prediction + rounding {
         return;
     }
-    if body.shape >= BOX_SHAPE || wall.shape == OTHER_SHAPE {
+    if !is_medial(body.shape) || wall.shape == OTHER_SHAPE {
         add(index, item | STATIC | UNKNOWN, 0u);
     } else {
         add(index, item | STATIC, chords(body, CHORD_TOLERANCE * min(body.bound.w, wall.radius)));

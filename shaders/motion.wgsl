@@ -44,6 +44,8 @@ fn rotation_by(vector: vec3f) -> vec4f {
 const OTHER_SHAPE: u32 = 0xffffffffu;
 // Shape of a box with its middle at the centre of the bounding sphere.
 const BOX_SHAPE: u32 = 0xfffffffeu;
+// Flag of shapes whose spheres move within the step. They are second sides.
+const DEFORMING: u32 = 0x40000000u;
 // Value of `rigid_body` for a body with a single shape.
 const NO_RIGID_BODY: vec2u = vec2u(0xffffffffu);
 
@@ -51,7 +53,7 @@ const NO_RIGID_BODY: vec2u = vec2u(0xffffffffu);
 struct Body {
     // Origin of its frame at the start of the step.
     position: vec3f,
-    // Index of its shape, or `OTHER_SHAPE`.
+    // Index of its shape, perhaps with `DEFORMING`, or `BOX_SHAPE` or `OTHER_SHAPE`.
     shape: u32,
     // Unit quaternion of its frame at the start of the step.
     rotation: vec4f,
@@ -113,6 +115,11 @@ struct Static {
     world: u32,
     // The rigid body to which the shape belongs, or `NO_RIGID_BODY`.
     rigid_body: vec2u,
+}
+
+// Returns true for the shape of a medial mesh whose spheres move with their body. The first side of a pair has one.
+fn is_medial(shape: u32) -> bool {
+    return shape < DEFORMING;
 }
 
 // Returns the pose of a body at a fraction of the step, relative to `origin`, a point in the world.

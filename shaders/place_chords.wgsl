@@ -71,7 +71,7 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
             chord.start2 = start2;
             chord.end2 = end2;
         }
-        chord.shape2 = body2.shape;
+        chord.shape2 = select(body2.shape & ~DEFORMING, BOX_SHAPE, body2.shape == BOX_SHAPE);
         chord.scale2 = body2.scale;
         strays += body2.slack + deviation(body1, body2, count) + body2.rounding;
         fine_strays = deviation(body1, body2, MOST_INTERVALS);

@@ -32,7 +32,7 @@ fn is_finite_solid(solid: &Solid) -> bool {
     bound.center.is_finite() && bound.radius.is_finite()
 }
 
-/// Layout of a body. `margin`: distance from its bounding sphere within which it may meet others, in metres. `slack`: largest deviation from its
+/// Layout of a body. The shape of a deforming body is set later, because it is replaced in each step. `margin`: distance from its bounding sphere within which it may meet others, in metres. `slack`: largest deviation from its
 /// path, in metres.
 pub(super) fn body(body: &Body, is_awake: bool, [margin, slack]: [f32; 2], shapes: &mut Shapes) -> layout::Body {
     let sweep = &body.sweep;

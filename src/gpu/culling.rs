@@ -28,7 +28,7 @@ use super::{
     GpuCapacity, GpuDevice, GpuError, bodies,
     buffers::{Buffers, Slot},
     kinds::KINDS,
-    layout::{CANDIDATE, CHORD, Counters, NODE, PAIR_CHORD, Pair, Params, SWEPT, Survivor},
+    layout::{CANDIDATE, CHORD, Counters, DEFORMING, NODE, PAIR_CHORD, Pair, Params, SWEPT, Survivor},
     pass::Pass,
     passes::{Bound, KEY, Passes, SORT_BLOCK, TREE_BLOCK, UNIFORM, WORKGROUP, exchanges},
     readback::{Batch, Room},
@@ -199,6 +199,7 @@ impl GpuCulling {
         widening: &KinematicReach,
         slack: impl Fn(usize) -> f32,
     ) -> Result<(), GpuError> {
+        self.shapes.begin_step();
         if self.shapes.tidy() {
             self.statics = None;
         }
@@ -206,20 +207,25 @@ impl GpuCulling {
         let leaves = (input.bodies.len() as u32).next_power_of_two();
         let most = gpu.limits().max_compute_workgroups_per_dimension;
         gpu.require("workgroups", most.into(), leaves.div_ceil(WORKGROUP).into())?;
-        let bodies: Vec<_> = (0..)
+        let mut bodies: Vec<_> = (0..)
             .zip(&input.bodies)
             .map(|(index, body)| {
                 let margins = [widening.margin(input, index), slack(index)];
                 bodies::body(body, widening.is_awake(input, index), margins, &mut self.shapes)
             })
             .collect();
-        buffers.write(gpu, Slot::Bodies, cast_slice(&bodies))?;
         if self.statics != Some(known) {
             let still: Vec<_> = statics.bodies().iter().map(|body| bodies::still(body, &mut self.shapes)).collect();
             buffers.write(gpu, Slot::Statics, cast_slice(&still))?;
             buffers.write(gpu, Slot::StaticNodes, statics.bvh().bytes())?;
             self.statics = Some(known);
         }
+        for (body, laid) in input.bodies.iter().zip(&mut bodies) {
+            if let Some(shape) = body.solid.deforming() {
+                laid.shape = DEFORMING | self.shapes.add_deforming(shape);
+            }
+        }
+        buffers.write(gpu, Slot::Bodies, cast_slice(&bodies))?;
         self.shapes.upload(gpu, buffers)?;
 
         let space = most_of(bodies.len(), |index| bodies[index].position);

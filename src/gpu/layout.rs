@@ -9,6 +9,8 @@ use super::kinds::KINDS;
 pub(super) const OTHER_SHAPE: u32 = u32::MAX;
 /// Shape of a plain box.
 pub(super) const BOX_SHAPE: u32 = u32::MAX - 1;
+/// Flag of shapes whose spheres move within the step.
+pub(super) const DEFORMING: u32 = 1 << 30;
 /// Value of `rigid_body` for a body with a single shape.
 pub(super) const NO_RIGID_BODY: u64 = u64::MAX;
 /// Flag of statics among the sides of pairs.

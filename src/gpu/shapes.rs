@@ -1,6 +1,7 @@
-//! Medial meshes in the layout of the GPU. Each is uploaded once and shared by all bodies.
+//! Medial meshes in the layout of the GPU. Those of rigid bodies are uploaded once and shared by all bodies. Those whose spheres move within the step follow
+//! in the same lists, and are uploaded in each step.
 
-use std::collections::HashMap;
+use std::{array::from_fn, collections::HashMap};
 
 use bytemuck::cast_slice;
 
@@ -9,7 +10,10 @@ use super::{
     device::{GpuDevice, GpuError},
     layout::{self, NODE},
 };
-use crate::medial_axis::{MedialAxis, WeakMedialAxis, packed::PackedMedialMesh};
+use crate::{
+    medial_axis::{MedialAxis, WeakMedialAxis, packed::PackedMedialMesh},
+    pipeline::Deforming,
+};
 
 /// The shapes that have been uploaded.
 #[derive(Default)]
@@ -20,6 +24,8 @@ pub(super) struct Shapes {
     spheres: Vec<[f32; 4]>,
     primitives: Vec<[i32; 3]>,
     nodes: Vec<u8>,
+    /// Length of each list without the shapes of the last step.
+    kept: [usize; 4],
     /// Number of bytes of each list that have been uploaded.
     uploaded: [usize; 4],
 }
@@ -34,9 +40,33 @@ impl Shapes {
     }
 
     fn add(&mut self, axis: &MedialAxis) -> u32 {
+        debug_assert_eq!(self.kept[0], self.table.len(), "deforming shapes come last");
+        let index = self.push(axis);
+        self.kept = [self.table.len(), self.spheres.len(), self.primitives.len(), self.nodes.len()];
+        self.known.insert(axis.address(), (axis.downgrade(), index));
+        index
+    }
+
+    /// Adds a shape whose spheres move within the step, after all others, and returns its index. Its spheres are enlarged to contain their paths.
+    pub fn add_deforming(&mut self, shape: &Deforming) -> u32 {
+        self.push(&shape.cover())
+    }
+
+    /// Removes the shapes whose spheres moved within the last step.
+    pub fn begin_step(&mut self) {
+        let [table, spheres, primitives, nodes] = self.kept;
+        self.table.truncate(table);
+        self.spheres.truncate(spheres);
+        self.primitives.truncate(primitives);
+        self.nodes.truncate(nodes);
+        let bytes = self.lists().map(|(_, bytes)| bytes.len());
+        self.uploaded = from_fn(|list| self.uploaded[list].min(bytes[list]));
+    }
+
+    fn push(&mut self, axis: &MedialAxis) -> u32 {
         let PackedMedialMesh { spheres, primitives } = PackedMedialMesh::new(axis);
-        let index = self.table.len() as u32;
         let nodes = axis.bvh().bytes();
+        let index = self.table.len() as u32;
         self.table.push(layout::Shape {
             spheres: self.spheres.len() as u32,
             primitives: self.primitives.len() as u32,
@@ -47,7 +77,6 @@ impl Shapes {
         self.spheres.extend(spheres);
         self.primitives.extend(primitives);
         self.nodes.extend_from_slice(nodes);
-        self.known.insert(axis.address(), (axis.downgrade(), index));
         index
     }
 
@@ -68,19 +97,22 @@ impl Shapes {
 
     /// Uploads new data.
     pub fn upload(&mut self, gpu: &GpuDevice, buffers: &mut Buffers) -> Result<(), GpuError> {
-        let lists: [(Slot, &[u8]); 4] = [
+        for (list, (slot, bytes)) in self.lists().into_iter().enumerate() {
+            if bytes.len() > self.uploaded[list] {
+                buffers.append(gpu, slot, bytes, self.uploaded[list])?;
+            }
+        }
+        self.uploaded = self.lists().map(|(_, bytes)| bytes.len());
+        Ok(())
+    }
+
+    fn lists(&self) -> [(Slot, &[u8]); 4] {
+        [
             (Slot::Shapes, cast_slice(&self.table)),
             (Slot::Spheres, cast_slice(&self.spheres)),
             (Slot::Primitives, cast_slice(&self.primitives)),
             (Slot::ShapeNodes, &self.nodes),
-        ];
-        for ((slot, bytes), uploaded) in lists.into_iter().zip(&mut self.uploaded) {
-            if bytes.len() > *uploaded {
-                buffers.append(gpu, slot, bytes, *uploaded)?;
-                *uploaded = bytes.len();
-            }
-        }
-        Ok(())
+        ]
     }
 }
 

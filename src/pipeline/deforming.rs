@@ -82,6 +82,19 @@ impl Deforming {
         self.earlier.get(number).map_or(self.axis.spheres(), Vec::as_slice)
     }
 
+    /// Returns a shape at rest that contains this one during the whole step.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn cover(&self) -> MedialAxis {
+        let cover = |sphere: usize| {
+            let knots = || (0..=self.earlier.len()).map(|knot| self.knot(knot)[sphere]);
+            let center = Aabb::from_spheres(knots()).center();
+            let path = knots().map(|sphere| sphere.center.distance(center)).fold(0.0, f32::max);
+            // The largest radius counts at all knots: see `MovingHull`.
+            Sphere::new(center, path + knots().map(|sphere| sphere.radius).fold(0.0, f32::max))
+        };
+        self.axis.with_spheres((0..self.axis.spheres().len()).map(cover).collect())
+    }
+
     /// Returns the hierarchy over the boxes that the primitives sweep.
     fn swept(&self) -> &Bvh {
         if self.earlier.is_empty() {
