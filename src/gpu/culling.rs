@@ -28,22 +28,18 @@ use super::{
     GpuCapacity, GpuDevice, GpuError, bodies,
     buffers::{Buffers, Slot},
     kinds::KINDS,
-    layout::{CANDIDATE, CHORD, Counters, DEFORMING, NODE, PAIR_CHORD, Pair, Params, SWEPT, Survivor},
+    layout::{self, CANDIDATE, CHORD, Counters, DEFORMING, NODE, PAIR_CHORD, Pair, Params, SWEPT, Survivor},
     pass::Pass,
     passes::{Bound, KEY, Passes, SORT_BLOCK, TREE_BLOCK, UNIFORM, WORKGROUP, exchanges},
     readback::{Batch, Room},
     shapes::Shapes,
+    space::most_of,
     timer::Timer,
 };
 use crate::{
     constants::LINEAR_SLOP,
-    geometry::Aabb,
     pipeline::{Candidates, KinematicReach, Statics, StepInput},
-    random::GOLDEN_TURN,
 };
-
-/// Approximate number of bodies from which the box around most bodies is estimated.
-const SAMPLED: usize = 512;
 
 /// Number of passes whose times are measured.
 const PASSES: u32 = 7;
@@ -199,35 +195,11 @@ impl GpuCulling {
         widening: &KinematicReach,
         slack: impl Fn(usize) -> f32,
     ) -> Result<(), GpuError> {
-        self.shapes.begin_step();
-        if self.shapes.tidy() {
-            self.statics = None;
-        }
-        let (gpu, buffers) = (&self.gpu, &mut self.buffers);
         let leaves = (input.bodies.len() as u32).next_power_of_two();
-        let most = gpu.limits().max_compute_workgroups_per_dimension;
-        gpu.require("workgroups", most.into(), leaves.div_ceil(WORKGROUP).into())?;
-        let mut bodies: Vec<_> = (0..)
-            .zip(&input.bodies)
-            .map(|(index, body)| {
-                let margins = [widening.margin(input, index), slack(index)];
-                bodies::body(body, widening.is_awake(input, index), margins, &mut self.shapes)
-            })
-            .collect();
-        if self.statics != Some(known) {
-            let still: Vec<_> = statics.bodies().iter().map(|body| bodies::still(body, &mut self.shapes)).collect();
-            buffers.write(gpu, Slot::Statics, cast_slice(&still))?;
-            buffers.write(gpu, Slot::StaticNodes, statics.bvh().bytes())?;
-            self.statics = Some(known);
-        }
-        for (body, laid) in input.bodies.iter().zip(&mut bodies) {
-            if let Some(shape) = body.solid.deforming() {
-                laid.shape = DEFORMING | self.shapes.add_deforming(shape);
-            }
-        }
-        buffers.write(gpu, Slot::Bodies, cast_slice(&bodies))?;
-        self.shapes.upload(gpu, buffers)?;
-
+        let most = self.gpu.limits().max_compute_workgroups_per_dimension;
+        self.gpu.require("workgroups", most.into(), leaves.div_ceil(WORKGROUP).into())?;
+        let bodies = self.write_bodies(input, statics, known, widening, slack)?;
+        let (gpu, buffers) = (&self.gpu, &mut self.buffers);
         let space = most_of(bodies.len(), |index| bodies[index].position);
         // If all bodies are at one place, the cells are as small as possible with a finite number per metre.
         let size = (space.max - space.min).max(Vec3::splat(1e-30));
@@ -256,6 +228,41 @@ impl GpuCulling {
         self.reserve(leaves)?;
         self.bind(leaves);
         Ok(())
+    }
+
+    /// Writes bodies, new statics and new shapes. The shapes of deforming bodies are written after all others, because they change in each step.
+    fn write_bodies(
+        &mut self,
+        input: &StepInput,
+        statics: &Statics,
+        known: (u64, u32),
+        widening: &KinematicReach,
+        slack: impl Fn(usize) -> f32,
+    ) -> Result<Vec<layout::Body>, GpuError> {
+        let Self { gpu, buffers, shapes, .. } = self;
+        shapes.begin_step();
+        if shapes.tidy() {
+            self.statics = None;
+        }
+        let laid_out = (0..).zip(&input.bodies).map(|(index, body)| {
+            let margins = [widening.margin(input, index), slack(index)];
+            bodies::body(body, widening.is_awake(input, index), margins, shapes)
+        });
+        let mut laid_out: Vec<_> = laid_out.collect();
+        if self.statics != Some(known) {
+            let still: Vec<_> = statics.bodies().iter().map(|body| bodies::still(body, shapes)).collect();
+            buffers.write(gpu, Slot::Statics, cast_slice(&still))?;
+            buffers.write(gpu, Slot::StaticNodes, statics.bvh().bytes())?;
+            self.statics = Some(known);
+        }
+        for (body, laid_out) in input.bodies.iter().zip(&mut laid_out) {
+            if let Some(shape) = body.solid.deforming() {
+                laid_out.shape = DEFORMING | shapes.add_deforming(shape);
+            }
+        }
+        buffers.write(gpu, Slot::Bodies, cast_slice(&laid_out))?;
+        shapes.upload(gpu, buffers)?;
+        Ok(laid_out)
     }
 
     /// Reserves the buffers that the passes write.
@@ -382,69 +389,5 @@ impl GpuCulling {
     }
 }
 
-/// Returns a box around most of the points. A few distant points would otherwise put all others into one cell.
-fn most_of(count: usize, point: impl Fn(usize) -> Vec3) -> Aabb {
-    // Regular steps could coincide with a grid on which the bodies were spawned.
-    let scattered = |i: usize| (i as f64 * GOLDEN_TURN).fract() * count as f64;
-    let sampled = count.min(SAMPLED);
-    let sample: Vec<Vec3> =
-        (0..sampled).map(|i| point(if sampled == count { i } else { scattered(i) as usize })).collect();
-    let Some(last) = sampled.checked_sub(1) else { return Aabb::EMPTY };
-    let [low, high] = [last / 32, last - last / 32].map(|rank| {
-        Vec3::from(std::array::from_fn(|axis| {
-            let mut along: Vec<f32> = sample.iter().map(|point| point[axis]).collect();
-            *along.select_nth_unstable_by(rank, f32::total_cmp).1
-        }))
-    });
-    Aabb { min: low, max: high }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{
-        geometry::{Pose3, Sweep},
-        medial_axis::MedialAxis,
-        pipeline::{Body, Shape},
-    };
-
-    #[test]
-    fn a_few_far_off_do_not_tell_where_most_are() {
-        let place = |i: u32| Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32);
-        for (count, far) in [(1000, 0), (1000, 5), (10_000, 5), (3, 0), (1, 0)] {
-            let point = |i: usize| if i % 997 < far { Vec3::splat(-1e6) } else { place(i as u32 % 1000) };
-            let Aabb { min, max } = most_of(count, point);
-            assert!(min.min_element() >= 0.0 && max.max_element() < 10.0 && (max - min).min_element() >= 0.0);
-            assert!(count < 1000 || (max - min).min_element() > 6.0, "{count}, {far}: {min} to {max}");
-        }
-        let Aabb { min, max } = most_of(0, |_| Vec3::ZERO);
-        assert!(min.cmpgt(max).all());
-    }
-
-    /// Two batches are in progress when buffers turn out to be too small, as in pipelined mode.
-    #[test]
-    fn a_batch_from_before_buffers_grew_is_not_taken() {
-        let gpu = match GpuDevice::request() {
-            Ok(gpu) => gpu,
-            Err(error) if std::env::var_os("MEDIAL_REQUIRE_GPU").is_some() => panic!("{error}"),
-            Err(_) => return,
-        };
-        let shape = Shape { axis: MedialAxis::torus(0.5, 0.1, 24).unwrap(), scale: 1.0 };
-        let body = |x: f32| Body::new(shape.clone(), Sweep::at_rest(Pose3::from_translation(Vec3::X * x)));
-        let input = StepInput { bodies: vec![body(0.0), body(0.1)], prediction: 0.01, ..Default::default() };
-        let capacity = GpuCapacity { candidates: [1; KINDS], ..GpuCapacity::default() };
-        let mut culling = GpuCulling::new(&gpu, capacity).unwrap();
-        culling.upload(&input, &Statics::default(), &KinematicReach::new(&input), |_| 0.0).unwrap();
-        let taken = [(); 2].map(|()| {
-            let mut encoder = gpu.device.create_command_encoder(&Default::default());
-            let batch = culling.encode(&mut encoder).unwrap();
-            let data = gpu.read(&batch.staging, batch.bytes, gpu.queue.submit([encoder.finish()])).unwrap();
-            (batch, data)
-        });
-        assert!(Room::counts(&taken[0].1).candidates[0] > 1);
-        for (batch, data) in taken {
-            assert!(culling.take(batch, &data).is_none(), "a batch without all candidates was taken");
-        }
-        assert_eq!(culling.cull(&input, &Statics::default()).unwrap().len(), 1);
-    }
-}
+mod tests;

@@ -23,6 +23,7 @@ mod passes;
 mod prediction;
 mod readback;
 mod shapes;
+mod space;
 mod timer;
 
 pub use capacity::GpuCapacity;

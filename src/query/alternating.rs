@@ -3,8 +3,9 @@
 use glam::{DVec3, Vec3};
 
 use super::{
+    moving::{Moving, MovingConvex},
     separation::{Convex, separation},
-    time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus},
+    time_of_impact::{TimeOfImpact, TimeOfImpactStatus},
 };
 use crate::geometry::Sphere;
 

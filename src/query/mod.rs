@@ -13,6 +13,7 @@
 mod alternating;
 mod batch;
 mod branchless;
+mod moving;
 mod nearest;
 pub(crate) mod number;
 mod ray;
@@ -25,8 +26,9 @@ pub use alternating::alternating;
 // For measurements only: a step searches its pairs one by one.
 #[doc(hidden)]
 pub use batch::{MovingPair, Touch, times_of_impact};
+pub use moving::{Moving, MovingConvex};
 pub use ray::{RayHit, ray_cast};
 pub use rigid::{Chord, Rigid, RigidStart, rigid_end, rigid_impact, rigid_start};
 pub use separation::{Convex, Cuboid, Separation, separation};
 pub use support::{Support, SupportShape};
-pub use time_of_impact::{Moving, MovingConvex, TimeOfImpact, TimeOfImpactStatus, time_of_impact};
+pub use time_of_impact::{TimeOfImpact, TimeOfImpactStatus, time_of_impact};

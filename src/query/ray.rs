@@ -3,8 +3,9 @@
 use glam::Vec3;
 
 use super::{
+    moving::Moving,
     separation::Convex,
-    time_of_impact::{Moving, TimeOfImpactStatus, time_of_impact},
+    time_of_impact::{TimeOfImpactStatus, time_of_impact},
 };
 use crate::geometry::Sphere;
 

@@ -3,9 +3,10 @@
 use glam::Vec3;
 
 use super::{
+    moving::{Moving, MovingConvex},
     separation::{Cuboid, Separation},
     support::Support,
-    time_of_impact::{Moving, MovingConvex, TimeOfImpact, start, time_of_depth},
+    time_of_impact::{TimeOfImpact, start, time_of_depth},
 };
 use crate::geometry::{Placement, Sphere, Sweep};
 

@@ -15,7 +15,7 @@ use bevy_rapier3d::{
 
 use super::{context::Context, snapshot::RapierStep};
 use crate::{
-    constants::{MAX_SUBSTEPS, SUBSTEP_DISPLACEMENT},
+    constants::{MAX_ITERATIONS, SUBSTEP_DISPLACEMENT},
     geometry::Sweep,
     pipeline::{Displacement, Pair, Side},
     plugin::MedialStep,
@@ -50,7 +50,7 @@ pub(super) fn refine(
             continue;
         }
         let Ok(mut context) = contexts.get_mut(step.context(pair.first)) else { continue };
-        let substeps = ((displacement / SUBSTEP_DISPLACEMENT).ceil() as usize).min(MAX_SUBSTEPS);
+        let substeps = ((displacement / SUBSTEP_DISPLACEMENT).ceil() as usize).min(MAX_ITERATIONS as usize);
         let additional = substeps.saturating_sub(context.simulation.integration_parameters.num_solver_iterations);
         for side in sides {
             let collider = context.colliders.colliders.get(step.info(side).collider());

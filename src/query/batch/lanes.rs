@@ -5,8 +5,8 @@ use fearless_simd::{Simd, f32x4, f32x8, f32x16, prelude::*};
 use super::movers::Mover;
 use crate::query::{
     branchless::each,
+    moving::Moving,
     number::{Ball, Number, Vector},
-    time_of_impact::Moving,
 };
 
 /// A SIMD vector with one number per pair.

@@ -4,8 +4,8 @@ use crate::{
     constants::{CONTACT_ROUNDING, LEAST_SQUARE},
     query::{
         branchless::each,
+        moving::Moving,
         number::{Ball, Number, Vector},
-        time_of_impact::Moving,
     },
 };
 
