@@ -44,7 +44,7 @@ fn rotation_by(vector: vec3f) -> vec4f {
 const OTHER_SHAPE: u32 = 0xffffffffu;
 // Shape of a box with its middle at the centre of the bounding sphere.
 const BOX_SHAPE: u32 = 0xfffffffeu;
-// Flag of shapes whose spheres move within the step. They are second sides.
+// Flag of shapes whose spheres move within the step.
 const DEFORMING: u32 = 0x40000000u;
 // Value of `rigid_body` for a body with a single shape.
 const NO_RIGID_BODY: vec2u = vec2u(0xffffffffu);
@@ -117,7 +117,7 @@ struct Static {
     rigid_body: vec2u,
 }
 
-// Returns true for the shape of a medial mesh whose spheres move with their body. The first side of a pair has one.
+// Returns true for the shape of a medial mesh whose spheres move with their body. The first one of two bodies has such a shape.
 fn is_medial(shape: u32) -> bool {
     return shape < DEFORMING;
 }

@@ -46,8 +46,8 @@ pub const MAX_LANE_ADVANCES: f32 = 20.0;
 /// Smallest squared length of a usable direction, in square metres. Products of smaller numbers underflow.
 pub const LEAST_SQUARE: f32 = 1.0e-30;
 
-/// Iterations after which a search stops: for a time of impact, with the iteration limit as its result; for the nearest point of a surface, with the nearest one
-/// so far. It is also the largest number of substeps of the solver.
+/// Iterations after which a search stops: for a time of impact, with the iteration limit as its result; for the nearest point beyond planes, without a result.
+/// A step of the solver has at most as many substeps.
 pub const MAX_ITERATIONS: u32 = 1024;
 
 /// Smallest advance of a bound of the time of impact, as a fraction of a chord. A shorter one ends the search. With a smaller value, bounds are closer to
@@ -157,6 +157,10 @@ pub const MAX_PUSHES: u32 = 16;
 
 /// Distance in metres up to which contacts are reported without rapier. With rapier, its own setting applies.
 pub const DEFAULT_PREDICTION: f32 = 0.02;
+
+/// Iterations of the search for the surface point that is nearest to a point inside a shape. Few are needed unless surfaces meet at a sharp angle. With more,
+/// queries at such angles take longer; with fewer, another point of the surface is nearer.
+pub const PROJECTION_ITERATIONS: usize = 32;
 
 /// Largest relative displacement of bodies in contact within a substep of the solver, per metre of the smaller body's bounding radius. With a larger
 /// value, fast impacts transfer too little or too much momentum; with a smaller one, they cost more time.

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     geometry::Pose3,
-    pipeline::{Body, ConvexParts, Core, OtherShape, Side, Solid, StaticBody},
+    pipeline::{Body, ConvexParts, Core, Deforming, OtherShape, Side, Solid, StaticBody},
 };
 
 /// Returns the first of these bodies and statics whose numbers, as far as the passes use them, are NaN or infinite.
@@ -16,7 +16,10 @@ pub(super) fn not_finite(bodies: &[Body], statics: &[StaticBody]) -> Option<Side
     let is_finite = |body: &Body| {
         let sweep = &body.sweep;
         let vectors = [sweep.translation, sweep.rotation, sweep.local_center];
-        is_finite_solid(&body.solid) && is_finite_pose(&sweep.start) && vectors.into_iter().all(Vec3::is_finite)
+        is_finite_solid(&body.solid)
+            && body.solid.deforming().is_none_or(Deforming::is_finite)
+            && is_finite_pose(&sweep.start)
+            && vectors.into_iter().all(Vec3::is_finite)
     };
     let is_finite_static = |body: &StaticBody| is_finite_solid(&body.solid) && is_finite_pose(&body.pose);
     let body = bodies.iter().position(|body| !is_finite(body)).map(|i| Side::Body(i as u32));
@@ -32,8 +35,8 @@ fn is_finite_solid(solid: &Solid) -> bool {
     bound.center.is_finite() && bound.radius.is_finite()
 }
 
-/// Layout of a body. The shape of a deforming body is set later, because it is replaced in each step. `margin`: distance from its bounding sphere within which it may meet others, in metres. `slack`: largest deviation from its
-/// path, in metres.
+/// Layout of a body. `margin`: distance from its bounding sphere within which it may meet others, in metres. `slack`: largest deviation from its
+/// path, in metres. The shape of a deforming body is set later, because it is replaced in each step.
 pub(super) fn body(body: &Body, is_awake: bool, [margin, slack]: [f32; 2], shapes: &mut Shapes) -> layout::Body {
     let sweep = &body.sweep;
     let bound = body.solid.bounding_sphere();

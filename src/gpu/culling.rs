@@ -16,7 +16,7 @@
 //! would find, and few others. The remaining pairs, a few primitive pairs for each body pair, go to the CPU's narrow phase. So impacts, stops and
 //! contacts are the same as with culling on the CPU.
 //!
-//! Pairs with colliders other than medial meshes and boxes are found here too. The CPU finds their primitives.
+//! Second sides are medial meshes, also deforming ones, and boxes. Pairs with other colliders are found here too. The CPU finds their primitives.
 
 use std::time::Duration;
 
@@ -38,7 +38,7 @@ use super::{
 };
 use crate::{
     constants::LINEAR_SLOP,
-    pipeline::{Candidates, KinematicReach, Statics, StepInput},
+    pipeline::{Candidates, Deforming, KinematicReach, Statics, StepInput},
 };
 
 /// Number of passes whose times are measured.
@@ -129,7 +129,7 @@ impl GpuCulling {
         self.capacity
     }
 
-    /// Number of bytes uploaded so far: in each step the bodies with their motion, and new shapes and statics.
+    /// Number of bytes uploaded so far: in each step the bodies with their motion and the deforming shapes, and new shapes and statics.
     pub fn uploaded(&self) -> u64 {
         self.buffers.written
     }
@@ -255,8 +255,10 @@ impl GpuCulling {
             buffers.write(gpu, Slot::StaticNodes, statics.bvh().bytes())?;
             self.statics = Some(known);
         }
-        for (body, laid_out) in input.bodies.iter().zip(&mut laid_out) {
-            if let Some(shape) = body.solid.deforming() {
+        for (index, (body, laid_out)) in input.bodies.iter().zip(&mut laid_out).enumerate() {
+            // Bodies deviate from their paths only in a look-ahead. The motion of the spheres beyond this step is not known there.
+            let is_known = |shape: &&Deforming| slack(index) == 0.0 || shape.path() == 0.0;
+            if let Some(shape) = body.solid.deforming().filter(is_known) {
                 laid_out.shape = DEFORMING | shapes.add_deforming(shape);
             }
         }

@@ -309,6 +309,7 @@ mod tests {
         for (name, value) in [
             ("OTHER_SHAPE", OTHER_SHAPE),
             ("BOX_SHAPE", BOX_SHAPE),
+            ("DEFORMING", DEFORMING),
             ("NO_RIGID_BODY", NO_RIGID_BODY as u32),
             ("STATIC", STATIC),
             ("UNKNOWN", UNKNOWN),

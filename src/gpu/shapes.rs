@@ -1,5 +1,5 @@
-//! Medial meshes in the layout of the GPU. Those of rigid bodies are uploaded once and shared by all bodies. Those whose spheres move within the step follow
-//! in the same lists, and are uploaded in each step.
+//! Medial meshes in the layout of the GPU. The shape of a rigid body is uploaded once and shared by all bodies. Deforming shapes follow in the same lists and
+//! are uploaded in each step.
 
 use std::{array::from_fn, collections::HashMap};
 
@@ -24,7 +24,7 @@ pub(super) struct Shapes {
     spheres: Vec<[f32; 4]>,
     primitives: Vec<[i32; 3]>,
     nodes: Vec<u8>,
-    /// Length of each list without the shapes of the last step.
+    /// Length of each list without deforming shapes.
     kept: [usize; 4],
     /// Number of bytes of each list that have been uploaded.
     uploaded: [usize; 4],
@@ -47,12 +47,12 @@ impl Shapes {
         index
     }
 
-    /// Adds a shape whose spheres move within the step, after all others, and returns its index. Its spheres are enlarged to contain their paths.
+    /// Adds a deforming shape after all others, and returns its index. Its spheres are enlarged to contain their paths.
     pub fn add_deforming(&mut self, shape: &Deforming) -> u32 {
-        self.push(&shape.cover())
+        if shape.path() == 0.0 { self.push(shape.axis()) } else { self.push(&shape.cover()) }
     }
 
-    /// Removes the shapes whose spheres moved within the last step.
+    /// Removes the deforming shapes of the last step.
     pub fn begin_step(&mut self) {
         let [table, spheres, primitives, nodes] = self.kept;
         self.table.truncate(table);
@@ -133,6 +133,12 @@ mod tests {
         let gone = [10, 12, 14].map(&mut make);
         assert_eq!((kept.1, kept.2, gone[2].2), (0, 1, 7));
         assert!(!shapes.tidy(), "shapes in use were dropped");
+        let lengths = |shapes: &Shapes| shapes.lists().map(|(_, bytes)| bytes.len());
+        let before = lengths(&shapes);
+        let deforming = Deforming::new(&MedialAxis::torus(0.3, 0.1, 8).unwrap(), Vec::new());
+        assert_eq!([0, 1].map(|_| shapes.add_deforming(&deforming)), [8, 9]);
+        shapes.begin_step();
+        assert_eq!(lengths(&shapes), before);
         let spheres = shapes.spheres.len();
         drop(gone);
         assert!(shapes.tidy() && shapes.known.len() == 2 && shapes.spheres.len() < spheres / 2);

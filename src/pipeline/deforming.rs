@@ -82,7 +82,14 @@ impl Deforming {
         self.earlier.get(number).map_or(self.axis.spheres(), Vec::as_slice)
     }
 
-    /// Returns a shape at rest that contains this one during the whole step.
+    /// Returns false if a sphere is NaN or infinite at a knot.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn is_finite(&self) -> bool {
+        let mut spheres = self.earlier.iter().flatten().chain(self.axis.spheres());
+        spheres.all(|sphere| sphere.center.is_finite() && sphere.radius.is_finite())
+    }
+
+    /// Returns a shape at rest that contains this one during the whole step, up to rounding.
     #[cfg(feature = "gpu")]
     pub(crate) fn cover(&self) -> MedialAxis {
         let cover = |sphere: usize| {

@@ -3,7 +3,8 @@
 use super::{Statics, StepInput, pairs::BodyPair};
 use crate::constants::{CHORD_TOLERANCE, CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP};
 
-/// Returns the overlap that a contact may gain in a step, in metres. `size`: bounding radius of the smaller body, in metres.
+/// Returns the overlap that a contact may gain in a step, in metres. `size`: bounding radius of the body, or of the smaller
+/// one of a pair, in metres.
 pub(super) fn slop(length_unit: f32, size: f32) -> f32 {
     (LINEAR_SLOP * length_unit).min(KNOWN_OVERLAP * size)
 }

@@ -112,11 +112,13 @@ fn a_fight_with_a_skinned_shape_has_the_same_bits_as_on_the_cpu() {
         let mut settings = app.world_mut().resource_mut::<MedialSettings>();
         (settings.backend, settings.pipelined) = (backend, pipelined);
         let end = fight(&mut app);
-        (end, app.world().resource::<MedialStep>().gpu_latency)
+        let step = app.world().resource::<MedialStep>();
+        (end, step.gpu_latency, step.gpu_departed)
     };
-    let (cpu, _) = run(app(), MedialBackend::Cpu, false);
-    let (waiting, latency) = run(app(), MedialBackend::Gpu, false);
+    let (cpu, ..) = run(app(), MedialBackend::Cpu, false);
+    let (waiting, latency, _) = run(app(), MedialBackend::Gpu, false);
     assert!(cpu == waiting && latency == Some(0), "{latency:?}");
-    let (ahead, latency) = run(rendering_app(DT), MedialBackend::Gpu, true);
-    assert!(cpu == ahead && latency.is_some_and(|steps| steps > 0), "{latency:?}");
+    // The CPU finds the pairs of a character that moves.
+    let (ahead, latency, departed) = run(rendering_app(DT), MedialBackend::Gpu, true);
+    assert!(cpu == ahead && latency.is_some_and(|steps| steps > 0) && departed > 0, "{latency:?}, {departed}");
 }
