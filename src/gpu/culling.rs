@@ -38,7 +38,7 @@ use super::{
 };
 use crate::{
     constants::LINEAR_SLOP,
-    pipeline::{Candidates, Deforming, KinematicReach, Statics, StepInput},
+    pipeline::{Candidates, KinematicReach, Statics, StepInput},
 };
 
 /// Number of passes whose times are measured.
@@ -169,14 +169,16 @@ impl GpuCulling {
         widening: &KinematicReach,
         slack: impl Fn(usize) -> f32,
     ) -> Result<(), GpuError> {
-        let known = (statics.id(), statics.bodies().len() as u32);
-        let new_statics = (self.statics != Some(known)).then(|| statics.bodies());
+        let new_statics = (self.statics != Some(key(statics))).then(|| statics.bodies());
         if let Some(side) = bodies::not_finite(&input.bodies, new_statics.unwrap_or_default()) {
             return Err(GpuError::NotFinite(side));
         }
         let gpu = self.gpu.clone();
         let written = gpu
-            .checked(format_args!("the bodies of a step"), |_| self.write(input, statics, known, widening, slack))
+            .checked(format_args!("the bodies of a step"), |_| {
+                let bodies = self.write_bodies(input, statics, widening, slack)?;
+                self.write_params(input, statics, &bodies)
+            })
             .flatten();
         if written.is_err() {
             // The content of the device's buffers is unknown. The next step may be smaller.
@@ -187,19 +189,12 @@ impl GpuCulling {
         written
     }
 
-    fn write(
-        &mut self,
-        input: &StepInput,
-        statics: &Statics,
-        known: (u64, u32),
-        widening: &KinematicReach,
-        slack: impl Fn(usize) -> f32,
-    ) -> Result<(), GpuError> {
-        let leaves = (input.bodies.len() as u32).next_power_of_two();
-        let most = self.gpu.limits().max_compute_workgroups_per_dimension;
-        self.gpu.require("workgroups", most.into(), leaves.div_ceil(WORKGROUP).into())?;
-        let bodies = self.write_bodies(input, statics, known, widening, slack)?;
+    /// Writes the parameters of the passes, and reserves and binds their buffers.
+    fn write_params(&mut self, input: &StepInput, statics: &Statics, bodies: &[layout::Body]) -> Result<(), GpuError> {
         let (gpu, buffers) = (&self.gpu, &mut self.buffers);
+        let leaves = (bodies.len() as u32).next_power_of_two();
+        let most = gpu.limits().max_compute_workgroups_per_dimension;
+        gpu.require("workgroups", most.into(), leaves.div_ceil(WORKGROUP).into())?;
         let space = most_of(bodies.len(), |index| bodies[index].position);
         // If all bodies are at one place, the cells are as small as possible with a finite number per metre.
         let size = (space.max - space.min).max(Vec3::splat(1e-30));
@@ -235,10 +230,10 @@ impl GpuCulling {
         &mut self,
         input: &StepInput,
         statics: &Statics,
-        known: (u64, u32),
         widening: &KinematicReach,
         slack: impl Fn(usize) -> f32,
     ) -> Result<Vec<layout::Body>, GpuError> {
+        let known = key(statics);
         let Self { gpu, buffers, shapes, .. } = self;
         shapes.begin_step();
         if shapes.tidy() {
@@ -255,10 +250,8 @@ impl GpuCulling {
             buffers.write(gpu, Slot::StaticNodes, statics.bvh().bytes())?;
             self.statics = Some(known);
         }
-        for (index, (body, laid_out)) in input.bodies.iter().zip(&mut laid_out).enumerate() {
-            // Bodies deviate from their paths only in a look-ahead. The motion of the spheres beyond this step is not known there.
-            let is_known = |shape: &&Deforming| slack(index) == 0.0 || shape.path() == 0.0;
-            if let Some(shape) = body.solid.deforming().filter(is_known) {
+        for (body, laid_out) in input.bodies.iter().zip(&mut laid_out) {
+            if let Some(shape) = body.solid.deforming() {
                 laid_out.shape = DEFORMING | shapes.add_deforming(shape);
             }
         }
@@ -389,6 +382,11 @@ impl GpuCulling {
         let bound = Bound::new(&self.gpu, &self.passes, &self.buffers, leaves, &steps);
         self.bound = Some((generation, leaves, bound));
     }
+}
+
+/// Returns the identifier and the number of statics.
+fn key(statics: &Statics) -> (u64, u32) {
+    (statics.id(), statics.bodies().len() as u32)
 }
 
 #[cfg(test)]

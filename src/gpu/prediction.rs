@@ -28,7 +28,8 @@ pub struct Prediction {
 }
 
 impl Prediction {
-    /// Predicts the steps after a step. Each body continues its motion of that step, from its pose at the end. `keys` identify the bodies across steps.
+    /// Predicts the steps after a step. Each body continues its motion of that step, from its pose at the end. `keys` identify the bodies across steps. Bodies whose
+    /// spheres moved are left out, because their next pose is not known.
     pub fn new(
         input: &StepInput,
         statics: &Statics,
@@ -40,10 +41,14 @@ impl Prediction {
         for (index, body) in (0..).zip(&mut input.bodies) {
             body.sweep = continued(&body.sweep, end_of(index));
         }
+        let is_rigid = |body: &Body| body.solid.deforming().is_none_or(|shape| shape.path() == 0.0);
+        let bodies = std::mem::take(&mut input.bodies).into_iter().zip(keys);
+        let (bodies, keys): (Vec<Body>, Vec<u64>) = bodies.filter(|(body, _)| is_rigid(body)).unzip();
+        input.bodies = bodies;
         let slack = |body: &Body| LOOK_AHEAD_SLACK * body.solid.bounding_sphere().radius + input.prediction;
         Self {
             slack: input.bodies.iter().map(slack).collect(),
-            bodies: keys.zip(0..).collect(),
+            bodies: keys.into_iter().zip(0..).collect(),
             statics: statics.clone(),
             input,
             after: number,

@@ -31,6 +31,13 @@ pub fn run_on_gpu(culling: &mut GpuCulling, input: &StepInput, statics: &Statics
     step_from_candidates(input, statics, candidates, |_, _| PairFilter::Stopping, pool())
 }
 
+/// Culls a step and returns the number of bytes that it uploads.
+pub fn uploaded(culling: &mut GpuCulling, input: &StepInput, statics: &Statics) -> u64 {
+    let before = culling.uploaded();
+    culling.cull(input, statics).unwrap();
+    culling.uploaded() - before
+}
+
 /// Compares the GPU with the CPU and with itself on random steps. Returns the numbers of impacts, contacts, stops and pairs.
 pub fn compare(
     culling: &mut GpuCulling,
@@ -111,11 +118,7 @@ fn shapes_are_uploaded_once() {
     let (mut input, statics) = random_step(&mut Random(2), 40, 10, 2.0, Vec3::ZERO);
     // Otherwise bodies push each other along, and a step is culled more than once.
     input.bodies.iter_mut().for_each(|body| body.stops = body.active);
-    let mut uploaded = |input: &StepInput| {
-        let before = culling.uploaded();
-        culling.cull(input, &statics).unwrap();
-        culling.uploaded() - before
-    };
+    let mut uploaded = |input: &StepInput| uploaded(&mut culling, input, &statics);
     let shapes = uploaded(&input);
     let poses = uploaded(&input);
     assert!(poses <= 112 + 144 * 40 && shapes > poses + 1000, "{shapes} bytes, then {poses}");
