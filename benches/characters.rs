@@ -111,9 +111,9 @@ fn cost(quick: bool, put: Put) -> Result<(), Box<dyn Error>> {
         put("pairs in contact, rigid", case, pairs[1], "");
         put("pairs in contact, skinned", case, pairs[2], "");
         put("cost of the skinned shapes", case, skinned - joints, "ms");
-        put("the same, processor time", case, processor[2] - processor[0], "ms");
+        put("cost, processor time", case, processor[2] - processor[0], "ms");
         put("skinned over rigid, update", case, skinned / rigid, "");
-        put("the same, processor time", case, processor[2] / processor[1], "");
+        put("skinned over rigid, processor time", case, processor[2] / processor[1], "");
     }
     Ok(())
 }

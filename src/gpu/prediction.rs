@@ -41,7 +41,7 @@ impl Prediction {
         for (index, body) in (0..).zip(&mut input.bodies) {
             body.sweep = continued(&body.sweep, end_of(index));
         }
-        let is_rigid = |body: &Body| body.solid.deforming().is_none_or(|shape| shape.path() == 0.0);
+        let is_rigid = |body: &Body| body.solid.deforming().is_none_or(|shape| !shape.is_moving());
         let bodies = std::mem::take(&mut input.bodies).into_iter().zip(keys);
         let (bodies, keys): (Vec<Body>, Vec<u64>) = bodies.filter(|(body, _)| is_rigid(body)).unzip();
         input.bodies = bodies;

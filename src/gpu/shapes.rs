@@ -49,7 +49,7 @@ impl Shapes {
 
     /// Adds a deforming shape after all others, and returns its index. Its spheres are enlarged to contain their paths.
     pub fn add_deforming(&mut self, shape: &Deforming) -> u32 {
-        if shape.path() == 0.0 { self.push(shape.axis()) } else { self.push(&shape.cover()) }
+        self.push(&shape.cover())
     }
 
     /// Removes the deforming shapes of the last step.

@@ -78,6 +78,11 @@ impl Deforming {
         self.path
     }
 
+    /// Returns true if a sphere moves or changes its size within the step.
+    pub fn is_moving(&self) -> bool {
+        self.path > 0.0
+    }
+
     fn knot(&self, number: usize) -> &[Sphere] {
         self.earlier.get(number).map_or(self.axis.spheres(), Vec::as_slice)
     }
@@ -92,6 +97,9 @@ impl Deforming {
     /// Returns a shape at rest that contains this one during the whole step, up to rounding.
     #[cfg(feature = "gpu")]
     pub(crate) fn cover(&self) -> MedialAxis {
+        if !self.is_moving() {
+            return self.axis.clone();
+        }
         let cover = |sphere: usize| {
             let knots = || (0..=self.earlier.len()).map(|knot| self.knot(knot)[sphere]);
             let center = Aabb::from_spheres(knots()).center();

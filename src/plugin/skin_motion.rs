@@ -53,7 +53,7 @@ impl SkinPose {
         let before = if is_due { &self.before } else { &self.poses };
         let is_known = axis.address() == self.bound.axis.address();
         let rests = self.poses == *before && is_known && frame.is_none_or(|frame| frame == self.frame);
-        if rests && self.shape.path() == 0.0 {
+        if rests && !self.shape.is_moving() {
             return None;
         }
         // Another level of detail has other spheres.

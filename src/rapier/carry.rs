@@ -64,7 +64,7 @@ fn touches<'a>(step: &'a MedialStep, pair: &'a Pair) -> impl Iterator<Item = Tou
 fn pushes(step: &MedialStep, pair: &Pair) -> bool {
     let (Side::Body(first), Side::Body(second)) = (pair.first, pair.second) else { return false };
     let [first, second] = [first, second].map(|body| &step.input.bodies[body as usize]);
-    let moves = second.solid.deforming().is_some_and(|shape| shape.path() > 0.0);
+    let moves = second.solid.deforming().is_some_and(|shape| shape.is_moving());
     moves && first.stops && !first.sensor && !second.sensor && first.stop_groups.test(&second.stop_groups)
 }
 

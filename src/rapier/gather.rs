@@ -230,7 +230,7 @@ impl Gather<'_, '_, '_> {
     ) {
         let World { index, context, running, .. } = *world;
         let body = context.body(collider);
-        let (pose, moves) = (collider_pose(collider, body), skin.path() > 0.0);
+        let (pose, moves) = (collider_pose(collider, body), skin.is_moving());
         let is_known = last.is_some_and(|(info, body)| info.asleep && body.sweep.end == pose);
         let next_dt = to_come(&self.rapier.mode, &self.rapier.time);
         let next = body.map(|body| displacement(collider, body, context.configuration.gravity, next_dt));
