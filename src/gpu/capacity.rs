@@ -43,9 +43,9 @@ impl GpuCapacity {
         }
     }
 
-    /// Returns a sufficient capacity for these counts, if this one is too small.
+    /// Returns a capacity of twice the counts that do not fit into this one. `None` if all fit.
     pub(super) fn for_counts(&self, counts: &Counters) -> Option<Self> {
-        let larger = |room: u32, count: u32| if count > room { count.saturating_add(count / 4) } else { room };
+        let larger = |room: u32, count: u32| if count > room { count.saturating_mul(2) } else { room };
         let needed = Self {
             pairs: larger(self.pairs, counts.pairs),
             chords: larger(self.chords, counts.chords),

@@ -9,10 +9,12 @@ use std::{
 use bevy::{asset::LoadState, prelude::*};
 use bevy_rapier3d::{
     parry::shape::{Compound, SharedShape},
-    plugin::context::{RapierContextColliders, RapierContextEntityLink, RapierRigidBodySet},
+    plugin::context::{RapierContextColliders, RapierContextEntityLink, RapierContextSimulation, RapierRigidBodySet},
     prelude::{ActiveHooks, Collider, ColliderScale, RapierColliderHandle, RapierRigidBodyHandle, RigidBody},
     rapier::{
-        dynamics::RigidBody as RapierBody, geometry::Collider as RapierCollider, pipeline::ActiveHooks as RapierHooks,
+        dynamics::{RigidBody as RapierBody, SpringCoefficients},
+        geometry::Collider as RapierCollider,
+        pipeline::ActiveHooks as RapierHooks,
     },
 };
 
@@ -291,6 +293,28 @@ pub(super) fn keep_contacts_fresh(
         if let Some(collider) = colliders.colliders.get_mut(handle.0) {
             collider.set_active_hooks(collider.active_hooks() | NO_RECYCLING);
         }
+    }
+}
+
+/// Marks a context that has had a medial shape.
+#[derive(Component)]
+pub(super) struct Stiff;
+
+/// Makes contacts between moving bodies as stiff as rapier's contacts with fixed bodies, once a context has a medial shape. With rapier's default a contact that
+/// carries several bodies is at rest at an overlap that impacts do not allow, so the bodies of a pile would stop in every step. A frequency or damping that is
+/// not rapier's default is kept.
+pub(super) fn stiffen_contacts(
+    mut commands: Commands,
+    changed: Query<(&RapierContextEntityLink, &Collider), Or<(Added<RapierColliderHandle>, Changed<Collider>)>>,
+    mut contexts: Query<&mut RapierContextSimulation, Without<Stiff>>,
+) {
+    for (link, _) in changed.iter().filter(|(_, shape)| shape.raw.as_shape::<MedialShape>().is_some()) {
+        let Ok(mut simulation) = contexts.get_mut(link.0) else { continue };
+        let parameters = &mut simulation.integration_parameters;
+        if parameters.contact_softness == SpringCoefficients::contact_defaults() {
+            parameters.contact_softness = parameters.static_contact_softness;
+        }
+        commands.entity(link.0).try_insert(Stiff);
     }
 }
 

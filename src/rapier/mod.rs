@@ -25,7 +25,7 @@
 //! A copy of the context in memory replays to the same bits. Clone:
 //!
 //! - `RapierRigidBodySet`, `RapierContextColliders` and `RapierContextJoints`;
-//! - the fields `islands`, `broad_phase`, `narrow_phase` and `ccd_solver` of `RapierContextSimulation`, which is not `Clone`;
+//! - the fields `islands`, `broad_phase`, `narrow_phase`, `ccd_solver` and `integration_parameters` of `RapierContextSimulation`, which is not `Clone`;
 //! - the `Transform` and `Velocity` of each body;
 //! - the resource [`OwedTime`];
 //! - [`MedialStep::contacts`](crate::plugin::MedialStep::contacts);
@@ -169,6 +169,7 @@ where
         hierarchy::place_colliders,
         skinned::hold,
         attach::keep_contacts_fresh,
+        attach::stiffen_contacts,
         attach::wake_attached,
         waiting::release,
         quarantine::release,

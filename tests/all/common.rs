@@ -20,9 +20,9 @@ use bevy_medial::{
     scenes::{Model, headless_app, load_models},
 };
 use bevy_rapier3d::{
-    plugin::context::{RapierContextEntityLink, RapierRigidBodySet},
+    plugin::context::{RapierContextEntityLink, RapierContextSimulation, RapierRigidBodySet},
     prelude::{RapierRigidBodyHandle, RigidBody, TimestepMode, Velocity},
-    rapier::dynamics::RigidBody as RapierBody,
+    rapier::dynamics::{RigidBody as RapierBody, SpringCoefficients},
 };
 
 /// Length of a step in seconds.
@@ -129,6 +129,13 @@ pub fn spawn_flying(app: &mut App, axis: MedialAxis, transform: Transform, veloc
 /// A ground whose top is at height 0.
 pub fn spawn_ground(app: &mut App) -> Entity {
     app.world_mut().spawn((StaticObb::new(10.0, 1.0, 10.0), Transform::from_xyz(0.0, -1.0, 0.0))).id()
+}
+
+/// The softness of contacts between moving bodies.
+pub fn contact_softness(app: &mut App) -> Mut<'_, SpringCoefficients<f32>> {
+    let mut contexts = app.world_mut().query::<&mut RapierContextSimulation>();
+    let simulation = contexts.single_mut(app.world_mut()).unwrap();
+    simulation.map_unchanged(|simulation| &mut simulation.integration_parameters.contact_softness)
 }
 
 /// The current rapier body of an entity.

@@ -83,13 +83,13 @@ fn an_oversized_step_does_not_affect_other_steps() {
         return;
     }
     // This limit is not a multiple of the granularity of buffer sizes.
-    let mut culling = GpuCulling::new(&small_device(1_000_004), TINY).unwrap();
+    let mut culling = GpuCulling::new(&small_device(2_000_004), TINY).unwrap();
     let mut random = Random(8);
     let mut small = |culling: &mut GpuCulling| compare(culling, 5, || random_step(&mut random, 12, 5, 2.0, Vec3::ZERO));
     small(&mut culling);
 
     // The bodies need more than half of the limit, and the chords more than the whole limit.
-    let (input, statics) = random_step(&mut Random(9), 5000, 20, 20.0, Vec3::ZERO);
+    let (input, statics) = random_step(&mut Random(9), 10_000, 20, 20.0, Vec3::ZERO);
     for _ in 0..2 {
         let error = culling.cull(&input, &statics).unwrap_err();
         assert!(matches!(error, GpuError::Limit { limit: "bytes in a buffer", .. }), "{error}");
@@ -97,7 +97,7 @@ fn an_oversized_step_does_not_affect_other_steps() {
     small(&mut culling);
 
     // A single shape needs more than the limit.
-    let shape = Shape::new(MedialAxis::torus(0.5, 0.1, 100_000).unwrap());
+    let shape = Shape::new(MedialAxis::torus(0.5, 0.1, 200_000).unwrap());
     let bodies = [0.0, 0.7].map(|x| Body::new(shape.clone(), Sweep::at_rest(Pose3::from_translation(Vec3::X * x))));
     let input = StepInput { bodies: bodies.into(), prediction: 0.01, ..default() };
     for _ in 0..2 {

@@ -2,8 +2,11 @@
 
 use bevy::prelude::*;
 use bevy_medial::{geometry::Pose3, medial_axis::MedialAxis, prelude::*};
-use bevy_rapier3d::prelude::{
-    AdditionalMassProperties, Collider, ExternalImpulse, GravityScale, RigidBody, RigidBodyDisabled, Velocity,
+use bevy_rapier3d::{
+    prelude::{
+        AdditionalMassProperties, Collider, ExternalImpulse, GravityScale, RigidBody, RigidBodyDisabled, Velocity,
+    },
+    rapier::dynamics::SpringCoefficients,
 };
 
 use crate::common::*;
@@ -106,9 +109,11 @@ fn a_collider_stands_in_until_the_shape_is_loaded() {
     record.run(&mut app, 60);
     assert!((position(&mut app, body).y - 0.5).abs() < 3e-3, "{}", position(&mut app, body));
     assert!(app.world().get::<MedialLevel>(body).is_none());
+    assert_eq!(*contact_softness(&mut app), SpringCoefficients::contact_defaults());
     let mass = rigid(&mut app, body).mass();
     load(&mut app, &mesh, ball());
     record.run(&mut app, 1);
+    assert_eq!(*contact_softness(&mut app), SpringCoefficients::contact_static_defaults());
     assert!(app.world().get::<MedialLevel>(body).is_some());
     assert!((mass / rigid(&mut app, body).mass() / 2.5_f32.powi(3) - 1.0).abs() < 1e-3);
     record.run(&mut app, 60);

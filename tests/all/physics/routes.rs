@@ -137,7 +137,9 @@ fn compare(app: &mut App, routes: &Routes, what: &'static str) {
 impl Routes {
     /// Compares both routes for all pairs with contacts at their current poses.
     fn compare(&mut self, world: &mut World, what: &str) {
-        let far_away = Shape::new(MedialAxis::capsule(Vec3::splat(500.0), Vec3::splat(501.0), 0.1).unwrap());
+        // Far away from the other side, and from each other for any rotation of nearby bodies.
+        let far_away = [500.0, 900.0]
+            .map(|at| Shape::new(MedialAxis::capsule(Vec3::splat(at), Vec3::splat(at + 1.0), 0.1).unwrap()));
         Physics::with(world, |physics| {
             let prediction = physics.simulation.integration_parameters.prediction_distance();
             let known = MedialDispatcher { table: physics.table.clone() };
@@ -170,7 +172,7 @@ impl Routes {
                 self.moving += usize::from(pair.reach.prediction != 0.25 * prediction);
 
                 // If the contacts come from the table, the disguised shapes get them as well.
-                let disguises = shapes.map(|shape| disguised(shape, &far_away));
+                let disguises: [_; 2] = std::array::from_fn(|side| disguised(shapes[side], &far_away[side]));
                 let disguises: [&dyn ParryShape; 2] =
                     [0, 1].map(|i| disguises[i].as_ref().map_or(shapes[i], |shape| shape as &dyn ParryShape));
                 assert!(points(&ask(&unknown, &pose12, disguises, prediction)).is_empty());

@@ -2,7 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_medial::{medial_axis::MedialAxis, prelude::*};
-use bevy_rapier3d::prelude::*;
+use bevy_rapier3d::{prelude::*, rapier::dynamics::SpringCoefficients};
 
 use crate::common::*;
 
@@ -106,6 +106,51 @@ fn a_light_box_carries_a_thousand_times_its_mass() {
         run(&mut app, 720);
         let sunk = 3.0 * half - position(&mut app, heavy).y;
         assert!(sunk < 0.03, "{half}: sunk by {sunk} m");
+    }
+}
+
+#[test]
+fn loaded_contacts_sink_less_than_with_the_default_of_rapier() {
+    // A light ball between a floor and a heavy ball, which only move vertically.
+    let sunk = |softness: Option<SpringCoefficients<f32>>| {
+        let mut app = app();
+        spawn_ground(&mut app);
+        let upright = LockedAxes::all() & !LockedAxes::TRANSLATION_LOCKED_Y;
+        let [_, heavy] = [(1.0, RADIUS), (60.0, 3.0 * RADIUS)].map(|(density, height)| {
+            let ball = MedialAxis::sphere(RADIUS).unwrap();
+            let body = spawn_body(&mut app, ball, Transform::from_xyz(0.0, height, 0.0));
+            app.world_mut().entity_mut(body).insert((ColliderMassProperties::Density(density), upright));
+            body
+        });
+        run(&mut app, 2);
+        if let Some(softness) = softness {
+            *contact_softness(&mut app) = softness;
+        }
+        run(&mut app, 300);
+        3.0 * RADIUS - position(&mut app, heavy).y
+    };
+    let [stiff, soft] = [None, Some(SpringCoefficients::contact_defaults())].map(sunk);
+    // A quarter of the overlap with the light ball, and the same overlap with the floor.
+    assert!(stiff < 0.01 && soft > 0.018, "{stiff} m, {soft} m");
+}
+
+#[test]
+fn contacts_are_stiffer_only_in_worlds_with_medial_shapes_and_without_own_coefficients() {
+    let default = SpringCoefficients::contact_defaults();
+    let own = SpringCoefficients { damping_ratio: 7.0, ..default };
+    for (before, expected) in [(default, SpringCoefficients::contact_static_defaults()), (own, own)] {
+        let mut app = app();
+        app.world_mut().spawn((RigidBody::Dynamic, Collider::ball(RADIUS)));
+        run(&mut app, 2);
+        assert_eq!(*contact_softness(&mut app), default, "rapier's bodies alone");
+        *contact_softness(&mut app) = before;
+        spawn_body(&mut app, MedialAxis::sphere(RADIUS).unwrap(), Transform::from_xyz(2.0, 0.0, 0.0));
+        run(&mut app, 2);
+        assert_eq!(*contact_softness(&mut app), expected);
+        *contact_softness(&mut app) = default;
+        spawn_body(&mut app, MedialAxis::sphere(RADIUS).unwrap(), Transform::from_xyz(4.0, 0.0, 0.0));
+        run(&mut app, 2);
+        assert_eq!(*contact_softness(&mut app), default, "a later change is kept");
     }
 }
 
