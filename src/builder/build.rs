@@ -4,7 +4,7 @@ use std::iter::{once, successors};
 
 use super::{
     BuildError, BuildOptions, Built, TriangleMesh,
-    optimise::{Judge, Search, is_quick},
+    optimise::{Judge, Search},
     parallel,
     progress::{Progress, Shares, between},
     solid::Solid,
@@ -16,7 +16,7 @@ const TRIANGLES_FOR_TWO: usize = 165;
 
 /// Default number of searches for the finest level. Each starts from different samples, because the result varies with them.
 fn searches(triangles: usize, spheres: usize) -> usize {
-    if is_quick(triangles, spheres) || triangles / TRIANGLES_FOR_TWO >= spheres { 2 } else { 1 }
+    if triangles / TRIANGLES_FOR_TWO >= spheres { 2 } else { 1 }
 }
 
 /// Defaults for the searches of a coarser level, in addition to the one that starts from the level before: total number of spheres of all searches, and

@@ -61,6 +61,9 @@ pub(super) struct Envelope {
     pub hulls: Vec<Hull>,
 }
 
+/// Limits of distances that leave none out.
+const ALL: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
+
 /// The nearest primitive to a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit {
@@ -101,7 +104,7 @@ impl Envelope {
         self.hulls[s.primitive as usize].point(&s.weights, s.normal)
     }
 
-    /// Points about `spacing` apart, closer along thin cones, on the surfaces of all spheres, cones and slabs, including hidden parts.
+    /// Points about `spacing` apart, at least five around a cone, on the surfaces of all spheres, cones and slabs, including hidden parts.
     pub fn surface(&self, spacing: f64) -> Vec<SurfacePoint> {
         const PIECES_PER_TASK: usize = 8;
         let pieces = self.pieces();
@@ -140,12 +143,12 @@ impl Envelope {
 
     /// The nearest primitive to each point.
     pub fn hits(&self, points: &Points) -> Vec<Hit> {
-        self.nearest(points, &self.all(), f32::INFINITY, |i, primitive, _| self.hit(points.positions[i], primitive))
+        self.nearest(points, &self.all(), ALL, |i, primitive, _| self.hit(points.positions[i], primitive))
     }
 
     /// The nearest primitive to each point and the signed distance to it, up to the rounding of an f32.
     pub fn nearest_primitives(&self, points: &Points) -> Vec<(u32, f64)> {
-        self.nearest(points, &self.all(), f32::INFINITY, |_, primitive, distance| (primitive, f64::from(distance)))
+        self.nearest(points, &self.all(), ALL, |_, primitive, distance| (primitive, f64::from(distance)))
     }
 
     /// The signed distance of each point to the nearest primitive, up to the rounding of an f32.
@@ -155,16 +158,17 @@ impl Envelope {
 
     /// The same to the nearest of the given primitives, infinite for an empty list.
     pub fn distances_among(&self, points: &Points, among: &[u32]) -> Vec<f64> {
-        self.nearest(points, among, f32::INFINITY, |_, _, distance| f64::from(distance))
+        self.nearest(points, among, ALL, |_, _, distance| f64::from(distance))
     }
 
-    /// Depth of each point inside the given primitives, 0 outside, up to the rounding of an f32.
-    pub fn depths_among(&self, points: &Points, among: &[u32]) -> Vec<f64> {
-        self.nearest(points, among, 0.0, |_, _, distance| f64::from(-distance))
+    /// Depth of each point inside the given primitives, 0 outside, up to the rounding of an f32. A depth of more than `enough` may be too small, but not
+    /// less than `enough`.
+    pub fn depths_among(&self, points: &Points, among: &[u32], enough: f64) -> Vec<f64> {
+        self.nearest(points, among, [-enough as f32, 0.0], |_, _, distance| f64::from(-distance))
     }
 
-    pub fn depths(&self, points: &Points) -> Vec<f64> {
-        self.depths_among(points, &self.all())
+    pub fn depths(&self, points: &Points, enough: f64) -> Vec<f64> {
+        self.depths_among(points, &self.all(), enough)
     }
 
     fn all(&self) -> Vec<u32> {
@@ -172,12 +176,12 @@ impl Envelope {
     }
 
     /// For each point, the result of `found` for its index, the nearest of the given primitives and the distance. If no primitive is within `limit`,
-    /// the distance is `limit` and the primitive is arbitrary.
+    /// the distance is `limit` and the primitive is arbitrary. If several primitives are within `enough`, it may be any of them.
     fn nearest<R: Send + 'static>(
         &self,
         points: &Points,
         among: &[u32],
-        limit: f32,
+        [enough, limit]: [f32; 2],
         found: impl Fn(usize, u32, f32) -> R + Sync,
     ) -> Vec<R> {
         let gaps_of = |middles| among.iter().map(|&p| self.hulls[p as usize].distances(middles)).collect();
@@ -198,7 +202,7 @@ impl Envelope {
                 nearer.clear();
                 nearer.extend(near.iter().zip(&gaps).map(|(&p, gaps)| (p, gaps[lane])).filter(|n| n.1 <= reach));
                 let (primitives, distances) =
-                    nearest_to_block(&self.hulls, &nearer, &points.blocks[block].points, radius, limit);
+                    nearest_to_block(&self.hulls, &nearer, &points.blocks[block].points, radius, [enough, limit]);
                 let nearest = primitives.into_iter().zip(distances);
                 results.extend(points.range(block).zip(nearest).map(|(i, (p, d))| found(i, p, d)));
             }

@@ -120,7 +120,7 @@ impl Hull {
         ball.center + normal * ball.radius
     }
 
-    /// Calls `push` with points about `spacing` apart, closer along thin cones, on the sides without the spheres. Its arguments are the weights, the outward
+    /// Calls `push` with points about `spacing` apart, at least five around a cone, on the sides without the spheres. Its arguments are the weights, the outward
     /// normal and the area represented by the point.
     pub fn sample(&self, spacing: f64, mut push: impl FnMut([f64; 3], DVec3, f64)) {
         match self {
@@ -137,13 +137,13 @@ impl Hull {
 }
 
 /// For each point of a block, the index of the nearest of some hulls and its distance, or 0 and `limit` if no hull is nearer than `limit`. `among` lists
-/// hulls with their distances from the middle of the block. All points are within `radius` of the middle.
+/// hulls with their distances from the middle of the block. All points are within `radius` of the middle. The search ends when no distance exceeds `enough`.
 pub(super) fn nearest_to_block(
     hulls: &[Hull],
     among: &[(u32, f32)],
     block: &Block,
     radius: f32,
-    limit: f32,
+    [enough, limit]: [f32; 2],
 ) -> ([u32; BLOCK], [f32; BLOCK]) {
     let (mut nearest, mut least) = ([0; BLOCK], [limit; BLOCK]);
     // The hull nearest to the middle comes first: it is the nearest to most points, so most other hulls can be skipped.
@@ -161,12 +161,23 @@ pub(super) fn nearest_to_block(
             let nearer = found.simd_lt(distances);
             distances = nearer.select(found, distances);
             numbers = nearer.select(u32x16::splat(simd, number), numbers);
-            farthest = distances.as_slice().iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            farthest = largest(distances);
+            if farthest <= enough {
+                break;
+            }
         }
         numbers.store_slice(&mut nearest);
         distances.store_slice(&mut least);
     });
     (nearest, least)
+}
+
+/// The largest of all lanes.
+#[inline(always)]
+fn largest<S: Simd>(lanes: f32x16<S>) -> f32 {
+    let (low, high) = lanes.split();
+    let (low, high) = low.max(high).split();
+    low.max(high).as_slice().iter().copied().fold(f32::NEG_INFINITY, f32::max)
 }
 
 /// Fractional part of the golden ratio: its multiples are evenly spread, for any number of them.
@@ -185,9 +196,6 @@ pub(super) fn sample_sphere(radius: f64, spacing: f64, mut push: impl FnMut(DVec
     }
 }
 
-/// Points on a cone are no farther apart than its mean radius, so that fingers are sampled, or than this part of the diagonal if that is larger.
-const THIN: f64 = 0.005;
-
 /// Weights in a slab at `t` along its edge ab (0), bc (1) or ac (2).
 fn edge_weights(edge: usize, t: f64) -> [f64; 3] {
     match edge {
@@ -204,7 +212,6 @@ impl Cone {
         }
         let length = self.along.length();
         let axis = self.along / length;
-        let spacing = spacing.min((self.from.radius + 0.5 * self.widening).max(THIN));
         let (e1, e2) = axis.any_orthonormal_pair();
         let sine = self.widening / length;
         let cosine = (1.0 - sine * sine).sqrt();
@@ -319,9 +326,10 @@ impl Slab {
 
     #[inline(always)]
     fn distances<S: Simd>(&self, simd: S, points: Vector<f32x16<S>>) -> f32x16<S> {
-        let [ab, bc, ac] = &self.cones;
-        let least = ab.distances(simd, points).min(bc.distances(simd, points)).min(ac.distances(simd, points));
-        let Some(slant) = self.slant else { return least };
+        let Some(slant) = self.slant else {
+            let [ab, bc, ac] = self.cones.each_ref().map(|cone| cone.distances(simd, points));
+            return ab.min(bc).min(ac);
+        };
         let (offset, normal) = (points - splat(simd, self.from.center), splat(simd, self.normal));
         let rows = (splat(simd, self.to_weights[0]), splat(simd, self.to_weights[1]));
         // Per distance from the plane: the shift of the weights, and the distance from the centre of the shifted sphere.
@@ -332,9 +340,17 @@ impl Slab {
         let (radius, widening) = (all(self.from.radius), (all(self.widening[0]), all(self.widening[1])));
         let height = offset.dot(normal).abs();
         let (s, t) = (offset.dot(rows.0) + height * shift.0, offset.dot(rows.1) + height * shift.1);
-        let distance = height * stretch - (radius + s * widening.0 + t * widening.1);
-        let within = s.min(t).min(1.0 - s - t).simd_ge(0.0);
-        within.select(least.min(distance), least)
+        let inside = [t, 1.0 - s - t, s];
+        let within = inside[0].min(inside[1]).min(inside[2]).simd_ge(0.0);
+        let mut beside = f32x16::splat(simd, f32::INFINITY);
+        for (cone, inside) in self.cones.iter().zip(inside) {
+            // Only edges that face a point can be nearest to it.
+            let faces = inside.simd_lt(0.0);
+            if faces.any_true() {
+                beside = faces.select(beside.min(cone.distances(simd, points)), beside);
+            }
+        }
+        within.select(height * stretch - (radius + s * widening.0 + t * widening.1), beside)
     }
 
     fn closest(&self, point: DVec3) -> (f64, [f64; 3]) {

@@ -105,7 +105,7 @@ pub(super) fn measure_shown(
     let spheres: Vec<Sphere> =
         frame.balls(axis).iter().map(|b| Sphere::new(b.center.as_vec3(), b.radius as f32)).collect();
     let (points, areas) = samples(&Patch::of(&spheres, axis.primitives()), spacing);
-    let depths = envelope.depths(&points);
+    let depths = envelope.depths(&points, HIDDEN);
     let visible: Vec<usize> = (0..depths.len()).filter(|&i| depths[i] < HIDDEN).collect();
     let distances = parallel::map(visible.len(), 64, |i| surface.distance(points.positions[visible[i]]));
     let mut to_mesh = Sum::default();

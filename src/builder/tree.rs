@@ -7,7 +7,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8, prelude::*};
 use glam::DVec3;
 
-use super::vectors::{ROUNDING, Vectors, splat};
+use super::vectors::{Vectors, splat};
 
 /// Number of children of a node, and of triangles of a leaf.
 const WIDTH: usize = 8;
@@ -111,9 +111,9 @@ impl TriangleTree {
 
     /// The nearest point, and the index of its triangle in the order of the tree. `near`: a triangle that may be nearby, for speed.
     pub fn closest_with_triangle(&self, point: DVec3, near: Option<u32>) -> Option<(DVec3, u32)> {
-        let from = |triangle| self.closest_on(triangle, point).distance(point) + f64::from(ROUNDING);
-        let limit = near.map_or(f64::INFINITY, from);
-        self.nearest(point, limit).map(|(triangle, _)| (self.closest_on(triangle, point), triangle))
+        let known = near.map(|triangle| (self.closest_on(triangle, point), triangle));
+        let limit = known.map_or(f64::INFINITY, |(closest, _)| closest.distance(point));
+        self.nearest(point, limit).map(|(triangle, _)| (self.closest_on(triangle, point), triangle)).or(known)
     }
 
     fn closest_on(&self, triangle: u32, point: DVec3) -> DVec3 {

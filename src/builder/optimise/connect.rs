@@ -145,10 +145,10 @@ pub(super) fn spend(
     // The harm of the likely candidates is computed in parallel. The harm of the others counts as zero until it is computed.
     let [edges, faces] = [limits.edges, limits.faces];
     let room = edges.saturating_sub(complex.edges.len()).saturating_add(faces.saturating_sub(complex.faces.len()));
-    let likely = LOOKED_AT.saturating_mul(room).min(waiting.len());
-    let harms = parallel::map(likely, 2, |i| harm(complex, &waiting[i].1, target));
-    waiting.iter_mut().zip(harms).for_each(|(waiting, harm)| waiting.2 = Some(harm));
     waiting.retain(|(gain, c, _)| *gain > 0.0 && fits(complex, c, limits));
+    let likely = LOOKED_AT.saturating_mul(room).min(waiting.len());
+    let harms = parallel::map(likely, 2, |i| harm(complex, &waiting[i].1, target, waiting[i].0));
+    waiting.iter_mut().zip(harms).for_each(|(waiting, harm)| waiting.2 = Some(harm));
     // Gains only decrease. So the leading candidate is the best one if its recomputed gain has not decreased.
     let best = |waiting: &[(f64, Primitive, Option<f64>)]| {
         let best = (0..waiting.len())
@@ -157,7 +157,7 @@ pub(super) fn spend(
     };
     while let Some(best) = best(&waiting) {
         let (before, first, harm) = waiting[best];
-        let harm = harm.unwrap_or_else(|| self::harm(complex, &first, target));
+        let harm = harm.unwrap_or_else(|| self::harm(complex, &first, target, before));
         let fresh =
             (gain(complex, &first, &distances, &costs) - harm) / missing_edges(complex, &first).len().max(1) as f64;
         waiting[best] = (fresh, first, Some(harm));
@@ -239,17 +239,22 @@ fn nearer(hull: &Hull, samples: &Samples, distances: &[f64]) -> impl Iterator<It
     near.filter(|&(i, distance)| distance < distances[i])
 }
 
-/// Cost of the part of a candidate's surface outside the solid.
-pub(super) fn harm(complex: &Complex, candidate: &Primitive, target: &Target) -> f64 {
+/// Cost of the part of a candidate's surface outside the solid. If it exceeds `most`, it may be too small, but it is more than `most`.
+pub(super) fn harm(complex: &Complex, candidate: &Primitive, target: &Target, most: f64) -> f64 {
     const SPACING: f64 = 0.02;
     let hull = Hull::new(&complex.balls, candidate);
-    let mut harm = 0.0;
+    let (mut harm, mut near) = (0.0, None);
     hull.sample(SPACING, |weights, normal, area| {
+        if harm > most {
+            return;
+        }
         let point = hull.point(&weights, normal);
-        let away = target.solid.closest_off_rims(point, None).map_or(glam::DVec3::ZERO, |(nearest, _)| point - nearest);
+        let closest = target.solid.closest_off_rims(point, near);
+        near = closest.map_or(near, |(_, triangle)| Some(triangle));
+        let away = closest.map_or(DVec3::ZERO, |(nearest, _)| point - nearest);
         if target.solid.is_out(point, away, normal) {
-            harm += area * target.penalty.of(away.length());
+            harm += area / target.area * target.penalty.of(away.length());
         }
     });
-    harm / target.area
+    harm
 }

@@ -3,10 +3,7 @@
 //! The distance of a surface sample to its nearest primitive changes with the spheres of that primitive, in proportion to their weights
 //! in the nearest blend. So each step solves a least squares problem (Levenberg and Marquardt).
 
-use super::{
-    normal_equations::NormalEquations,
-    target::{NEARLY_OUTSIDE, Target},
-};
+use super::{normal_equations::NormalEquations, target::Target};
 use crate::builder::envelope::{Complex, SurfacePoint};
 
 /// Largest displacement of a sphere per step: the sum of a multiple of its radius and a part of the diagonal.
@@ -20,14 +17,15 @@ pub(super) const ROUGH: f64 = 1e-3;
 
 /// Moves the spheres for up to `steps` steps, until a step reduces the cost by less than the fraction `enough`. Returns the cost.
 ///
-/// Visibility and nearest surface points of the envelope's points are recomputed for every trial, so points that become visible count at once.
+/// Visibility and nearest surface points of the envelope's points are recomputed for every trial. Points that are hidden at the start never count.
 pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enough: f64) -> f64 {
     // The places on the envelope stay fixed relative to the spheres, so that the costs of trials are comparable.
-    let envelope = complex.envelope();
-    let surface = target.places(&envelope);
-    let anchored = target.anchors_at(&envelope, &surface, &[], NEARLY_OUTSIDE.max(target.creases));
-    let places: Vec<SurfacePoint> = anchored.iter().map(|anchor| surface[anchor.place]).collect();
-    let near: Vec<u32> = anchored.iter().map(|anchor| anchor.triangle).collect();
+    let mut envelope = complex.envelope();
+    let mut anchors = target.anchors_at(&envelope, &target.places(&envelope), &[], target.creases);
+    let places: Vec<SurfacePoint> = anchors.iter().map(|anchor| anchor.place).collect();
+    let near: Vec<u32> = anchors.iter().map(|anchor| anchor.triangle).collect();
+    let mut nearest = target.nearest(&envelope);
+    let mut cost = target.total(&nearest, &anchors, &envelope);
     let measure = |complex: &Complex| {
         let envelope = complex.envelope();
         let nearest = target.nearest(&envelope);
@@ -36,7 +34,6 @@ pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enou
         (cost, envelope, nearest, anchors)
     };
     let mut damping = 1e-2;
-    let (mut cost, mut envelope, mut nearest, mut anchors) = measure(complex);
     for _ in 0..steps {
         let hits = target.hits(&envelope, &nearest);
         let normal = NormalEquations::assemble(complex, &envelope, target, &hits, &anchors);

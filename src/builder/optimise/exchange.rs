@@ -173,7 +173,7 @@ fn affected_samples(balls: &[Ball], moving: &[Primitive], old: &[bool], state: &
 /// Returns the cost of some samples, and of the points of the envelope on old primitives.
 fn cost(samples: &[usize], old: &[bool], state: &State, target: &Target) -> f64 {
     let of_samples = samples.iter().map(|&i| target.weights[i] * target.cost_of(state.hits[i].distance));
-    let anchors = state.anchors.iter().filter(|a| old[a.primitive as usize]);
+    let anchors = state.anchors.iter().filter(|a| old[a.place.primitive as usize]);
     let of_anchors = anchors.map(|a| a.weight * target.penalty.of(a.error(&state.envelope)));
     of_samples.sum::<f64>() + of_anchors.sum::<f64>()
 }
@@ -207,7 +207,8 @@ fn insertions(
         let hit = &state.hits[sample];
         let home = &state.envelope.primitives[hit.primitive as usize];
         let gain = |complex: &Complex, cone: &Primitive| {
-            connect::relief(complex, cone, samples, &distances, target) - connect::harm(complex, cone, target)
+            connect::relief(complex, cone, samples, &distances, target)
+                - connect::harm(complex, cone, target, f64::INFINITY)
         };
         let leaf = leaf(complex, parts, home, inserted, gain);
         leaf.into_iter().chain(splits(complex, parts, home, hit.weights[1], inserted)).collect::<Vec<Edit>>()
@@ -227,7 +228,7 @@ fn worst_samples(complex: &Complex, state: &State, target: &Target, samples: &Sa
         }
     }
     for anchor in &state.anchors {
-        let region = &mut regions[state.sphere(anchor.primitive, &anchor.weights) as usize];
+        let region = &mut regions[state.sphere(anchor.place.primitive, &anchor.place.weights) as usize];
         region.0 += anchor.weight * target.penalty.of(anchor.error(&state.envelope));
     }
     let mut worst: Vec<(f64, u32)> = regions.iter().filter(|r| r.2 != u32::MAX).map(|r| (r.0, r.2)).collect();

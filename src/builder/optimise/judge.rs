@@ -69,9 +69,11 @@ impl<'a> Judge<'a> {
                 areas.push(place.area);
             });
             let points = Points::new(positions);
-            let depths = envelope.depths(&points);
+            let depths = envelope.depths(&points, HIDDEN);
+            let mut near = None;
             for (at, &point) in points.positions.iter().enumerate().filter(|(at, _)| depths[*at] < HIDDEN) {
-                if let Some((nearest, _)) = self.solid.closest_off_rims(point, None) {
+                if let Some((nearest, triangle)) = self.solid.closest_off_rims(point, near) {
+                    near = Some(triangle);
                     errors.push((point, nearest.distance(point), areas[at]));
                 }
             }

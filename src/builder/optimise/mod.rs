@@ -25,4 +25,3 @@ pub(super) use judge::Judge;
 pub(super) use search::Search;
 #[cfg(test)]
 pub(super) use state::is_hurried;
-pub(super) use state::is_quick;

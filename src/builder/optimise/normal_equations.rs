@@ -116,8 +116,8 @@ impl NormalEquations {
         }
         for anchor in anchors {
             let error = anchor.error(envelope);
-            let slope = anchor.out.extend(anchor.out.dot(anchor.normal));
-            add(anchor.primitive, &anchor.weights, slope, error, anchor.weight);
+            let slope = anchor.out.extend(anchor.out.dot(anchor.place.normal));
+            add(anchor.place.primitive, &anchor.place.weights, slope, error, anchor.weight);
         }
         // Frozen spheres do not move: their diagonal block is the identity and their right-hand side is zero.
         if let Some(rest) = &target.rest {

@@ -24,7 +24,7 @@ pub(super) fn prune(complex: &mut Complex, state: &State, samples: &Samples, tar
     let buckets = state.samples_of_primitives();
     let mut harms = vec![0.0; buckets.len()];
     for anchor in &state.anchors {
-        harms[anchor.primitive as usize] += anchor.weight * target.penalty.of(anchor.error(&state.envelope));
+        harms[anchor.place.primitive as usize] += anchor.weight * target.penalty.of(anchor.error(&state.envelope));
     }
     let all: f64 = state.hits.iter().zip(&samples.weights).map(|(h, w)| w * target.cost_of(h.distance)).sum();
     let threshold = 0.05 * all / complex.balls.len() as f64;

@@ -73,7 +73,7 @@ impl Plan {
     /// Number of iterations within the time that a mesh of this size may take.
     pub fn rounds(triangles: usize, spheres: usize) -> usize {
         const TRIANGLES_PER_ROUND: usize = 5000;
-        let least = if is_quick(triangles, spheres) { 9 } else { 3 };
+        let least = if is_quick(triangles, spheres) { 12 } else { 3 };
         (2 + triangles / TRIANGLES_PER_ROUND).clamp(least, Self::MOST_ROUNDS)
     }
 
@@ -88,7 +88,7 @@ impl Plan {
 }
 
 /// True for few spheres and few triangles, as in low-poly models: even a more thorough search is fast.
-pub(in crate::builder) fn is_quick(triangles: usize, spheres: usize) -> bool {
+fn is_quick(triangles: usize, spheres: usize) -> bool {
     const TRIANGLES: usize = 2000;
     const SPHERES: usize = 60;
     triangles < TRIANGLES && spheres <= SPHERES

@@ -84,16 +84,9 @@ const OUTWARD: f64 = 1.0;
 /// Depth inside other primitives, in spacings, at which a point of the envelope does not count.
 const FADE: f64 = 0.3;
 
-/// Points of the envelope up to this deep inside the solid may leave it during a descent. As a part of the diagonal.
-pub(super) const NEARLY_OUTSIDE: f64 = 0.004;
-
 /// A point of the envelope, and the point of the surface that it should coincide with.
 pub(super) struct Anchor {
-    /// Index of the point's place in the list of places.
-    pub place: usize,
-    pub primitive: u32,
-    pub weights: [f64; 3],
-    pub normal: DVec3,
+    pub place: SurfacePoint,
     pub target: DVec3,
     /// The triangle of the target, in the order of the tree.
     pub triangle: u32,
@@ -104,7 +97,7 @@ pub(super) struct Anchor {
 
 impl Anchor {
     pub fn point(&self, envelope: &Envelope) -> DVec3 {
-        envelope.hulls[self.primitive as usize].point(&self.weights, self.normal)
+        envelope.point(&self.place)
     }
 
     pub fn error(&self, envelope: &Envelope) -> f64 {
@@ -199,7 +192,7 @@ impl Target<'_> {
         let mut creases = vec![];
         for anchor in self.anchors_at(envelope, &self.places(envelope), &[], f64::INFINITY) {
             let point = anchor.point(envelope);
-            if !self.solid.is_out(point, point - anchor.target, anchor.normal) {
+            if !self.solid.is_out(point, point - anchor.target, anchor.place.normal) {
                 creases.push((point, anchor.weight * self.penalty.of(anchor.error(envelope))));
             }
         }
@@ -215,13 +208,11 @@ impl Target<'_> {
         near: &[u32],
         depth_limit: f64,
     ) -> Vec<Anchor> {
-        // Without `near`, places are being selected: those that may become visible count as well.
-        let margin = if near.is_empty() { depth_limit.min(NEARLY_OUTSIDE) } else { 0.0 };
-        let fade = FADE * self.spacing + margin;
+        let fade = FADE * self.spacing;
         let points = Points::new(places.iter().map(|s| envelope.point(s)).collect());
-        let mut depths = envelope.depths(&points);
+        let mut depths = envelope.depths(&points, fade);
         if let Some(rest) = &self.rest {
-            let others = rest.envelope.depths_among(&points, &rest.primitives);
+            let others = rest.envelope.depths_among(&points, &rest.primitives, fade);
             depths.iter_mut().zip(others).for_each(|(depth, other)| *depth = depth.max(other));
         }
         let weight = |i: usize| 1.0 - depths[i] / fade;
@@ -229,27 +220,17 @@ impl Target<'_> {
             (0..places.len()).map(|i| (i, weight(i))).filter(|(_, weight)| *weight > 0.0).collect();
         parallel::flat_map(visible.len(), 32, |at, anchors| {
             let (i, weight) = visible[at];
-            let (s, point) = (&places[i], points.positions[i]);
+            let (place, point) = (places[i], points.positions[i]);
             // Consecutive places are near each other.
             let near = near.get(i).copied().or(anchors.last().map(|anchor: &Anchor| anchor.triangle));
             let Some((target, triangle)) = self.solid.closest_off_rims(point, near) else { return };
             let away = point - target;
-            let out = if away.length() > 1e-9 { away.normalize() } else { s.normal };
+            let out = if away.length() > 1e-9 { away.normalize() } else { place.normal };
             // Deep inside the solid, the samples above measure the same error, without the jumps of the envelope at creases.
-            if away.length() > depth_limit && !self.solid.is_out(point, away, s.normal) {
+            if away.length() > depth_limit && !self.solid.is_out(point, away, place.normal) {
                 return;
             }
-            let (primitive, weights, normal) = (s.primitive, s.weights, s.normal);
-            anchors.push(Anchor {
-                place: i,
-                primitive,
-                weights,
-                normal,
-                target,
-                triangle,
-                out,
-                weight: OUTWARD * weight * s.area / self.area,
-            });
+            anchors.push(Anchor { place, target, triangle, out, weight: OUTWARD * weight * place.area / self.area });
         })
     }
 
