@@ -61,7 +61,7 @@ pub(super) struct Envelope {
     pub hulls: Vec<Hull>,
 }
 
-/// Limits of distances that leave none out.
+/// Limits for exact results at any distance.
 const ALL: [f32; 2] = [f32::NEG_INFINITY, f32::INFINITY];
 
 /// The nearest primitive to a point.
@@ -176,7 +176,8 @@ impl Envelope {
     }
 
     /// For each point, the result of `found` for its index, the nearest of the given primitives and the distance. If no primitive is within `limit`,
-    /// the distance is `limit` and the primitive is arbitrary. If several primitives are within `enough`, it may be any of them.
+    /// the distance is `limit` and the primitive is arbitrary. If several primitives are within `enough`, it may
+    /// be any of them, with its distance.
     fn nearest<R: Send + 'static>(
         &self,
         points: &Points,

@@ -120,8 +120,8 @@ impl Hull {
         ball.center + normal * ball.radius
     }
 
-    /// Calls `push` with points about `spacing` apart, at least five around a cone, on the sides without the spheres. Its arguments are the weights, the outward
-    /// normal and the area represented by the point.
+    /// Calls `push` with points about `spacing` apart, at least five around a cone, on the sides without the spheres. Its arguments are the weights, the
+    /// outward normal and the area represented by the point.
     pub fn sample(&self, spacing: f64, mut push: impl FnMut([f64; 3], DVec3, f64)) {
         match self {
             Hull::Sphere(_) => {}

@@ -7,7 +7,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use fearless_simd::{Level, Simd, dispatch, f32x8, mask32x8, prelude::*};
 use glam::DVec3;
 
-use super::vectors::{Vectors, splat};
+use super::vectors::{ROUNDING, Vectors, splat};
 
 /// Number of children of a node, and of triangles of a leaf.
 const WIDTH: usize = 8;
@@ -112,8 +112,10 @@ impl TriangleTree {
     /// The nearest point, and the index of its triangle in the order of the tree. `near`: a triangle that may be nearby, for speed.
     pub fn closest_with_triangle(&self, point: DVec3, near: Option<u32>) -> Option<(DVec3, u32)> {
         let known = near.map(|triangle| (self.closest_on(triangle, point), triangle));
-        let limit = known.map_or(f64::INFINITY, |(closest, _)| closest.distance(point));
-        self.nearest(point, limit).map(|(triangle, _)| (self.closest_on(triangle, point), triangle)).or(known)
+        // With this allowance, triangles at the same distance are found in the same order as without a hint.
+        let limit = known.map_or(f64::INFINITY, |(closest, _)| closest.distance(point) + f64::from(ROUNDING));
+        let (triangle, _) = self.nearest(point, limit)?;
+        known.filter(|known| known.1 == triangle).or_else(|| Some((self.closest_on(triangle, point), triangle)))
     }
 
     fn closest_on(&self, triangle: u32, point: DVec3) -> DVec3 {

@@ -239,7 +239,7 @@ fn nearer(hull: &Hull, samples: &Samples, distances: &[f64]) -> impl Iterator<It
     near.filter(|&(i, distance)| distance < distances[i])
 }
 
-/// Cost of the part of a candidate's surface outside the solid. If it exceeds `most`, it may be too small, but it is more than `most`.
+/// Cost of the part of a candidate's surface outside the solid. The sum stops once it exceeds `most`.
 pub(super) fn harm(complex: &Complex, candidate: &Primitive, target: &Target, most: f64) -> f64 {
     const SPACING: f64 = 0.02;
     let hull = Hull::new(&complex.balls, candidate);

@@ -17,15 +17,14 @@ pub(super) const ROUGH: f64 = 1e-3;
 
 /// Moves the spheres for up to `steps` steps, until a step reduces the cost by less than the fraction `enough`. Returns the cost.
 ///
-/// Visibility and nearest surface points of the envelope's points are recomputed for every trial. Points that are hidden at the start never count.
+/// Visibility and nearest surface points of the envelope's points are recomputed for every trial. Points that are deeper than the
+/// margin inside the shape or the solid at the start never count.
 pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enough: f64) -> f64 {
     // The places on the envelope stay fixed relative to the spheres, so that the costs of trials are comparable.
-    let mut envelope = complex.envelope();
-    let mut anchors = target.anchors_at(&envelope, &target.places(&envelope), &[], target.creases);
-    let places: Vec<SurfacePoint> = anchors.iter().map(|anchor| anchor.place).collect();
-    let near: Vec<u32> = anchors.iter().map(|anchor| anchor.triangle).collect();
-    let mut nearest = target.nearest(&envelope);
-    let mut cost = target.total(&nearest, &anchors, &envelope);
+    let envelope = complex.envelope();
+    let chosen = target.anchors_at(&envelope, &target.places(&envelope), &[], target.margin.max(target.creases));
+    let places: Vec<SurfacePoint> = chosen.iter().map(|anchor| anchor.place).collect();
+    let near: Vec<u32> = chosen.iter().map(|anchor| anchor.triangle).collect();
     let measure = |complex: &Complex| {
         let envelope = complex.envelope();
         let nearest = target.nearest(&envelope);
@@ -34,6 +33,7 @@ pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enou
         (cost, envelope, nearest, anchors)
     };
     let mut damping = 1e-2;
+    let (mut cost, mut envelope, mut nearest, mut anchors) = measure(complex);
     for _ in 0..steps {
         let hits = target.hits(&envelope, &nearest);
         let normal = NormalEquations::assemble(complex, &envelope, target, &hits, &anchors);

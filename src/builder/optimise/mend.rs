@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 use super::{
     judge::{Judge, Verdict},
     refine::Change,
-    state::{CREASES, Plan, SPACING, target_for},
+    state::{CREASES, MARGIN, Plan, SPACING, target_for},
     target::Target,
 };
 use crate::builder::{envelope::Complex, progress::Progress, surface_samples::Samples};
@@ -48,7 +48,8 @@ pub(super) fn mend(
         progress(round as f32 / plan.mends as f32)?;
         let target = target_for(complex, judge.solid, &samples, SPACING[1]);
         let penalty = target.penalty.walled();
-        let target = Target { penalty, uncovered: 1.0, creases: CREASES, worst: &verdict.worst, ..target };
+        let target =
+            Target { penalty, uncovered: 1.0, creases: CREASES, margin: MARGIN, worst: &verdict.worst, ..target };
         let change = if round % 2 == 0 { Change::Spheres(plan.most_exchanged()) } else { Change::Connectivity };
         let (mut trial, mut trial_parts) = (complex.clone(), parts.clone());
         change.make(&mut trial, &mut trial_parts, &samples, &plan, &target);

@@ -11,7 +11,7 @@ use super::{
     inscribe::inscribe,
     judge::{Judge, Verdict},
     mend, refine,
-    state::{CREASES, Plan, SPACING, is_hurried, target, target_for},
+    state::{CREASES, MARGIN, Plan, SPACING, is_hurried, target, target_for},
     target::{Penalty, Target},
 };
 use crate::{
@@ -200,7 +200,7 @@ impl Search {
             return Err(BuildError::Cancelled);
         }
         let target = target_for(complex, solid, fine, SPACING[1]);
-        let even = Target { uncovered: 1.0, creases: 0.0, ..target };
+        let even = Target { uncovered: 1.0, creases: 0.0, margin: MARGIN, ..target };
         if plan.hurried {
             // A hurried shape is not judged, because there is no other shape to compare it with.
             descent::descend(complex, &even, HURRIED_STEPS, 0.1 * descent::ROUGH);

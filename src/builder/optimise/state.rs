@@ -16,6 +16,10 @@ pub(super) const SPACING: [f64; 2] = [0.02, 0.012];
 /// Largest depth of the bottoms of these creases inside the solid, as a part of the diagonal.
 pub(super) const CREASES: f64 = 0.02;
 
+/// Depth up to which hidden points of the envelope may become visible during the last descents, as a part of the diagonal. Without it, some of the largest
+/// protrusions remain. Before, it would only take time.
+pub(super) const MARGIN: f64 = 0.004;
+
 /// A shape with the errors at its samples.
 pub(super) struct State {
     pub envelope: Envelope,
@@ -114,6 +118,7 @@ pub(super) fn target<'a>(solid: &'a Solid, samples: &'a Samples, penalty: Penalt
         spacing,
         uncovered: UNCOVERED,
         creases: 0.0,
+        margin: 0.0,
         worst: &[],
         rest: None,
     }

@@ -120,6 +120,8 @@ pub(super) struct Target<'a> {
     pub uncovered: f64,
     /// Largest depth inside the solid at which points of the envelope count in a descent, as at the bottom of a crease. As a part of the diagonal.
     pub creases: f64,
+    /// Largest depth inside the solid, and inside other primitives, of points that may become visible during a descent. As a part of the diagonal.
+    pub margin: f64,
     /// Places of the envelope with additional, closely spaced points around them, so that their errors count more.
     pub worst: &'a [DVec3],
     /// The other part of the shape, which does not move, if only a part is fitted.
@@ -208,7 +210,9 @@ impl Target<'_> {
         near: &[u32],
         depth_limit: f64,
     ) -> Vec<Anchor> {
-        let fade = FADE * self.spacing;
+        // Without `near`, places are being selected: those that may become visible count as well.
+        let margin = if near.is_empty() { depth_limit.min(self.margin) } else { 0.0 };
+        let fade = FADE * self.spacing + margin;
         let points = Points::new(places.iter().map(|s| envelope.point(s)).collect());
         let mut depths = envelope.depths(&points, fade);
         if let Some(rest) = &self.rest {
