@@ -4,7 +4,7 @@ use std::iter::{once, successors};
 
 use super::{
     BuildError, BuildOptions, Built, TriangleMesh,
-    optimise::{Judge, Search},
+    optimise::{Judge, Search, is_quick},
     parallel,
     progress::{Progress, Shares, between},
     solid::Solid,
@@ -16,12 +16,20 @@ const TRIANGLES_FOR_TWO: usize = 165;
 
 /// Default number of searches for the finest level. Each starts from different samples, because the result varies with them.
 fn searches(triangles: usize, spheres: usize) -> usize {
+    if is_quick(triangles, spheres) {
+        return sought(spheres).max(1);
+    }
     if triangles / TRIANGLES_FOR_TWO >= spheres { 2 } else { 1 }
 }
 
-/// Defaults for the searches of a coarser level, in addition to the one that starts from the level before: total number of spheres of all searches, and
-/// largest number of searches. With fewer spheres, results vary more and searches are faster.
+/// Defaults for the searches of a coarser level, in addition to the one that starts from the level before, and of low-poly meshes: total number of spheres
+/// of all searches, and largest number of searches. With fewer spheres, results vary more and searches are faster.
 const SOUGHT: [usize; 2] = [48, 4];
+
+/// Number of searches within these limits.
+fn sought(spheres: usize) -> usize {
+    (SOUGHT[0] / spheres).min(SOUGHT[1])
+}
 
 /// Number of searches for the finest level.
 fn finest_searches(mesh: &TriangleMesh, options: &BuildOptions) -> usize {
@@ -30,7 +38,7 @@ fn finest_searches(mesh: &TriangleMesh, options: &BuildOptions) -> usize {
 
 /// Number of searches from samples for another level of a chain.
 fn level_searches(options: &BuildOptions, spheres: usize) -> usize {
-    options.searches.unwrap_or((SOUGHT[0] / spheres).min(SOUGHT[1]))
+    options.searches.unwrap_or_else(|| sought(spheres))
 }
 
 /// The options for another level of a chain. They set the number of searches explicitly, so that no search is hurried: a hurried shape is not judged and

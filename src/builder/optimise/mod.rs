@@ -25,3 +25,4 @@ pub(super) use judge::Judge;
 pub(super) use search::Search;
 #[cfg(test)]
 pub(super) use state::is_hurried;
+pub(super) use state::is_quick;

@@ -16,8 +16,8 @@ pub(super) const SPACING: [f64; 2] = [0.02, 0.012];
 /// Largest depth of the bottoms of these creases inside the solid, as a part of the diagonal.
 pub(super) const CREASES: f64 = 0.02;
 
-/// Depth up to which hidden points of the envelope may become visible during the last descents, as a part of the diagonal. Without it, some of the largest
-/// protrusions remain. Before, it would only take time.
+/// Depth up to which hidden points of the envelope may become visible during the last descents, as a part of the diagonal. Without these points, some of the
+/// largest protrusions remain. Earlier descents leave them out to save time.
 pub(super) const MARGIN: f64 = 0.004;
 
 /// A shape with the errors at its samples.
@@ -92,7 +92,7 @@ impl Plan {
 }
 
 /// True for few spheres and few triangles, as in low-poly models: even a more thorough search is fast.
-fn is_quick(triangles: usize, spheres: usize) -> bool {
+pub(in crate::builder) fn is_quick(triangles: usize, spheres: usize) -> bool {
     const TRIANGLES: usize = 2000;
     const SPHERES: usize = 60;
     triangles < TRIANGLES && spheres <= SPHERES
