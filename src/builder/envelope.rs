@@ -176,8 +176,8 @@ impl Envelope {
     }
 
     /// For each point, the result of `found` for its index, the nearest of the given primitives and the distance. If no primitive is within `limit`,
-    /// the distance is `limit` and the primitive is arbitrary. If several primitives are within `enough`, it may
-    /// be any of them, with its distance.
+    /// the distance is `limit` and the primitive is arbitrary. If several primitives are within `enough`, it may be any
+    /// of them, with its distance.
     fn nearest<R: Send + 'static>(
         &self,
         points: &Points,

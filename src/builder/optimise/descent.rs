@@ -17,8 +17,8 @@ pub(super) const ROUGH: f64 = 1e-3;
 
 /// Moves the spheres for up to `steps` steps, until a step reduces the cost by less than the fraction `enough`. Returns the cost.
 ///
-/// Visibility and nearest surface points of the envelope's points are recomputed for every trial. Points that are deeper than the
-/// margin inside the shape or the solid at the start never count.
+/// Visibility and nearest surface points of the envelope's points are recomputed for every trial. Points that are deeper than the margin
+/// inside the shape or the solid at the start never count.
 pub(super) fn descend(complex: &mut Complex, target: &Target, steps: usize, enough: f64) -> f64 {
     // The places on the envelope stay fixed relative to the spheres, so that the costs of trials are comparable.
     let envelope = complex.envelope();
