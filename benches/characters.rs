@@ -142,7 +142,8 @@ fn hits(quick: bool, put: Put) -> Result<(), Box<dyn Error>> {
         put("disturbed near misses", &of, score.disturbed as f64, "");
         put("within the fit error at the hit", &of, share(score.in_place), "%");
         put("in time: fit error over speed", &of, share(score.in_time), "%");
-        put("same joint", &of, share(score.same_joint), "%");
+        put("same joint, at the first touch", &of, share(score.same_joint), "%");
+        put("same joint, at the hit", &of, share(score.same_joint_at_hit), "%");
         put("a joint within the fit error", &of, share(score.joint_within), "%");
     }
     Ok(())

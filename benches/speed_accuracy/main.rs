@@ -5,7 +5,7 @@
 //! cargo run --release -p bevy_medial_compare --bin speed_accuracy -- [--out DIR] [--quick] [--approaches N] [--method NAME]
 //! ```
 //!
-//! Writes `queries.csv`, `scenes.csv`, `batches.csv`, charts as SVG, `README.md` and `speed_accuracy.html`, which contains its charts.
+//! Writes `queries.csv`, `scenes.csv`, `batches.csv`, charts as SVG, and `README.md`.
 
 mod approach;
 mod batches;

@@ -24,7 +24,7 @@ pub struct Case<'a> {
 }
 
 /// A method at a resolution, over all approaches. An error is the path of the contact point between the true and the computed time, in percent of
-/// the smaller model's diagonal. Missed hits and grazes are percentages of all hits and grazes, and phantoms (false positives) of all near misses.
+/// the smaller model's diagonal. Missed hits and grazes are percentages of all hits and grazes, and false positives of all near misses.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     pub method: &'static str,
@@ -43,7 +43,7 @@ pub struct Row {
     pub normal_error_p95_degrees: f64,
     pub missed_hits_percent: f64,
     pub missed_grazes_percent: f64,
-    pub phantom_hits_percent: f64,
+    pub false_positives_percent: f64,
     /// Mean over all queries.
     pub microseconds: f64,
     pub queries: usize,
@@ -111,7 +111,7 @@ fn row(method: Method, resolution: usize, prepared: &[(&Model, Prepared)], cases
         normal_error_p95_degrees: quantile(&mut normals, 0.95),
         missed_hits_percent: hits.wrong_percent(),
         missed_grazes_percent: grazes.wrong_percent(),
-        phantom_hits_percent: misses.wrong_percent(),
+        false_positives_percent: misses.wrong_percent(),
         microseconds: tally.seconds * 1e6 / tally.queries.max(1) as f64,
         queries: tally.queries,
     }

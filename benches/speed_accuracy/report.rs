@@ -19,7 +19,7 @@ type Written = Result<(), Box<dyn std::error::Error>>;
 /// A line of text for a row of queries.
 pub fn line(row: &Row) -> String {
     format!(
-        "{:28} {:7.0} parts: {:9.2} us, error {:8.4} % (95 %: {:8.4}), grazes {:8.4} %, normal {:5.1} deg; missed {:5.2} + {:5.2} %, phantoms {:5.1} %",
+        "{:28} {:7.0} parts: {:9.2} us, error {:8.4} % (95 %: {:8.4}), grazes {:8.4} %, normal {:5.1} deg; missed {:5.2} + {:5.2} %, false positives {:5.1} %",
         row.method,
         row.parts,
         row.microseconds,
@@ -29,7 +29,7 @@ pub fn line(row: &Row) -> String {
         row.normal_error_median_degrees,
         row.missed_hits_percent,
         row.missed_grazes_percent,
-        row.phantom_hits_percent
+        row.false_positives_percent
     )
 }
 
@@ -69,18 +69,17 @@ pub fn write_all(
         write(&folder.join("batches.csv"), &csv(batches))?;
         charts.extend(figures::batches(&Table::new(&csv(batches))));
     }
-    let run = Run { date: today(), machine: machine(), command, gpu: told_of(batches) };
+    let run = Run { date: today(), machine: machine(), command, gpu: gpu_summary(batches) };
     for (name, svg) in &charts {
         write(&folder.join(name).with_extension("svg"), svg)?;
     }
     let text = markdown(&run, rows, scenes, charts.iter().map(|(name, _)| name.as_str()));
     write(&folder.join("README.md"), &text)?;
-    write(&folder.join("speed_accuracy.html"), &page(&run, rows, scenes, charts.iter().map(|(_, svg)| svg.as_str())))?;
     Ok(())
 }
 
 /// A sentence that states from which batch size the GPU is faster.
-fn told_of(batches: &[BatchRow]) -> String {
+fn gpu_summary(batches: &[BatchRow]) -> String {
     let Some(first) = batches.first() else { return "There was no GPU.".into() };
     let faster =
         crossover(batches).map_or("in no batch".into(), |pairs| format!("in batches of {pairs} pairs and more"));
@@ -104,7 +103,7 @@ turn by up to a radian. Of five approaches, three are hits, one is a graze (the 
 one is a near miss (by less than 2 % of the size).
 
 - *error*: path of the contact point between the true and the computed time, in percent of the smaller body's diagonal;
-- *missed*: hits, and grazes, that a method does not report; *phantoms*: false positives, which are near misses that a method reports as hits;
+- *missed*: hits, and grazes, that a method does not report; *false positives*: near misses that a method reports as hits;
 - *time*: of a query on one thread, the min of three, and the mean over all approaches (for triangle meshes one run of every tenth approach);
 - *bytes*: vertices, spheres and index lists, without hierarchies; *preparation*: time to make the shape from a mesh.
 
@@ -130,7 +129,7 @@ fn queries_table(rows: &[Row]) -> Vec<Vec<String>> {
         "grazes, %",
         "normal, degrees",
         "missed, %",
-        "phantoms, %",
+        "false positives, %",
         "time, us",
         "bytes",
         "preparation, s",
@@ -145,7 +144,7 @@ fn queries_table(rows: &[Row]) -> Vec<Vec<String>> {
             format!("{:.3}", row.graze_error_median_percent),
             format!("{:.1}", row.normal_error_median_degrees),
             format!("{:.1}, {:.1}", row.missed_hits_percent, row.missed_grazes_percent),
-            format!("{:.1}", row.phantom_hits_percent),
+            format!("{:.1}", row.false_positives_percent),
             format!("{:.2}", row.microseconds),
             format!("{:.0}", row.bytes),
             format!("{:.2}", row.preparation_s),
@@ -230,35 +229,6 @@ fn markdown<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Itera
                 let _ = writeln!(text, "|{}", "---|".repeat(row.len()));
             }
         }
-    }
-    text
-}
-
-/// The same as an HTML page that contains its charts.
-fn page<'a>(run: &Run, rows: &[Row], scenes: &[SceneRow], charts: impl Iterator<Item = &'a str>) -> String {
-    let mut text = String::from(
-        "<!doctype html><meta charset=utf-8><meta name=viewport content='width=device-width, initial-scale=1'>\
-         <title>Speed against accuracy</title>\
-         <style>body{font:16px/1.5 sans-serif;max-width:60em;margin:auto;padding:1em}svg{width:100%;height:auto}\
-         div{overflow-x:auto}table{border-collapse:collapse;font-size:14px}td,th{padding:.2em .6em;text-align:right;border-bottom:1px solid #ddd}\
-         td:first-child,th:first-child{text-align:left}</style><h1>Speed against accuracy</h1>",
-    );
-    let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;");
-    for part in HEAD.split("\n\n") {
-        let _ = write!(text, "<p>{}</p>", escaped(part).replace("\n- ", "<br>- "));
-    }
-    let [machine, command, gpu] = [&run.machine, run.command, &run.gpu].map(escaped);
-    let _ =
-        write!(text, "<p>{}. Machine: {machine}. Command: <code>{command}</code>. {gpu}</p><h2>Charts</h2>", run.date);
-    charts.for_each(|svg| text += svg);
-    for (title, table) in tables(rows, scenes) {
-        let _ = write!(text, "<h2>{title}</h2><div><table>");
-        for (i, row) in table.iter().enumerate() {
-            let cell = if i == 0 { "th" } else { "td" };
-            let cells: String = row.iter().map(|value| format!("<{cell}>{}</{cell}>", escaped(value))).collect();
-            let _ = write!(text, "<tr>{cells}</tr>");
-        }
-        text += "</table></div>";
     }
     text
 }

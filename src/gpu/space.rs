@@ -29,7 +29,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_few_far_off_do_not_tell_where_most_are() {
+    fn a_few_distant_boxes_do_not_decide_where_most_are() {
         let place = |i: u32| Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32);
         for (count, far) in [(1000, 0), (1000, 5), (10_000, 5), (3, 0), (1, 0)] {
             let point = |i: usize| if i % 997 < far { Vec3::splat(-1e6) } else { place(i as u32 % 1000) };

@@ -10,7 +10,7 @@ use std::{
     sync::Arc,
 };
 
-use glam::{Affine3A, Vec3};
+use glam::{Affine3A, Mat3A, Vec3};
 use smallvec::SmallVec;
 use thiserror::Error;
 
@@ -134,7 +134,7 @@ pub struct JointPose {
 impl JointPose {
     /// The pose with the given transform.
     pub fn new(transform: Affine3A) -> Self {
-        Self { transform, scale: transform.matrix3.determinant().abs().cbrt() }
+        Self { transform, scale: scale(transform.matrix3) }
     }
 
     /// False if the transform scales by different factors in different directions. Spheres stay spheres, so such a pose is not followed exactly.
@@ -206,8 +206,8 @@ impl Skin {
 
     /// Replaces `posed` by the posed spheres, given all spheres in the bind pose.
     ///
-    /// A centre moves to the weighted mean of its positions under all joints, as the vertices of a skinned mesh do. A radius grows by the weighted mean of
-    /// the joints' scales. The scale of the blended transform would shrink the spheres at a bent joint, because the mean of two rotations is not a rotation.
+    /// A centre moves to the weighted mean of its positions under all joints, as the vertices of a skinned mesh do. A radius scales with the cube root of
+    /// the change of volume under the blended transform. So spheres at a bent joint shrink like the skin there: the mean of two rotations is not a rotation.
     ///
     /// A sphere may swallow another one in a pose, so primitives of posed spheres may be degenerate. They still bound the same hulls.
     ///
@@ -216,9 +216,8 @@ impl Skin {
     pub fn pose(&self, spheres: &[Sphere], poses: &[JointPose], posed: &mut Vec<Sphere>) {
         posed.clear();
         posed.extend(spheres.iter().enumerate().map(|(point, sphere)| {
-            let place = |pose: &JointPose| pose.transform.transform_point3(sphere.center).extend(pose.scale);
-            let placed = self.blend(point, poses, place);
-            Sphere::new(placed.truncate(), sphere.radius * placed.w)
+            let axes = self.blend(point, poses, |pose| pose.transform.matrix3);
+            Sphere::new(self.pose_point(point, sphere.center, poses), sphere.radius * scale(axes))
         }));
     }
 
@@ -244,6 +243,11 @@ impl Skin {
         });
         summed(weights).first().map_or(0, |&(joint, _)| joint)
     }
+}
+
+/// The cube root of the change of volume under a linear transform.
+fn scale(axes: Mat3A) -> f32 {
+    axes.determinant().abs().cbrt()
 }
 
 fn validate(joints: &[SkinJoint]) -> Result<(), SkinError> {

@@ -54,6 +54,8 @@ pub struct Flight {
     pub least: f32,
     /// The joint of the nearest point of the triangles at the first touch; without a touch, at the time of the hit in the app.
     pub joint: usize,
+    /// The joint of the nearest point of the triangles at the time of the hit in the app.
+    pub joint_at_hit: usize,
     /// All joints of points of the triangles within the fit error of this point.
     pub joints: Vec<usize>,
 }
@@ -96,8 +98,10 @@ pub struct Score {
     pub in_place: usize,
     /// Hits whose time differs from that of the first touch by at most the tolerance over the speed.
     pub in_time: usize,
-    /// Hits with the joint of the nearest point of the triangles.
+    /// Hits with the joint of the nearest point of the triangles at their first touch. A bullet may graze one limb by less than the tolerance and hit another.
     pub same_joint: usize,
+    /// Hits with the joint of the nearest point of the triangles at the time of the hit.
+    pub same_joint_at_hit: usize,
     /// Hits with the joint of a point of the triangles within the tolerance.
     pub joint_within: usize,
 }
@@ -122,6 +126,7 @@ impl Score {
             let late = flight.touch.map_or(f32::INFINITY, |touch| (time - touch).abs());
             score.in_time += usize::from(late * flight.speed() <= tolerance);
             score.same_joint += usize::from(joint == Some(flight.joint));
+            score.same_joint_at_hit += usize::from(joint == Some(flight.joint_at_hit));
             score.joint_within += usize::from(joint.is_some_and(|joint| flight.joints.contains(&joint)));
         }
         score
@@ -145,8 +150,8 @@ fn fly(actor: &Actor, bullets: usize, seed: u64) -> Result<Vec<Flight>, Box<dyn 
     let mut begin = (0..4).map(|_| advance(&mut app)).last().unwrap_or_default();
     while flights.len() < bullets {
         let volley = aim(actor, begin, VOLLEY.min(bullets - flights.len()), &mut random)?;
-        let way = actor.way(begin as f32 * DT);
-        let entities: Vec<Entity> = volley.iter().map(|flight| spawn(&mut app, &ball, flight, way)).collect();
+        let displacement = actor.displacement(begin as f32 * DT);
+        let entities: Vec<Entity> = volley.iter().map(|flight| spawn(&mut app, &ball, flight, displacement)).collect();
         let first = flights.len();
         flights.extend(volley);
         for step in 0..STEPS {
@@ -168,17 +173,17 @@ fn fly(actor: &Actor, bullets: usize, seed: u64) -> Result<Vec<Flight>, Box<dyn 
     Ok(flights)
 }
 
-/// Bullets that would be near a sphere of the character at some time of the flight, and start outside.
+/// Bullets that would be near a vertex of the character at some time of the flight, and start outside. Vertices are evenly distributed over the surface.
 fn aim(actor: &Actor, begin: u32, count: usize, random: &mut Random) -> Result<Vec<Flight>, Box<dyn Error>> {
     let time = begin as f32 * DT;
     let triangles = triangles(actor, time)?;
+    let (mesh, skin) = (actor.mesh.mesh(), actor.mesh.skin());
     let mut flights = Vec::with_capacity(count);
     while flights.len() < count {
         let later = (1.5 + 4.0 * random.unit()) * DT;
-        let mut spheres = vec![];
-        let skin = actor.axis.skin().ok_or("the medial mesh has no skin")?;
-        skin.pose(actor.axis.spheres(), &actor.poses(&actor.character.pose(time + later)), &mut spheres);
-        let target = spheres[random.below(spheres.len())].center + random.in_ball() * 0.25;
+        let vertex = random.below(mesh.positions.len());
+        let poses = actor.poses(&actor.character.pose(time + later));
+        let target = skin.pose_point(vertex, mesh.positions[vertex], &poses) + random.in_ball() * 0.25;
         let velocity = random.direction().as_vec3() * 10.0 * 100.0f32.powf(random.unit());
         let start = target - (velocity - Vec3::X * actor.speed) * later;
         if !is_clear(&triangles, start) {
@@ -194,6 +199,7 @@ fn aim(actor: &Actor, begin: u32, count: usize, random: &mut Random) -> Result<V
             touch: None,
             least: f32::INFINITY,
             joint: 0,
+            joint_at_hit: 0,
             joints: Vec::new(),
         });
     }
@@ -221,9 +227,9 @@ fn triangles(actor: &Actor, time: f32) -> Result<TriMesh, Box<dyn Error>> {
 }
 
 /// Bullets hit nothing except the character.
-fn spawn(app: &mut App, ball: &MedialMesh, flight: &Flight, way: Vec3) -> Entity {
+fn spawn(app: &mut App, ball: &MedialMesh, flight: &Flight, displacement: Vec3) -> Entity {
     let only_others = CollisionGroups::new(Group::GROUP_1, !Group::GROUP_1);
-    let place = Transform::from_translation(way + flight.start);
+    let place = Transform::from_translation(displacement + flight.start);
     let motion = (Velocity::linear(flight.velocity), GravityScale(0.0));
     app.world_mut().spawn((RigidBody::Dynamic, ball.clone(), place, motion, only_others, Bullet)).id()
 }
@@ -278,8 +284,10 @@ impl<'a> Reference<'a> {
                         let flight = &mut flights[number];
                         let place = self.place(flight, time);
                         flight.off = mesh.distance_to_local_point(place, true) - RADIUS;
+                        let (nearest, within) = self.joints(&mesh, place);
+                        flight.joint_at_hit = nearest;
                         if flight.touch.is_none() {
-                            (flight.joint, flight.joints) = self.joints(&mesh, place);
+                            (flight.joint, flight.joints) = (nearest, within);
                         }
                     }
                 }

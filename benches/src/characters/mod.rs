@@ -38,12 +38,12 @@ impl Actor {
 
     /// Places of the joints at a time in seconds, in the world.
     pub fn places(&self, time: f32) -> Vec<Affine3A> {
-        let way = Affine3A::from_translation(self.way(time));
-        self.character.pose(time).into_iter().map(|place| way * place).collect()
+        let displacement = Affine3A::from_translation(self.displacement(time));
+        self.character.pose(time).into_iter().map(|place| displacement * place).collect()
     }
 
     /// Displacement of the whole character since the start.
-    pub fn way(&self, time: f32) -> Vec3 {
+    pub fn displacement(&self, time: f32) -> Vec3 {
         Vec3::X * self.speed * time
     }
 

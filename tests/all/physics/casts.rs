@@ -107,7 +107,7 @@ struct Score {
     misses: u32,
     overlaps: u32,
     lost: u32,
-    phantoms: u32,
+    false_positives: u32,
     /// Casts with a wrong status, or with witness points at a wrong distance.
     gaps: u32,
     worst: f64,
@@ -152,7 +152,7 @@ fn linear_casts_stop_at_the_target_distance() {
                 match (hit, truth) {
                     (None, None) => score.misses += 1,
                     (None, Some(_)) => score.lost += 1,
-                    (Some(_), None) => score.phantoms += 1,
+                    (Some(_), None) => score.false_positives += 1,
                     (Some(hit), Some(truth)) => {
                         score.hits += 1;
                         let speed = f64::from(velocity.length());
@@ -190,6 +190,6 @@ fn linear_casts_stop_at_the_target_distance() {
     let [ours, _] = &scores;
     assert!(ours.hits > 250 && ours.misses > 50 && ours.overlaps > 30, "{ours:?}");
     // Parry's algorithms find every hit through the compound, but less exactly.
-    assert!(scores[1].lost == 0 && scores[1].phantoms == 0, "{:?}", scores[1]);
-    assert!(ours.lost == 0 && ours.phantoms == 0 && ours.gaps == 0 && ours.worst == 0.0, "{ours:?}");
+    assert!(scores[1].lost == 0 && scores[1].false_positives == 0, "{:?}", scores[1]);
+    assert!(ours.lost == 0 && ours.false_positives == 0 && ours.gaps == 0 && ours.worst == 0.0, "{ours:?}");
 }

@@ -135,7 +135,7 @@ fn a_dynamic_body_is_named_once() {
 }
 
 #[test]
-fn a_jump_is_not_swept_and_a_requested_one_is_not_told_of() {
+fn a_jump_is_not_swept_and_a_requested_one_is_not_logged() {
     log::keep();
     for (name, requested) in [("eel that jumps", false), ("eel that is moved", true)] {
         let mut app = cpu_app();
