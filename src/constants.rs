@@ -12,18 +12,6 @@ pub const CONTACT_ROUNDING: f32 = 3.0e-6;
 /// A graze of depth `d` is reported early by the time in which the pair closes this gap. That time grows as `d` shrinks.
 pub const TOUCH_ROUNDING: f32 = 7.0e-7;
 
-/// Rounding error of a distance, per metre of it. When primitives are far apart, a gap along a direction is no more accurate than this. With a
-/// smaller value, the direction of a feature that is not the nearest one may be chosen.
-pub const DISTANCE_ROUNDING: f32 = 2.0 * f32::EPSILON;
-
-/// Range around the target distance, per metre of the extent, in which a search checks its normal. Rounding can tilt a normal. The distance along a
-/// tilted normal is too small and would end the search early. With a larger value, more evaluations cost twice as much.
-pub const NEAR_TOUCH: f32 = 4.0 * CONTACT_ROUNDING;
-
-/// Largest error of the distance, per metre of the extent, that a tilted normal may cause near the target distance. It is less than the gap that counts
-/// as contact.
-pub const TILT_ROUNDING: f32 = 0.5 * TOUCH_ROUNDING;
-
 /// Shortest trial step of the time of impact, as the displacement of the fastest vertex in extents. Grazing hits are reported early by less than this step.
 pub const TIME_TOLERANCE: f32 = 2.0e-5;
 
@@ -34,17 +22,9 @@ pub const ILL_CONDITIONED: f32 = 1.0e-3;
 /// other by ever smaller steps.
 pub const MAX_ADVANCES: u32 = 6;
 
-/// Length of the first trial step, as a multiple of the last advance. A step that is too long is shortened, which costs an iteration.
+/// Length of the first trial step, as a multiple of the last advance, and smallest length of a step after a successful one, as a multiple of
+/// [`TIME_TOLERANCE`]. A step that is too long is shortened, which costs an iteration.
 pub const FIRST_TRIAL: f32 = 16.0;
-
-/// Smallest length of a trial step after a successful one, as a multiple of [`TIME_TOLERANCE`]. Only a failed step is followed by a shorter one.
-pub const SHORTEST_TRIAL: f32 = 4.0;
-
-/// [`MAX_ADVANCES`] for batches of pairs that are searched side by side, where an iteration costs less.
-pub const MAX_LANE_ADVANCES: f32 = 20.0;
-
-/// Smallest squared length of a usable direction, in square metres. Products of smaller numbers underflow.
-pub const LEAST_SQUARE: f32 = 1.0e-30;
 
 /// Iterations after which a search stops: for a time of impact, with the iteration limit as its result; for the nearest point beyond planes, without a result.
 /// A step of the solver has at most as many substeps.
@@ -73,8 +53,8 @@ pub const LOOK_AHEAD_SLACK: f32 = 0.1;
 /// one, more cones are tested.
 pub const MAX_LINKS: u32 = 8;
 
-/// [`CHORD_TOLERANCE`] for culling on the GPU, and for chains of cones. With a smaller value, spinning bodies have more chords to test; with a larger one, culling leaves more
-/// primitives that do not meet.
+/// [`CHORD_TOLERANCE`] for culling on the GPU, and for chains of cones. With a smaller value, spinning bodies have more chords to test; with a larger one,
+/// culling leaves more primitives that do not meet.
 pub const CULLING_CHORD_TOLERANCE: f32 = 1.0e-2;
 
 /// Largest number of chords per step for culling on the GPU. The deviation that exceeds the tolerance enlarges the search distance.
@@ -106,9 +86,6 @@ pub const VERTEX_NORMAL_COSINE: f32 = 0.9;
 
 /// Smallest sine of the angle between edges whose crossing is a contact. For edges closer to parallel, contacts at their ends are sufficient.
 pub const CROSSING_SINE: f32 = 0.1;
-
-/// Smallest distance of a crossing from the ends of both edges, in lengths of the shorter edge.
-pub const CROSSING_END: f32 = 0.02;
 
 /// Cosine of the largest angle between contact normals in one manifold (5 degrees). Rapier solves one normal per manifold.
 pub const MANIFOLD_NORMAL_COSINE: f32 = 0.996;
@@ -155,13 +132,6 @@ pub const CLOSE_CONTACT: f32 = 0.1;
 /// plate; with more, bodies between two plates take longer.
 pub const MAX_PUSHES: u32 = 16;
 
-/// Distance in metres up to which contacts are reported without rapier. With rapier, its own setting applies.
-pub const DEFAULT_PREDICTION: f32 = 0.02;
-
-/// Iterations of the search for the surface point that is nearest to a point inside a shape. Few are needed unless surfaces meet at a sharp angle. With more,
-/// queries at such angles take longer; with fewer, another point of the surface is nearer.
-pub const PROJECTION_ITERATIONS: usize = 32;
-
 /// Largest relative displacement of bodies in contact within a substep of the solver, per metre of the smaller body's bounding radius. With a larger
 /// value, fast impacts transfer too little or too much momentum; with a smaller one, they cost more time.
 pub const SUBSTEP_DISPLACEMENT: f32 = 0.1;
@@ -175,9 +145,6 @@ pub const MAX_MAGNITUDE: f32 = 1.0e9;
 /// a hundredth of its distance from the axis.
 pub const MAX_JOINT_TURN: f32 = 0.25;
 
-/// Largest number of lines of a sphere within a step.
-pub const MAX_SEGMENTS: usize = 16;
-
 /// Largest displacement of a sphere of a skinned shape within a step that is swept, in bounding radii of the shape. A longer displacement is a jump, such as
 /// one to another place of the level.
 pub const TELEPORT: f32 = 2.0;
@@ -189,13 +156,6 @@ pub const SAME_LENGTH: f32 = 1.0e-4;
 /// Largest number of contacts of a pair that the reduction processes. With a larger value, fine shapes that lie on each other cost more; with a
 /// smaller one, covered contacts are detected less reliably.
 pub const MANY_CONTACTS: usize = 96;
-
-/// Number of cells per axis over the extent of a pair's contacts, if there are more than [`MANY_CONTACTS`]. One contact per cell and direction is
-/// kept. The number is halved until few enough contacts are left. A power of two.
-pub const CLUSTER_CELLS: f32 = 32.0;
-
-/// Resolution of a normal's coordinates that distinguishes contacts in one cell, in steps per unit: about 15 degrees each.
-pub const CLUSTER_NORMALS: f32 = 4.0;
 
 /// Cosine of the largest angle between the normals of contacts that push in the same direction (a quarter of a degree).
 pub const SAME_NORMAL_COSINE: f32 = 1.0 - 1.0e-5;

@@ -9,7 +9,7 @@ use super::{
     skinned::{Bound, SkinPose, SkinnedMedialMesh},
 };
 use crate::{
-    constants::{MAX_JOINT_TURN, MAX_SEGMENTS, TELEPORT},
+    constants::{MAX_JOINT_TURN, TELEPORT},
     geometry::{Aabb, Pose3, Sphere},
     medial_axis::{JointPose, MedialAxis},
     pipeline::Deforming,
@@ -102,7 +102,7 @@ fn between(axis: &MedialAxis, before: &[JointPose], now: &[JointPose]) -> Vec<Ve
     }
     let screws: Vec<Screw> = std::iter::zip(before, now).map(|(before, now)| Screw::new([*before, *now])).collect();
     let turn = screws.iter().map(Screw::angle).fold(0.0, f32::max);
-    let segments = ((turn / MAX_JOINT_TURN).ceil() as usize).clamp(1, MAX_SEGMENTS);
+    let segments = (turn / MAX_JOINT_TURN).ceil() as usize;
     let at = |fraction: f32| screws.iter().map(|screw| screw.at(fraction)).collect::<Vec<_>>();
     (1..segments).map(|i| posed(axis, &at(i as f32 / segments as f32))).collect()
 }

@@ -16,7 +16,7 @@ use super::{
     Skeletons, SkinPose, SkinnedMedialMesh, StaticObb, is_bounded, is_sound_pose, uniform_scale,
 };
 use crate::{
-    constants::DEFAULT_PREDICTION,
+    constants::LINEAR_SLOP,
     geometry::{Obb, Pose3, Sweep},
     medial_axis::MedialAxis,
     pipeline::{Body, PairFilter, Shape, Solid, StaticBody, Statics},
@@ -216,7 +216,8 @@ fn detect(
     let step = step.as_mut();
     step.settings = MedialSettings { stop_at_impact: false, ..*settings };
     step.dt = time.delta_secs();
-    step.input.prediction = DEFAULT_PREDICTION;
+    // The default of rapier: 2 cm.
+    step.input.prediction = 20.0 * LINEAR_SLOP;
     step.input.length_unit = 1.0;
     step.input.bodies.clear();
     step.infos.clear();

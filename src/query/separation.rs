@@ -3,10 +3,7 @@
 use glam::Vec3;
 
 use super::nearest::{between_cones, cone_to_cuboid, on_cone, on_slab};
-use crate::{
-    constants::{CONTACT_ROUNDING, DISTANCE_ROUNDING},
-    geometry::Sphere,
-};
+use crate::{constants::CONTACT_ROUNDING, geometry::Sphere};
 
 /// A box `[-half, half]` in its own frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,7 +91,7 @@ pub fn separation<const N: usize, B: Convex>(first: &[Sphere; N], second: &B, hi
             best.spheres = (sphere1, sphere2);
             if length > 0.0 {
                 // Gaps of a distant pair have this rounding error. A gap along an earlier normal may be larger by rounding alone, so it is dropped.
-                let far = DISTANCE_ROUNDING * length;
+                let far = 2.0 * f32::EPSILON * length;
                 if far > rounding {
                     best.lower = f32::NEG_INFINITY;
                 }

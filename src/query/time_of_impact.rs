@@ -6,10 +6,7 @@ use super::{
     separation::{Separation, refined, separation},
 };
 use crate::{
-    constants::{
-        CONTACT_ROUNDING, FIRST_TRIAL, MAX_ADVANCES, MAX_ITERATIONS, NEAR_TOUCH, SHORTEST_TRIAL, TILT_ROUNDING,
-        TIME_TOLERANCE, TOUCH_ROUNDING,
-    },
+    constants::{CONTACT_ROUNDING, FIRST_TRIAL, MAX_ADVANCES, MAX_ITERATIONS, TIME_TOLERANCE, TOUCH_ROUNDING},
     geometry::Sphere,
 };
 
@@ -74,8 +71,8 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
     /// The same during a search. Near the target, a tilted normal would end the search too early, so the separation is refined.
     fn look(&self, fraction: f32, feature: usize, extent: f32) -> Instant<N, B::Shape> {
         let mut now = self.at(fraction, feature);
-        let is_near = (now.separation.distance - self.target).abs() <= NEAR_TOUCH * extent;
-        if is_near && now.separation.loss() > TILT_ROUNDING * extent {
+        let is_near = (now.separation.distance - self.target).abs() <= CONTACT_ROUNDING * extent;
+        if is_near && now.separation.loss() > TOUCH_ROUNDING * extent {
             now.separation = refined(&now.first, &now.second, now.separation);
         }
         now
@@ -188,7 +185,7 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
                 here = there;
                 cleared = self.cleared_until(&here);
                 let rest = if after < before { part - 1.0 } else { f32::INFINITY };
-                step = (step * rest.min(2.0)).max(SHORTEST_TRIAL * shortest);
+                step = (step * rest.min(2.0)).max(FIRST_TRIAL * shortest);
                 halve = false;
             } else if step <= shortest {
                 return self.end(TimeOfImpactStatus::Hit, cleared.min(next), &here, rounds);

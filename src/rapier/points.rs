@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use super::{primitive::PrimitiveShape, shape::MedialShape};
 use crate::{
-    constants::{CONTACT_ROUNDING, MAX_ITERATIONS, PROJECTION_ITERATIONS},
+    constants::{CONTACT_ROUNDING, MAX_ITERATIONS},
     geometry::{Aabb, Sphere},
     pipeline::{Hull, with_spheres},
     query::{Separation, separation},
@@ -108,7 +108,7 @@ impl MedialShape {
     /// Moves a point of the surface towards `point`, along tangent planes, until an iteration gains no more.
     fn nearer_exit(&self, point: Vec3, mut exit: Vec3) -> Vec3 {
         let size = self.shape.bounding_sphere().radius;
-        for _ in 0..PROJECTION_ITERATIONS {
+        for _ in 0..MAX_ITERATIONS {
             let distance = exit.distance(point);
             let mut planes = Vec::new();
             self.visit_near(point, &Cell::new(distance), |primitive, _| {

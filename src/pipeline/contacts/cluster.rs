@@ -5,11 +5,7 @@
 use bevy::platform::collections::HashSet;
 use glam::IVec3;
 
-use crate::{
-    constants::{CLUSTER_CELLS, CLUSTER_NORMALS, MANY_CONTACTS},
-    geometry::Aabb,
-    pipeline::Contact,
-};
+use crate::{constants::MANY_CONTACTS, geometry::Aabb, pipeline::Contact};
 
 /// Cells of position and normal that have a contact.
 pub(in crate::pipeline) type Taken = HashSet<[IVec3; 2]>;
@@ -22,13 +18,13 @@ pub(in crate::pipeline) fn cluster(contacts: &mut Vec<Contact>, taken: &mut Take
     contacts.sort_unstable_by(Contact::order);
     let around = contacts.iter().fold(Aabb::EMPTY, |aabb, c| aabb.merge(Aabb { min: c.point1, max: c.point1 }));
     let extent = 2.0 * around.half_extents().max_element();
-    let mut cells = CLUSTER_CELLS;
+    let mut cells = MANY_CONTACTS as f32;
     while contacts.len() > MANY_CONTACTS && cells >= 1.0 {
         taken.clear();
         contacts.retain(|contact| {
             // If all contacts are at one point, they share a cell.
             let place = ((contact.point1 - around.min) * (cells / extent.max(f32::MIN_POSITIVE))).as_ivec3();
-            taken.insert([place, (contact.normal1 * CLUSTER_NORMALS).round().as_ivec3()])
+            taken.insert([place, contact.normal1.round().as_ivec3()])
         });
         cells *= 0.5;
     }

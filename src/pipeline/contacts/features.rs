@@ -4,7 +4,7 @@ use bevy::platform::collections::HashSet;
 use glam::Vec3;
 
 use crate::{
-    constants::{CROSSING_END, CROSSING_SINE, SAME_LENGTH, VERTEX_NORMAL_COSINE},
+    constants::{CROSSING_SINE, SAME_LENGTH, VERTEX_NORMAL_COSINE},
     geometry::{Aabb, Sphere},
     pipeline::Shape,
     query::{Convex, Separation, separation},
@@ -68,17 +68,15 @@ pub(super) fn crossings(
     }
 }
 
-/// Returns the spheres at the crossing of two edges, as seen along the normal. `None` near an end of an edge, because the end is a contact of its own: the two
-/// contacts would replace each other from step to step.
+/// Returns the spheres at the crossing of two edges, as seen along the normal. `None` if the edges are nearly parallel, or do not cross between their ends.
 fn crossing(ours: &[Sphere; 2], theirs: &[Sphere; 2], normal: Vec3) -> Option<[Sphere; 2]> {
     let [edge1, edge2] = [ours, theirs].map(|[a, b]| b.center - a.center);
     let [length1, length2] = [edge1, edge2].map(Vec3::length);
     let (apart, area) = (theirs[0].center - ours[0].center, edge1.cross(edge2).dot(normal));
     let [along1, along2] = [edge2, edge1].map(|edge| apart.cross(edge).dot(normal) / area);
-    let end = CROSSING_END * length1.min(length2);
-    let is_within = |along: f32, length: f32| (end..length - end).contains(&(along * length));
+    let is_within = |along: f32| (0.0..1.0).contains(&along);
     let cross = area.abs() > CROSSING_SINE * length1 * length2;
-    (cross && is_within(along1, length1) && is_within(along2, length2))
+    (cross && is_within(along1) && is_within(along2))
         .then(|| [ours[0].lerp(&ours[1], along1), theirs[0].lerp(&theirs[1], along2)])
 }
 

@@ -1,7 +1,7 @@
 //! Spheres in motion, one pair per lane, and bounds of the time of their touch.
 
 use crate::{
-    constants::{CONTACT_ROUNDING, LEAST_SQUARE},
+    constants::CONTACT_ROUNDING,
     query::{
         branchless::each,
         moving::Moving,
@@ -86,7 +86,7 @@ pub(super) fn cleared<R: Number, const N: usize, const M: usize>(
             next_closing = R::select(sooner, closing, next_closing);
         }
     }
-    let sound = rounding.like(LEAST_SQUARE).less(length_squared);
+    let sound = rounding.like(f32::MIN_POSITIVE).less(length_squared);
     let clear = sound & (margin * length).less(least);
     (clear, R::select(clear, next_gap / next_closing, zero))
 }

@@ -7,7 +7,7 @@ use super::{
     movers::{Mover, MovingPair, at_weights, balls, cleared, depart, extent},
 };
 use crate::{
-    constants::{CONTACT_ROUNDING, MAX_LANE_ADVANCES, TOUCH_ROUNDING},
+    constants::{CONTACT_ROUNDING, MAX_ADVANCES, TOUCH_ROUNDING},
     query::{
         branchless::{Nearest, each, nearest},
         number::{Ball, Number, Vector},
@@ -207,7 +207,7 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         let there = look.at_most(fraction);
         let touch = there & upper.at_most(touching);
         let rounds = rounds + zero.like(1.0);
-        let many = zero.like(MAX_LANE_ADVANCES).at_most(rounds);
+        let many = zero.like(MAX_ADVANCES as f32).at_most(rounds);
         rounds.store_slice(&mut self.rounds);
         R::select(touch, fraction, next).store_slice(&mut self.fraction);
         R::select(later, meeting, next).store_slice(&mut self.look);
