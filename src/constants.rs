@@ -26,8 +26,8 @@ pub const MAX_ADVANCES: u32 = 6;
 /// [`TIME_TOLERANCE`]. A step that is too long is shortened, which costs an iteration.
 pub const FIRST_TRIAL: f32 = 16.0;
 
-/// Iterations after which a search stops: for a time of impact, with the iteration limit as its result; for the nearest point beyond planes, without a result.
-/// A step of the solver has at most as many substeps.
+/// Iterations after which a search stops: for a time of impact, with the iteration limit as its result; for the nearest point beyond planes, without a result;
+/// for the nearest point of the surface from inside, with the best one so far. A step of the solver has at most as many substeps.
 pub const MAX_ITERATIONS: u32 = 1024;
 
 /// Smallest advance of a bound of the time of impact, as a fraction of a chord. A shorter one ends the search. With a smaller value, bounds are closer to

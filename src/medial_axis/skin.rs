@@ -207,7 +207,7 @@ impl Skin {
     /// Replaces `posed` by the posed spheres, given all spheres in the bind pose.
     ///
     /// A centre moves to the weighted mean of its positions under all joints, as the vertices of a skinned mesh do. A radius scales with the cube root of
-    /// the change of volume under the blended transform. So spheres at a bent joint shrink like the skin there: the mean of two rotations is not a rotation.
+    /// the change of volume under the blended transform. So spheres at a bent joint shrink, like the skin there: the mean of two rotations is not a rotation.
     ///
     /// A sphere may swallow another one in a pose, so primitives of posed spheres may be degenerate. They still bound the same hulls.
     ///

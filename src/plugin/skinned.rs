@@ -190,6 +190,12 @@ impl SkinPose {
         Some(self.poses[joint].transform * bind)
     }
 
+    /// Returns the radius of a sphere that has the scale of a joint, in the world. In the pose it is smaller where a limb bends.
+    #[cfg(feature = "rapier")]
+    pub(crate) fn unbent_radius(&self, joint: usize, sphere: usize) -> f32 {
+        self.bound.axis.spheres()[sphere].radius * self.poses[joint].scale
+    }
+
     /// Returns the hit region of a joint.
     pub fn region(&self, joint: Entity) -> Option<&str> {
         let joint = self.bound.joints.iter().position(|known| *known == joint)?;

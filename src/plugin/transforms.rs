@@ -16,14 +16,13 @@ use super::{
     Skeletons, SkinPose, SkinnedMedialMesh, StaticObb, is_bounded, is_sound_pose, uniform_scale,
 };
 use crate::{
-    constants::LINEAR_SLOP,
     geometry::{Obb, Pose3, Sweep},
     medial_axis::MedialAxis,
     pipeline::{Body, PairFilter, Shape, Solid, StaticBody, Statics},
 };
 
 /// Collision without response: transforms move the bodies from one frame to the next, impacts do not stop them, and messages report the impacts and
-/// contacts. Without the feature `rapier` it is part of [`MedialPhysicsPlugins`](crate::MedialPhysicsPlugins).
+/// contacts, the latter up to a distance of 2 cm. Without the feature `rapier` it is part of [`MedialPhysicsPlugins`](crate::MedialPhysicsPlugins).
 #[derive(Clone, Copy, Debug)]
 pub struct MedialTransformPlugin {
     schedule: Interned<dyn ScheduleLabel>,
@@ -216,8 +215,8 @@ fn detect(
     let step = step.as_mut();
     step.settings = MedialSettings { stop_at_impact: false, ..*settings };
     step.dt = time.delta_secs();
-    // The default of rapier: 2 cm.
-    step.input.prediction = 20.0 * LINEAR_SLOP;
+    // In metres, the default of rapier.
+    step.input.prediction = 0.02;
     step.input.length_unit = 1.0;
     step.input.bodies.clear();
     step.infos.clear();

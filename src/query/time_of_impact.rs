@@ -71,8 +71,8 @@ impl<const N: usize, B: MovingConvex> Pair<'_, N, B> {
     /// The same during a search. Near the target, a tilted normal would end the search too early, so the separation is refined.
     fn look(&self, fraction: f32, feature: usize, extent: f32) -> Instant<N, B::Shape> {
         let mut now = self.at(fraction, feature);
-        let is_near = (now.separation.distance - self.target).abs() <= CONTACT_ROUNDING * extent;
-        if is_near && now.separation.loss() > TOUCH_ROUNDING * extent {
+        let is_near = now.separation.distance - self.target <= CONTACT_ROUNDING * extent;
+        if is_near && now.separation.loss() > 0.5 * TOUCH_ROUNDING * extent {
             now.separation = refined(&now.first, &now.second, now.separation);
         }
         now

@@ -129,14 +129,15 @@ fn limb(world: &World, pose: &SkinPose, joint: usize, own: &[Primitive], dt: f32
     let place = Pose3::from_parts(translation, rotation);
     // The spheres are those of the last update.
     let to_joint = pose.place_of(joint)?.inverse();
-    let local = |sphere: &Sphere| {
+    let local = |(number, sphere): (usize, &Sphere)| {
         let center = to_joint.transform_point3(pose.frame().transform_point(sphere.center));
-        Sphere::new(center, sphere.radius / scale.x)
+        Sphere::new(center, pose.unbent_radius(joint, number) / scale.x)
     };
     if own.is_empty() || !(scale.x > 0.0 && to_joint.is_finite()) {
         return None;
     }
-    let shape = MedialAxis::part_of(&pose.shape().axis().spheres().iter().map(local).collect::<Vec<_>>(), own).ok()?;
+    let spheres: Vec<Sphere> = pose.shape().axis().spheres().iter().enumerate().map(local).collect();
+    let shape = MedialAxis::part_of(&spheres, own).ok()?;
     let center = place.transform_point(shape.mass().center_of_mass * scale.x);
     let [displacement, turn] = pose.moved_with(joint, center);
     let rate = if dt > 0.0 { 1.0 / dt } else { 0.0 };

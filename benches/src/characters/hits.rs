@@ -98,7 +98,8 @@ pub struct Score {
     pub in_place: usize,
     /// Hits whose time differs from that of the first touch by at most the tolerance over the speed.
     pub in_time: usize,
-    /// Hits with the joint of the nearest point of the triangles at their first touch. A bullet may graze one limb by less than the tolerance and hit another.
+    /// Hits with the joint of the nearest point of the triangles at their first touch, or at the hit without a touch. A bullet may graze one limb by less
+    /// than the tolerance and hit another.
     pub same_joint: usize,
     /// Hits with the joint of the nearest point of the triangles at the time of the hit.
     pub same_joint_at_hit: usize,
@@ -173,7 +174,7 @@ fn fly(actor: &Actor, bullets: usize, seed: u64) -> Result<Vec<Flight>, Box<dyn 
     Ok(flights)
 }
 
-/// Bullets that would be near a vertex of the character at some time of the flight, and start outside. Vertices are evenly distributed over the surface.
+/// Bullets that would be near a vertex of the character at some time of the flight, and start outside. The surface has about one vertex per cell of a grid.
 fn aim(actor: &Actor, begin: u32, count: usize, random: &mut Random) -> Result<Vec<Flight>, Box<dyn Error>> {
     let time = begin as f32 * DT;
     let triangles = triangles(actor, time)?;

@@ -86,7 +86,8 @@ pub(super) fn cleared<R: Number, const N: usize, const M: usize>(
             next_closing = R::select(sooner, closing, next_closing);
         }
     }
-    let sound = rounding.like(f32::MIN_POSITIVE).less(length_squared);
+    // The products above contain the square of the length, so they do not underflow above this length.
+    let sound = rounding.like(f32::MIN_POSITIVE.sqrt()).less(length_squared);
     let clear = sound & (margin * length).less(least);
     (clear, R::select(clear, next_gap / next_closing, zero))
 }

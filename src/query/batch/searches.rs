@@ -207,7 +207,8 @@ impl<const L: usize, const N: usize, const M: usize> Searches<L, N, M> {
         let there = look.at_most(fraction);
         let touch = there & upper.at_most(touching);
         let rounds = rounds + zero.like(1.0);
-        let many = zero.like(MAX_ADVANCES as f32).at_most(rounds);
+        // Iterations are cheaper in lanes, so there are more of them before the scalar search.
+        let many = zero.like(3.0 * MAX_ADVANCES as f32).at_most(rounds);
         rounds.store_slice(&mut self.rounds);
         R::select(touch, fraction, next).store_slice(&mut self.fraction);
         R::select(later, meeting, next).store_slice(&mut self.look);

@@ -239,6 +239,8 @@ fn a_character_becomes_a_ragdoll_at_its_pose_and_velocities() {
     (0..10).for_each(|_| tentacle.step(&mut app));
     let before = tentacle.spheres_at(tentacle.time());
     let earlier = tentacle.spheres_at(tentacle.time() - DT);
+    let is_bent = |(now, full): (&Sphere, &Sphere)| now.radius < full.radius - 1e-4;
+    assert!(before.iter().zip(tentacle.axis.spheres()).any(is_bent), "no limb is bent");
     app.world_mut().commands().entity(tentacle.entity).queue(MedialRagdoll::default());
     app.world_mut().flush();
     assert!(app.world().get::<SkinnedMedialMesh>(tentacle.entity).is_none());
@@ -249,7 +251,15 @@ fn a_character_becomes_a_ragdoll_at_its_pose_and_velocities() {
         let moved = (before[2 * index].center - earlier[2 * index].center) / DT;
         let axes = app.world().resource::<Assets<MedialAxis>>();
         let mesh = app.world().get::<MedialMesh>(joint).unwrap();
-        let center = axes.get(&mesh.0).unwrap().mass().center_of_mass;
+        let limb = axes.get(&mesh.0).unwrap();
+        let center = limb.mass().center_of_mass;
+        // Limbs get their full thickness back where they were bent.
+        for sphere in limb.spheres() {
+            assert!(
+                tentacle.axis.spheres().iter().any(|full| (full.radius - sphere.radius).abs() < 1e-5),
+                "{sphere:?}"
+            );
+        }
         let turn = app.world().get::<GlobalTransform>(joint).unwrap().rotation();
         let at_joint = velocity.linear - velocity.angular.cross(turn * center);
         assert!(at_joint.distance(moved) < 0.1 * moved.length() + 0.3, "{index}: {at_joint} instead of {moved}");
