@@ -81,7 +81,8 @@ pub const AXIS_ASTRAY: f32 = 2.0e-3;
 /// Largest deviation of points from the chords of their paths, summed over both bodies, per metre of the smaller body's bounding radius.
 pub const CHORD_TOLERANCE: f32 = 1.0e-3;
 
-/// Cosine of the largest angle (25 degrees) at which the contact of a sphere belongs to the flat or straight contact of its primitive.
+/// Cosine of the largest angle (25 degrees) at which the contact of a sphere belongs to the flat or straight contact of its primitive. Its sine is the size of
+/// the cells of normals in which one contact of many is kept.
 pub const VERTEX_NORMAL_COSINE: f32 = 0.9;
 
 /// Smallest sine of the angle between edges whose crossing is a contact. For edges closer to parallel, contacts at their ends are sufficient.
