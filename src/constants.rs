@@ -81,8 +81,7 @@ pub const AXIS_ASTRAY: f32 = 2.0e-3;
 /// Largest deviation of points from the chords of their paths, summed over both bodies, per metre of the smaller body's bounding radius.
 pub const CHORD_TOLERANCE: f32 = 1.0e-3;
 
-/// Cosine of the largest angle (25 degrees) at which the contact of a sphere belongs to the flat or straight contact of its primitive. Its sine is the size of
-/// the cells of normals in which one contact of many is kept.
+/// Cosine of the largest angle (25 degrees) at which the contact of a sphere belongs to the flat or straight contact of its primitive.
 pub const VERTEX_NORMAL_COSINE: f32 = 0.9;
 
 /// Smallest sine of the angle between edges whose crossing is a contact. For edges closer to parallel, contacts at their ends are sufficient.
@@ -157,6 +156,13 @@ pub const SAME_LENGTH: f32 = 1.0e-4;
 /// Largest number of contacts of a pair that the reduction processes. With a larger value, fine shapes that lie on each other cost more; with a
 /// smaller one, covered contacts are detected less reliably.
 pub const MANY_CONTACTS: usize = 96;
+
+/// Number of cells per axis over the extent of a pair's contacts, if there are more than [`MANY_CONTACTS`]. One contact per cell and direction is
+/// kept. The number is halved until few enough contacts are left. A power of two.
+pub const CLUSTER_CELLS: f32 = 32.0;
+
+/// Resolution of a normal's coordinates that distinguishes contacts in one cell, in steps per unit: about 15 degrees each.
+pub const CLUSTER_NORMALS: f32 = 4.0;
 
 /// Cosine of the largest angle between the normals of contacts that push in the same direction (a quarter of a degree).
 pub const SAME_NORMAL_COSINE: f32 = 1.0 - 1.0e-5;

@@ -6,7 +6,7 @@ use bevy::platform::collections::HashSet;
 use glam::IVec3;
 
 use crate::{
-    constants::{MANY_CONTACTS, VERTEX_NORMAL_COSINE},
+    constants::{CLUSTER_CELLS, CLUSTER_NORMALS, MANY_CONTACTS},
     geometry::Aabb,
     pipeline::Contact,
 };
@@ -22,16 +22,13 @@ pub(in crate::pipeline) fn cluster(contacts: &mut Vec<Contact>, taken: &mut Take
     contacts.sort_unstable_by(Contact::order);
     let around = contacts.iter().fold(Aabb::EMPTY, |aabb, c| aabb.merge(Aabb { min: c.point1, max: c.point1 }));
     let extent = 2.0 * around.half_extents().max_element();
-    // Size of a cell of normals.
-    let sine = (1.0 - VERTEX_NORMAL_COSINE * VERTEX_NORMAL_COSINE).sqrt();
-    // Number of cells over the extent of the contacts. A power of two, so that one cell is left at the end.
-    let mut cells = MANY_CONTACTS.next_power_of_two() as f32;
+    let mut cells = CLUSTER_CELLS;
     while contacts.len() > MANY_CONTACTS && cells >= 1.0 {
         taken.clear();
         contacts.retain(|contact| {
             // If all contacts are at one point, they share a cell.
             let place = ((contact.point1 - around.min) * (cells / extent.max(f32::MIN_POSITIVE))).as_ivec3();
-            taken.insert([place, (contact.normal1 / sine).round().as_ivec3()])
+            taken.insert([place, (contact.normal1 * CLUSTER_NORMALS).round().as_ivec3()])
         });
         cells *= 0.5;
     }
