@@ -1,4 +1,4 @@
-//! Every tolerance and limit, with its unit, its reason and the effect of a change.
+//! Tolerances and limits that shape results and costs, with unit, reason and the effect of a change.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ pub const TIME_TOLERANCE: f32 = 2.0e-5;
 pub const ILL_CONDITIONED: f32 = 1.0e-3;
 
 /// Iterations of conservative advancement before the search takes trial steps. Most pairs are done by then. Pairs that graze or slide approach each
-/// other by ever smaller steps.
+/// other by ever smaller steps. In a batch, a pair leaves its lane after three times as many.
 pub const MAX_ADVANCES: u32 = 6;
 
 /// Length of the first trial step, as a multiple of the last advance, and smallest length of a step after a successful one, as a multiple of

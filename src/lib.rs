@@ -45,7 +45,7 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`constants`] | every tolerance and limit, with unit and reason |
+//! | [`constants`] | tolerances and limits, with unit and reason |
 //! | [`geometry`] | spheres, primitives, boxes, sweeps, the BVH |
 //! | [`query`] | kernels on two primitives: separation, time of impact, ray |
 //! | [`medial_axis`] | the asset: `.ma` files, clean-up, mass, packed form, surface |
