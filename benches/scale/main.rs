@@ -224,7 +224,7 @@ struct Rain {
 }
 
 /// Number of spheres of the deer, which then has about 180 primitives.
-const SPHERES: usize = 170;
+const SPHERES: usize = 144;
 /// Distance between neighbours in a layer, in metres.
 const SPACING: f32 = 1.0;
 /// Number of bodies above each other.

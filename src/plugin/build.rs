@@ -93,7 +93,13 @@ impl Plugin for MedialBuildPlugin {
             .register_type::<MedialBuildStatus>()
             .register_type::<MedialMesh>()
             .insert_resource(Cache(self.cache.clone()))
-            .add_systems(Update, (leave_builds, join_builds, take_results).chain().in_set(MedialSystems::Build));
+            .add_systems(
+                Update,
+                (leave_builds, join_builds, take_results)
+                    .chain()
+                    .run_if(any_with_component::<MedialBuildStatus>)
+                    .in_set(MedialSystems::Build),
+            );
     }
 }
 

@@ -193,7 +193,8 @@ impl Plugin for MedialCollisionPlugin {
             .add_systems(
                 self.schedule,
                 (
-                    (levels::check_budgets, levels::check_levels, skinned::check_shapes),
+                    (levels::check_budgets, levels::check_levels, skinned::check_shapes)
+                        .run_if(any_with_component::<MedialMesh>.or_else(any_with_component::<SkinnedMedialMesh>)),
                     importance::look_from_focuses
                         .run_if(any_with_component::<MedialFocus>.or_else(any_with_component::<importance::Nearness>)),
                 )

@@ -18,7 +18,7 @@ use bevy_rapier3d::{
     },
 };
 
-use super::shape::MedialShape;
+use super::{AnyShape, shape::MedialShape};
 use crate::{
     constants::SAME_LENGTH,
     medial_axis::MedialAxis,
@@ -223,10 +223,11 @@ pub(super) struct Freed(Vec<Entity>);
 pub(super) fn note_freed<C: Component>(
     removed: On<Remove, C>,
     physical: Query<(), Or<(With<RigidBody>, With<RapierColliderHandle>, With<Children>)>>,
+    shapes: Query<(), AnyShape>,
     mut freed: ResMut<Freed>,
 ) {
-    // Skip other entities with a parent, such as UI nodes.
-    if physical.contains(removed.entity) {
+    // Skip other entities with a parent, such as UI nodes. Without shapes nothing empties the list.
+    if !shapes.is_empty() && physical.contains(removed.entity) {
         freed.0.push(removed.entity);
     }
 }
@@ -240,10 +241,7 @@ pub(super) fn follow_bodies(
     children: Query<&Children>,
     parents: Query<&ChildOf>,
     bodies: Query<Option<&RapierRigidBodyHandle>, With<RigidBody>>,
-    shapes: Query<
-        (&RapierColliderHandle, &RapierContextEntityLink),
-        (With<Collider>, Or<(With<MedialMesh>, With<SkinnedMedialMesh>, With<StaticObb>)>),
-    >,
+    shapes: Query<(&RapierColliderHandle, &RapierContextEntityLink), (With<Collider>, AnyShape)>,
     contexts: Query<&RapierContextColliders>,
 ) {
     for entity in changed.iter().chain(freed.0.drain(..)) {

@@ -155,7 +155,6 @@ where
     app.add_observer(scene::insert_body);
     order_sets(app, schedule);
     let attach = (
-        install_dispatcher,
         hierarchy::straighten,
         hierarchy::restore,
         attach::attach_shapes,
@@ -163,15 +162,18 @@ where
         attach::keep_unscaled,
         attach::follow_bodies,
         waiting::find,
-        waiting::hold_impulses,
     );
+    let attach = (
+        install_dispatcher,
+        attach.chain().run_if(is_needed),
+        waiting::hold_impulses.run_if(any_with_component::<waiting::Waiting>),
+    );
+    let place = (hierarchy::place_colliders, skinned::hold, attach::keep_contacts_fresh, attach::stiffen_contacts);
     let prepare = (
-        hierarchy::place_colliders,
-        skinned::hold,
-        attach::keep_contacts_fresh,
-        attach::stiffen_contacts,
+        place.chain().run_if(is_needed),
         attach::wake_attached,
-        waiting::release,
+        waiting::release.run_if(any_with_component::<waiting::Waiting>),
+        // Runs in each step, because a change before the quarantine does not end it.
         quarantine::release,
         (quarantine::isolate, snapshot::snapshot).chain().run_if(is_needed),
     );
@@ -185,7 +187,7 @@ where
         .add_systems(schedule, mark_moved_trees().in_set(PhysicsSet::SyncBackend))
         .add_systems(schedule, prepare.chain().in_set(MedialSystems::Snapshot))
         .add_systems(schedule, detect.in_set(MedialSystems::Detect))
-        .add_systems(schedule, hierarchy::correct.in_set(MedialSystems::Report))
+        .add_systems(schedule, hierarchy::correct.run_if(is_needed).in_set(MedialSystems::Report))
         .add_systems(schedule, snapshot::note_step.in_set(PhysicsSet::StepSimulation));
 }
 
@@ -236,12 +238,12 @@ where
     }
 }
 
-/// Returns true if an entity has a medial mesh, a skinned one or a static box, or if the last step had bodies, because their contacts have to end. Otherwise the systems that
-/// loop over rapier's bodies do not run.
-fn is_needed(
-    shapes: Query<(), Or<(With<MedialMesh>, With<SkinnedMedialMesh>, With<StaticObb>)>>,
-    step: Res<MedialStep>,
-) -> bool {
+/// Selects entities with a shape of this crate.
+type AnyShape = Or<(With<MedialMesh>, With<SkinnedMedialMesh>, With<StaticObb>)>;
+
+/// Returns true if an entity has a shape of this crate, or if the last step had bodies, because their contacts have to end. Otherwise apps with rapier's
+/// shapes alone pay for few systems.
+fn is_needed(shapes: Query<(), AnyShape>, step: Res<MedialStep>) -> bool {
     !shapes.is_empty() || !step.input.bodies.is_empty()
 }
 
