@@ -61,7 +61,7 @@ impl Deforming {
         let radius = all().flatten().map(|s| s.center.distance(center) + s.radius).fold(0.0, f32::max);
         let lines = |sphere: usize| all().zip(all().skip(1)).map(move |(a, b)| path(&a[sphere], &b[sphere]));
         let path = (0..end.spheres().len()).map(|sphere| lines(sphere).sum()).fold(0.0, f32::max);
-        // Addresses of other shapes are even.
+        // Ids of deforming shapes are odd. Other shapes use their memory address as id, which is even.
         static NEXT: AtomicUsize = AtomicUsize::new(0);
         let id = 2 * NEXT.fetch_add(1, Ordering::Relaxed) + 1;
         let bounding_sphere = Sphere::new(center, radius.next_up());

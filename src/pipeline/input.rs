@@ -6,7 +6,7 @@ use std::{collections::HashSet, sync::Arc};
 
 use glam::{BVec3, Vec3};
 
-use super::{ContactMargin, Displacement, Solid, solid::count};
+use super::{Displacement, Solid, solid::count};
 use crate::{
     constants::CORE_DEPTH,
     geometry::{Aabb, Bvh, Obb, Pose3, Sweep},
@@ -72,7 +72,7 @@ pub struct Body {
     pub locked: BVec3,
     /// How much smaller the core is than the body, in bounding radii of the smaller body of a pair.
     pub core_depth: f32,
-    /// Displacement in the next step, if a solver acts on contacts. The solver needs [fewer contacts](ContactMargin::of_pair) then.
+    /// Displacement in the next step, if a solver acts on contacts. The solver needs [fewer contacts](super::ContactMargin::of_pair) then.
     pub next_displacement: Option<Displacement>,
 }
 
@@ -236,8 +236,8 @@ pub struct StepInput {
     pub bodies: Vec<Body>,
     /// Pairs of rigid bodies whose collisions a joint disables, the lower one first.
     pub apart: HashSet<[u64; 2]>,
-    /// Largest distance of reported contacts, in metres. For bodies with a [displacement](Body::next_displacement), [`ContactMargin::of_pair`] gives the
-    /// distance.
+    /// Largest distance of reported contacts, in metres. For bodies with a [displacement](Body::next_displacement),
+    /// [`ContactMargin::of_pair`](super::ContactMargin::of_pair) gives the distance.
     pub prediction: f32,
     /// Size of a typical body, in metres. Tolerances that do not depend on a shape, such as the touch distance, are proportional to it. Default: 1.
     pub length_unit: f32,
@@ -287,23 +287,6 @@ impl StepInput {
                 (&body.solid, Sweep::at_rest(body.pose))
             }
         }
-    }
-
-    /// Returns the margin of the contact search of a pair at the end of the step.
-    ///
-    /// `moved_until`: the fraction of the step for which a body has moved. The body's next step is longer by the remaining fraction.
-    pub(super) fn contact_margin(&self, sides: [Side; 2], moved_until: impl Fn(u32) -> f32) -> ContactMargin {
-        let margin = ContactMargin::new(self.prediction, self.length_unit);
-        match sides.map(|side| self.next_displacement(side, &moved_until)) {
-            [Some(first), Some(second)] => margin.of_pair([&first, &second]),
-            _ => margin,
-        }
-    }
-
-    /// Returns the displacement of a side in the next step; `None` if a solver does not act on it. `moved_until`: see [`contact_margin`](Self::contact_margin).
-    pub(super) fn next_displacement(&self, side: Side, moved_until: impl Fn(u32) -> f32) -> Option<Displacement> {
-        let Some(body) = side.body() else { return Some(Displacement::REST) };
-        Some(self.bodies[body as usize].next_displacement?.times(2.0 - moved_until(body)))
     }
 
     /// Returns the identity of a side in successive steps.

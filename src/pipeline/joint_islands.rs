@@ -1,4 +1,4 @@
-//! JointIslands of joined bodies: shapes of one rigid body, and rigid bodies on joints.
+//! Joint islands: all shapes of one rigid body, and all rigid bodies that joints connect to it.
 
 use super::StepInput;
 
@@ -20,7 +20,7 @@ impl JointIslands {
         self.0.chunk_by(|a, b| a.0 == b.0)
     }
 
-    /// Returns the bodies of the joint_island of `body`, including `body` itself.
+    /// Returns the bodies of the joint island of `body`, including `body` itself.
     pub fn of(&self, input: &StepInput, body: u32) -> impl Iterator<Item = u32> {
         let joint_island = input.bodies[body as usize].joint_island;
         let begin = joint_island.map_or(0, |joint_island| self.0.partition_point(|(other, _)| *other < joint_island));

@@ -51,7 +51,7 @@ pub use solid::{OtherShape, ShapeId, Solid};
 pub use sweep::first_touch;
 pub use workspace::Workspace;
 
-/// Runs stages 2 to 5 of a single step. For a sequence of steps, keep a [`Workspace`].
+/// Runs all stages of a single step, from the broad phase to the reduction of contacts. For a sequence of steps, keep a [`Workspace`].
 pub fn step(input: &StepInput, statics: &Statics, pool: &TaskPool) -> StepOutput {
     let mut output = StepOutput::default();
     Workspace::default().step(input, statics, |_, _| PairFilter::Stopping, pool, &mut output);

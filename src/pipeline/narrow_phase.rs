@@ -4,8 +4,8 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    BoundedPair, CachedPair, Contact, ContactCache, ContactMargin, Culling, Manifold, Pair, Primitives, Side, Statics,
-    StepInput, StepOutput,
+    BoundedPair, CachedPair, Contact, ContactCache, ContactMargin, Culling, Displacement, Manifold, Pair, Primitives,
+    Side, Statics, StepInput, StepOutput,
     contacts::{
         approach::Approach,
         find::{self, Listed},
@@ -59,8 +59,7 @@ fn gap_at_start(input: &StepInput, statics: &Statics, pair: &BodyPair, cache: &C
     if !input.recycle_contacts || input.report_candidates {
         return 0.0;
     }
-    let pose12 =
-        relative_pose(sides.map(|side| place(input, statics, side, |body| input.bodies[body as usize].sweep.start)));
+    let pose12 = pose12(input, statics, sides, |body| input.bodies[body as usize].sweep.start);
     cache.gap([id1, id2], sides.map(|side| input.side(statics, side).0), &pose12)
 }
 
@@ -127,10 +126,9 @@ impl Ends<'_> {
         let Scratch { find: buffers, contacts, listed, reduce, found } = scratch;
         let sides = [pair.first, pair.second];
         let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
-        let pose12 =
-            relative_pose(sides.map(|side| place(input, statics, side, |body| trajectories.final_pose(input, body))));
+        let pose12 = pose12(input, statics, sides, |body| trajectories.final_pose(input, body));
         let Some(shape1) = first.medial() else { return };
-        let reach = input.contact_margin(sides, |body| trajectories.moved_until(body));
+        let reach = self.margin(sides);
         let before = manifolds.len();
         let recycled = self.recycled(sides, reach, &pose12);
         let mut gap = 0.0;
@@ -144,7 +142,7 @@ impl Ends<'_> {
             reach.keep_reached(contacts, |contact| {
                 approach.is_some_and(|approach| approach.reaches(contact, shape1, second.second()))
             });
-            // A fast pair would use up its gap in a few steps.
+            // The gap lets later steps skip the search. A fast pair closes it within a few steps, so computing it does not pay.
             let is_slow = reach.prediction < input.prediction;
             if contacts.is_empty() && is_slow && input.recycle_contacts {
                 gap = gap::gap(shape1, second.second(), &pose12, 2.0 * input.prediction).max(0.0);
@@ -163,7 +161,7 @@ impl Ends<'_> {
         let sweep = |side: Side| match side {
             Side::Static(body) => Some(Sweep::at_rest(statics.bodies[body as usize].pose)),
             Side::Body(body) => {
-                let next = input.next_displacement(side, |body| trajectories.moved_until(body))?;
+                let next = self.next_displacement(side)?;
                 let center = input.bodies[body as usize].sweep.local_center;
                 Some(Sweep::at_rates(trajectories.final_pose(input, body), center, next.translation, next.rotation))
             }
@@ -202,6 +200,39 @@ impl Ends<'_> {
         cache.find([id1?, id2?], sides.map(|side| input.side(statics, side).0), reach, pose12)
     }
 
+    /// Returns the margin of the contact search of a pair at the end of the step.
+    fn margin(&self, sides: [Side; 2]) -> ContactMargin {
+        let margin = ContactMargin::new(self.input.prediction, self.input.length_unit);
+        match sides.map(|side| self.next_displacement(side)) {
+            [Some(first), Some(second)] => margin.of_pair([&first, &second]),
+            _ => margin,
+        }
+    }
+
+    /// Returns the displacement of a side in the next step, which is longer by the time that the body has lost. `None` if no solver acts on it.
+    fn next_displacement(&self, side: Side) -> Option<Displacement> {
+        let Some(body) = side.body() else { return Some(Displacement::REST) };
+        Some(self.input.bodies[body as usize].next_displacement?.times(2.0 - self.trajectories.moved_until(body)))
+    }
+
+    /// Adds the pairs with manifolds or an impact to the output, whose manifolds are set.
+    pub fn report(&self, pairs: &[BodyPair], impacts: &[ImpactResult], found: &[Found], output: &mut StepOutput) {
+        let mut found = found.iter().peekable();
+        let mut begin = 0;
+        for (i, (pair, ImpactResult { impact, .. })) in pairs.iter().zip(impacts).enumerate() {
+            let count = found.next_if(|found| found.pair == i).map_or(0, |found| found.count);
+            let manifolds = begin..begin + count;
+            begin = manifolds.end;
+            if count > 0 || impact.is_some() {
+                let points = output.manifolds[manifolds.clone()].iter().map(|manifold| manifold.contacts().len());
+                output.counts.contacts += points.sum::<usize>();
+                let &BodyPair { first, second, .. } = pair;
+                let reach = self.margin([first, second]);
+                output.pairs.push(Pair { first, second, manifolds, reach, impact: *impact });
+            }
+        }
+    }
+
     /// Lists the contacts for the next step. `manifolds`: those of all pairs.
     pub fn fill(&self, pairs: &[BodyPair], found: &[Found], manifolds: &[Manifold], next: &mut ContactCache) {
         let Self { input, statics, cache, .. } = *self;
@@ -221,33 +252,10 @@ impl Ends<'_> {
     }
 }
 
-/// Adds the pairs with manifolds or an impact to the output, whose manifolds are set. `reach`: reach of the contact search of a pair.
-pub(super) fn report(
-    pairs: &[BodyPair],
-    impacts: &[ImpactResult],
-    found: &[Found],
-    reach: impl Fn(&BodyPair) -> ContactMargin,
-    output: &mut StepOutput,
-) {
-    let mut found = found.iter().peekable();
-    let mut begin = 0;
-    for (i, (pair, ImpactResult { impact, .. })) in pairs.iter().zip(impacts).enumerate() {
-        let count = found.next_if(|found| found.pair == i).map_or(0, |found| found.count);
-        let manifolds = begin..begin + count;
-        begin = manifolds.end;
-        if count > 0 || impact.is_some() {
-            let points = output.manifolds[manifolds.clone()].iter().map(|manifold| manifold.contacts().len());
-            output.counts.contacts += points.sum::<usize>();
-            let (first, second, reach) = (pair.first, pair.second, reach(pair));
-            output.pairs.push(Pair { first, second, manifolds, reach, impact: *impact });
-        }
-    }
-}
-
-/// Returns the pose of a side of a pair, and its [`Body::order`](super::Body::order).
-fn place(input: &StepInput, statics: &Statics, side: Side, pose_of: impl Fn(u32) -> Pose3) -> (Pose3, u32) {
-    match side {
+/// Returns the pose of the second side of a pair in the frame of the first.
+fn pose12(input: &StepInput, statics: &Statics, sides: [Side; 2], pose_of: impl Fn(u32) -> Pose3) -> Pose3 {
+    relative_pose(sides.map(|side| match side {
         Side::Body(body) => (pose_of(body), input.bodies[body as usize].order),
         Side::Static(body) => (statics.bodies[body as usize].pose, statics.bodies[body as usize].order),
-    }
+    }))
 }

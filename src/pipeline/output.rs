@@ -111,8 +111,9 @@ pub struct StepOutput {
     pub pairs: Vec<Pair>,
     /// Manifolds of the pairs.
     pub manifolds: Vec<Manifold>,
-    /// Candidate pairs that the mid phase leaves, if [`StepInput::report_candidates`](super::StepInput::report_candidates) is set. A step that is searched in
-    /// parts lists them up to the first impact. The index of a part of another collider is reported as 0.
+    /// Candidate pairs that the mid phase leaves, if [`StepInput::report_candidates`](super::StepInput::report_candidates) is set. If a long motion
+    /// is split into intervals, the list contains the candidates of the intervals up to the first impact. The index of a part of another collider is reported
+    /// as 0.
     pub candidates: Vec<Candidates>,
     /// Counters of the step.
     pub counts: Counts,

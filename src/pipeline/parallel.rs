@@ -11,14 +11,8 @@ use bevy::tasks::TaskPool;
 static CORES: LazyLock<usize> = LazyLock::new(|| available_parallelism().map_or(1, Into::into));
 
 /// A pool of scratch buffers. Each running task borrows one, and later tasks reuse it.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Scratches<S>(Mutex<Vec<S>>);
-
-impl<S> Default for Scratches<S> {
-    fn default() -> Self {
-        Self(Mutex::new(Vec::new()))
-    }
-}
 
 impl<S: Default> Scratches<S> {
     /// Returns all buffers of the pool.

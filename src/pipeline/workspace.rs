@@ -40,7 +40,7 @@ impl Workspace {
         self.contacts = contacts;
     }
 
-    /// Runs stages 2 to 5 of a step. Calls the filter once for each pair that the broad phase finds, in order.
+    /// Runs all stages of a step, from the broad phase to the reduction of contacts. Calls the filter once for each pair that the broad phase finds, in order.
     ///
     /// On one thread, no memory is allocated once the buffers are large enough. Several threads allocate for each chunk of work, and so do pairs with a
     /// collider of several parts.
@@ -131,12 +131,10 @@ impl Workspace {
             fraction: trajectories.moved_until(body),
             pose: trajectories.final_pose(input, body),
         }));
-        let reach =
-            |pair: &BodyPair| input.contact_margin([pair.first, pair.second], |body| trajectories.moved_until(body));
         found.clear();
         found.extend(contact_searches.iter_mut().flat_map(|scratch| scratch.found.drain(..)));
         found.sort_unstable_by_key(|found| found.pair);
-        narrow_phase::report(pairs, impacts, found, reach, output);
+        ends.report(pairs, impacts, found, output);
         ends.fill(pairs, found, &output.manifolds, next_contacts);
         std::mem::swap(cache, next_contacts);
         output.times.contacts = lap();

@@ -95,18 +95,13 @@ fn of_parts(
     contacts: &mut Vec<Contact>,
     buffers: &mut Scratch,
 ) {
-    let parts = parts.within(&surroundings(shape1, pose12, prediction));
+    let parts = parts.within(&shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(prediction));
     for part in &parts {
         collect_part(shape1, part, pose12, prediction, listed, contacts, &mut buffers.near);
     }
     contacts.sort_unstable_by(Contact::order);
     let sides: [&dyn internal_edges::Side; 2] = [shape1, &parts];
     internal_edges::remove(contacts, pose12.rotation, sides, length_unit, &mut buffers.edges);
-}
-
-/// Returns the box in the frame of body 2 that contains all points within a distance of the shape.
-fn surroundings(shape1: &Shape, pose12: &Pose3, distance: f32) -> Aabb {
-    shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(distance)
 }
 
 /// Finds the contacts of two medial shapes.

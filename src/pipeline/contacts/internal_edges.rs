@@ -81,18 +81,14 @@ pub(in crate::pipeline) fn remove(
     let rotation21 = rotation12.inverse();
     let slop = LINEAR_SLOP * unit;
     let [around, flush] = [SEAM_REACH, FLUSH].map(|slops| slops * slop);
-    // A part that covers a contact point is nearer than this to a point above it.
-    let reach = |side: usize, part: u32| sides[side].aabb(part).inflated(around + 2.0 * flush);
     let touches = |contact: &Contact| {
         let Contact { point1, point2, normal1, distance, primitive1, primitive2 } = *contact;
-        let carries = distance <= -around;
         let normal2 = rotation21 * -normal1;
         [(primitive1, point1, normal1), (primitive2, point2, normal2)].map(|(part, point, normal)| Touch {
             part,
             point,
             normal,
             distance,
-            carries,
         })
     };
     kept.clear();
@@ -101,7 +97,8 @@ pub(in crate::pipeline) fn remove(
     for contact in contacts.iter() {
         let touches = touches(contact);
         for (side, (parts, touch)) in parts.iter_mut().zip(touches).enumerate() {
-            parts.insert(touch, |part| reach(side, part));
+            // A part that covers a contact point is nearer than this to a point above it.
+            parts.insert(touch, |part| sides[side].aabb(part).inflated(around + 2.0 * flush));
         }
         let is_covered = |i: usize| {
             parts[i].list.iter().any(|(other, reach)| touches[i].is_covered(other, reach, sides[i], [around, flush]))
@@ -172,8 +169,6 @@ struct Touch {
     point: Vec3,
     normal: Vec3,
     distance: f32,
-    /// True if the overlap is at least [`SEAM_REACH`].
-    carries: bool,
 }
 
 impl Touch {
@@ -195,7 +190,7 @@ impl Touch {
         // Height of the contact point above the surface, and height of the surface above the contact plane.
         let height = distance - around * cosine;
         let rise = around - distance * cosine;
-        let most = if self.carries { 0.5 } else { SAME_NORMAL_COSINE };
+        let most = if self.distance <= -around { 0.5 } else { SAME_NORMAL_COSINE };
         if height > flush || rise < 2.0e-4 * around || !(-0.1..most).contains(&cosine) {
             return false;
         }

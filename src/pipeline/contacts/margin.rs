@@ -63,17 +63,16 @@ impl ContactMargin {
     /// The margin is the prediction distance halved a number of times, or the touch distance if that is larger. So it stays the same when velocities change a
     /// little.
     pub fn of_pair(self, [first, second]: [&Displacement; 2]) -> Self {
-        let Self { length_unit, .. } = self;
         // Halving infinity would not end.
         let prediction = self.prediction.min(f32::MAX);
-        let least = prediction.min(LINEAR_SLOP * length_unit);
+        let least = prediction.min(self.touch());
         let displacement = first.against(second);
         let needed = displacement + REST_MARGIN * prediction;
         let mut reach = prediction;
         while reach > least && 0.5 * reach >= needed {
             reach *= 0.5;
         }
-        Self { prediction: reach.max(least), is_fast: displacement > prediction, length_unit }
+        Self { prediction: reach.max(least), is_fast: displacement > prediction, ..self }
     }
 
     /// Removes the contacts of a fast pair that is apart, except those that it reaches in the step.

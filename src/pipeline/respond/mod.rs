@@ -15,7 +15,7 @@ use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    Body, Impact, Primitives, Statics, StepInput,
+    Impact, Primitives, Statics, StepInput,
     joint_islands::JointIslands,
     pairs::{BodyPair, PairsOf},
     parallel::{self, Scratches},
@@ -27,7 +27,7 @@ use super::{
 };
 use crate::{constants::MAX_PUSHES, geometry::Sweep};
 
-use decision::{Decision, Obstacle, decide};
+use decision::{Obstacle, decide};
 pub(super) use trajectory::Trajectories;
 use trajectory::{State, Trajectory, displaced, displacement_at};
 
@@ -187,20 +187,24 @@ fn respond(
             Some(other) if !input.is_stopping(other) || trajectories.state(other) == State::Pushed => pusher(other),
             Some(other) => Obstacle::Stopping(trajectories.state(other)),
         };
-        let decision = decide(trajectories.state(body), obstacle);
-        let mut push = Push { displacement: Vec3::ZERO, pushed: trajectories.pushed(body), reach: 0.0 };
+        let Some(state) = decide(trajectories.state(body), obstacle) else { continue };
+        let (mut displacement, mut pushed, mut push_reach) = (Vec3::ZERO, trajectories.pushed(body), 0.0);
         if let (Obstacle::Pusher { approach, .. }, Some(other)) = (obstacle, other.body()) {
-            push.reach = trajectories.push_reach(input, other);
+            push_reach = trajectories.push_reach(input, other);
             // Without the slop, bodies at their largest overlap would have the next impact at once.
             let radius = input.bodies[body as usize].solid.bounding_sphere().radius;
-            let length = (approach + slop(input.length_unit, radius)).clamp(0.0, (push.reach - push.pushed).max(0.0));
-            push.displacement = away * length;
+            let length = (approach + slop(input.length_unit, radius)).clamp(0.0, (push_reach - pushed).max(0.0));
+            displacement = away * length;
             // A push counts at least this much, even without a displacement. This limits the number of pushes to MAX_PUSHES.
-            push.pushed += length.max(push.reach / MAX_PUSHES as f32);
+            pushed += length.max(push_reach / MAX_PUSHES as f32);
         }
-        outcomes.extend(joint_islands.of(input, body).filter_map(|body| {
+        outcomes.extend(joint_islands.of(input, body).map(|body| {
             let now = trajectories.sweep_from(input, body, fraction);
-            Some((body, trajectory(&input.bodies[body as usize], fraction, &now, decision, &push)?))
+            let rest = match state {
+                State::Pushed => displaced(&now, input.bodies[body as usize].free_path(displacement)),
+                _ => Sweep::at_rest(now.start),
+            };
+            (body, Trajectory { from: fraction, rest, state, pushed, push_reach })
         }));
     }
 }
@@ -209,35 +213,14 @@ fn respond(
 /// the pusher there and turns with it. `own`, `theirs`: motions of body and pusher over the rest of the step. `within`: displacement of the point of contact in
 /// the frame of the pusher.
 ///
-/// The displacement of the pusher's own point is not enough. It follows an arc, and a body that slides outwards meets points that move faster. It is used after
-/// turns of more than 60 degrees, because the length grows without limit towards a quarter turn.
+/// A body that slides outwards on a turning pusher needs more than the displacement of the touched point. After turns of more than 60 degrees the function
+/// returns that displacement, because the exact length grows without limit towards a quarter turn.
 fn approach(own: &Sweep, theirs: &Sweep, within: Vec3, point: Vec3, away: Vec3) -> f32 {
     const LEAST_COSINE: f32 = 0.5;
     let relative = displacement_at(theirs, point) + within - displacement_at(own, point);
     let normal = theirs.end.rotation * theirs.start.rotation.inverse() * away;
     let cosine = normal.dot(away);
     if cosine > LEAST_COSINE { relative.dot(normal) / cosine } else { relative.dot(away) }
-}
-
-/// The push of a body by a pusher.
-struct Push {
-    /// Additional displacement until the end of the step, in metres.
-    displacement: Vec3,
-    /// Total length of the pushes of the body in the step, including this one, in metres.
-    pushed: f32,
-    /// Upper limit of that length, in metres.
-    reach: f32,
-}
-
-/// Returns the trajectory of a body after a decision; `None` if the body continues its motion. `now`: motion of the body from the fraction on.
-fn trajectory(body: &Body, from: f32, now: &Sweep, decision: Decision, push: &Push) -> Option<Trajectory> {
-    let (state, rest) = match decision {
-        Decision::GoOn => return None,
-        Decision::Stop => (State::Stopped, Sweep::at_rest(now.start)),
-        Decision::Wedge => (State::Wedged, Sweep::at_rest(now.start)),
-        Decision::Push => (State::Pushed, displaced(now, body.free_path(push.displacement))),
-    };
-    Some(Trajectory { from, rest, state, pushed: push.pushed, push_reach: push.reach })
 }
 
 /// Returns the time of an impact as a fraction of the step; infinite without an impact.

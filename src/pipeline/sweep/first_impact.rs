@@ -8,14 +8,15 @@ use smallvec::SmallVec;
 
 use crate::{
     constants::{FEW_PRIMITIVES, SHORTEST_INTERVAL},
+    geometry::Sphere,
     pipeline::{
         Impact, Primitives, Statics, StepInput,
         pairs::{BodyPair, PrimitivePair},
         sweep::{
-            mid_phase::{self, Candidates, OwnBoxes},
+            mid_phase,
             motion::{Motions, PairMotion, Paths, with_sides},
-            moving_boxes::{BoxCache, TimedBoxes},
-            separating_axis::{SeparatingAxis, SphereBuffers},
+            moving_boxes::{BoxCache, MovingBoxes, TimedBoxes},
+            separating_axis::SeparatingAxis,
             touch::{Touch, touch},
         },
     },
@@ -82,19 +83,22 @@ impl Scratch {
 /// Buffers that are kept from search to search to avoid allocations.
 #[derive(Debug, Default)]
 struct Buffers {
-    own: OwnBoxes,
+    /// Boxes of both sides that are computed for a single search.
+    own: [MovingBoxes; 2],
     /// Chords of the motions in an interval.
     chords: Vec<Chord>,
     /// Candidates of each motion that may be in touch at the start of the interval.
-    candidates: Vec<Candidates>,
+    candidates: Vec<Vec<PrimitivePair>>,
     /// Primitive pairs that may touch in the interval.
     approaching: Vec<Approaching>,
     /// Candidates of the last searched pair after culling, if they are part of the output.
     reported: Vec<PrimitivePair>,
-    spheres: SphereBuffers,
+    /// Spheres of both sides at the start and at the end of an interval.
+    spheres: [Vec<[Sphere; 2]>; 2],
     /// Overlaps at the start of the step in metres.
     overlaps: HashMap<Key, f32>,
-    grazes: Vec<Graze>,
+    /// Start of each touch of surfaces in an earlier interval of the step.
+    grazes: Vec<(Key, Impact)>,
 }
 
 /// Index of a motion, and primitives of its sides.
@@ -142,13 +146,6 @@ impl Question<'_> {
         });
         places.map(|place| place.map(|(place, times)| cache.between(place, times)))
     }
-}
-
-/// The start of a touch of surfaces in an earlier interval of the step.
-#[derive(Debug)]
-struct Graze {
-    key: Key,
-    impact: Impact,
 }
 
 /// Returns an impact of two primitives in the world. `toi`: their touch in an interval. `times`: start and end of the interval, in steps.
@@ -199,7 +196,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         }
         let whole: SmallVec<[Paths<'a>; 1]> = motions.iter().map(PairMotion::paths).collect();
         // Primitives of one body have their corners at the same times.
-        let split = motions.first().map_or(0.5, PairMotion::split);
+        let split = motions.first().and_then(PairMotion::first_corner).unwrap_or(0.5);
         let middle = times[0] + split * (times[1] - times[0]);
         for (part, of_step) in [([0.0, split], [times[0], middle]), ([split, 1.0], [middle, times[1]])] {
             motions.iter_mut().zip(&whole).for_each(|(motion, paths)| motion.follow(paths, part));
@@ -283,7 +280,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         let (index, pair) = key;
         let motion = &motions[index];
         let Buffers { chords, overlaps, grazes, .. } = &mut *self.buffers;
-        let graze = grazes.iter().find(|graze| graze.key == key).map(|graze| graze.impact);
+        let graze = grazes.iter().find(|(known, _)| *known == key).map(|(_, impact)| *impact);
         let limit = match self.result.impact {
             // Rounded up, so that equal times are not missed.
             Some(first) if graze.is_none() => {
@@ -308,7 +305,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
             Some(Touch::Stop(toi)) => in_world(motion, pair, &toi, times),
             Some(Touch::GrazeEnd) => graze.expect("only known grazes end"),
             Some(Touch::Graze(toi)) => {
-                grazes.push(Graze { key, impact: in_world(motion, pair, &toi, times) });
+                grazes.push((key, in_world(motion, pair, &toi, times)));
                 return;
             }
             None => return,
@@ -365,7 +362,7 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
                 }
                 let key = (index, pair);
                 // The impact of a graze may lie in an earlier interval.
-                let grazes = grazes.iter().any(|graze| graze.key == key);
+                let grazes = grazes.iter().any(|(known, _)| *known == key);
                 if start.touch_bound() <= 1.0 || grazes {
                     let bound = if grazes { 0.0 } else { in_steps(start.touch_bound(), times) };
                     approaching.push(Approaching { key, bound, start: Some(start) });

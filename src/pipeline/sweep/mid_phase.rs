@@ -8,7 +8,7 @@
 
 use std::cell::Cell;
 
-use glam::{Vec3, Vec3A};
+use glam::{Quat, Vec3, Vec3A};
 
 use crate::{
     constants::CONTACT_ROUNDING,
@@ -22,12 +22,6 @@ use crate::{
         },
     },
 };
-
-/// Primitive pairs of a body pair that may touch, in any order.
-pub(in crate::pipeline) type Candidates = Vec<PrimitivePair>;
-
-/// Boxes of both sides that are computed for a single search.
-pub(in crate::pipeline) type OwnBoxes = [MovingBoxes; 2];
 
 /// Returns a given primitive pair as a candidate of a motion. `None` if it belongs to another part.
 pub(in crate::pipeline) fn of_motion(motion: &PairMotion, [first, second]: [u32; 2]) -> Option<PrimitivePair> {
@@ -46,16 +40,16 @@ pub(in crate::pipeline) fn candidates(
     reach: f32,
     max: usize,
     boxes: [Option<TimedBoxes>; 2],
-    own: &mut OwnBoxes,
-    found: &mut Candidates,
+    own: &mut [MovingBoxes; 2],
+    found: &mut Vec<PrimitivePair>,
 ) {
     if culling == Culling::None {
         return found.extend(all(motion.shape1.len(), motion.other.len()));
     }
     match &motion.other {
         OtherPart::Shape(shape2) => of_shapes(motion, shape2, boxes, reach, max, own, found),
-        OtherPart::Part(part) => of_part(motion, [part.aabb(); 2], boxes[0], reach, own, found),
-        OtherPart::Moving(part) => of_part(motion, part.boxes(), boxes[0], reach, own, found),
+        OtherPart::Part(part) => of_part(motion, [part.aabb(); 2], boxes[0], reach, &mut own[0], found),
+        OtherPart::Moving(part) => of_part(motion, part.boxes(), boxes[0], reach, &mut own[0], found),
     }
 }
 
@@ -66,18 +60,19 @@ fn of_part(
     parts: [Aabb; 2],
     boxes: Option<TimedBoxes>,
     reach: f32,
-    own: &mut OwnBoxes,
-    found: &mut Candidates,
+    own: &mut MovingBoxes,
+    found: &mut Vec<PrimitivePair>,
 ) {
     let [start, end] = parts;
     let target = [start.transformed(&motion.sweep2.start, 1.0), end.transformed(&motion.sweep2.end, 1.0)];
     let target = MovingBox::new(target);
-    let margin = reach + motion.sagitta_of_second();
+    let margin = reach + motion.sweep2.sagitta(motion.arms[1]);
     // Cached boxes have the world's axes. They are usable if the part has the same axes.
-    let (boxes, offset) = match (boxes, motion.world_offset()) {
-        (Some(boxes), Some(frame)) => (boxes, Vec3A::from(frame) - boxes.origin()),
+    let (boxes, offset) = match boxes {
+        Some(boxes) if motion.frame.rotation == Quat::IDENTITY => {
+            (boxes, Vec3A::from(motion.frame.translation) - boxes.origin())
+        }
         _ => {
-            let [own, _] = own;
             let seen = view(motion.shape1, &motion.sweep1, &motion.sweep2, &start.merge(end), reach);
             own.place(motion.shape1, &motion.sweep1, Vec3::ZERO, &seen);
             (own.whole(), Vec3A::ZERO)
@@ -94,8 +89,8 @@ fn of_shapes(
     boxes: [Option<TimedBoxes>; 2],
     reach: f32,
     max: usize,
-    own: &mut OwnBoxes,
-    found: &mut Candidates,
+    own: &mut [MovingBoxes; 2],
+    found: &mut Vec<PrimitivePair>,
 ) {
     let shapes = [motion.shape1, shape2];
     let reach = reach + CONTACT_ROUNDING * motion.tolerances.size;
@@ -130,8 +125,6 @@ pub(in crate::pipeline) fn all(count1: usize, count2: usize) -> impl Iterator<It
 
 #[cfg(test)]
 mod tests {
-    use glam::Quat;
-
     use super::*;
     use crate::{
         geometry::{Obb, Pose3},
@@ -164,7 +157,7 @@ mod tests {
             for (second, count) in [(Side::Body(1), shape.len()), (Side::Static(0), 1)] {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
                 for motion in PairMotion::of_step(&input, &statics, &pair, |_, _| false) {
-                    let (mut own, mut found) = (OwnBoxes::default(), Candidates::new());
+                    let (mut own, mut found) = (<[MovingBoxes; 2]>::default(), Vec::new());
                     candidates(&motion, Culling::Hybrid, 0.01, usize::MAX, [None; 2], &mut own, &mut found);
                     for pair in all(shape.len(), count) {
                         let is_near = distance(&motion, pair) <= 0.01;

@@ -1,13 +1,13 @@
 //! Relative motion of a pair, in the frame in which its primitives are placed.
 
-use glam::{Quat, Vec3};
+use glam::Vec3;
 use smallvec::{SmallVec, smallvec};
 
 use crate::{
     constants::{INTERVAL_PATH, MANY_PRIMITIVES},
     geometry::{Aabb, Pose3, Sphere, Sweep},
     pipeline::{
-        ConvexParts, OtherShape, Part, Side, Solid, Statics, StepInput,
+        Part, Side, Solid, Statics, StepInput,
         deforming::MovingPart,
         pairs::{BodyPair, PrimitivePair},
         shape::Shape,
@@ -47,11 +47,6 @@ impl OtherPart<'_> {
             OtherPart::Part(part) => part.id,
             OtherPart::Moving(part) => part.id,
         }
-    }
-
-    /// Returns the largest path of a point within its body, in metres.
-    fn inner_path(&self) -> f32 {
-        if let OtherPart::Moving(part) = self { part.path() } else { 0.0 }
     }
 }
 
@@ -103,10 +98,10 @@ pub(in crate::pipeline) struct PairMotion<'a> {
     pub sweep1: Sweep,
     pub sweep2: Sweep,
     /// Pose of the frame in the world.
-    frame: Pose3,
+    pub frame: Pose3,
     /// Per body, distance from the centre of mass to the farthest point that moves on an arc, in metres. For a medial mesh this is a sphere centre, because
     /// rotation does not change a radius.
-    arms: [f32; 2],
+    pub arms: [f32; 2],
     pub tolerances: Tolerances,
 }
 
@@ -139,75 +134,40 @@ impl<'a> PairMotion<'a> {
         };
         let ((first, sweep1), (second, sweep2)) = (side(pair.first), side(pair.second));
         let Some(shape1) = first.medial() else { return Motions::new() };
-        let radius1 = shape1.bounding_sphere().radius;
-        let tolerances = |size: f32| Tolerances::new(input, statics, pair, size);
-        match second.second() {
-            OtherShape::Shape(shape2) => {
-                let arms = [shape1.arm(sweep1.local_center), shape2.arm(sweep2.local_center)];
-                let tolerances = tolerances(radius1.min(shape2.bounding_sphere().radius));
-                if is_idle(relative_path([&sweep1, &sweep2], arms), &tolerances) {
-                    return Motions::new();
-                }
-                let frame = Pose3::from_translation(sweep1.start.translation);
-                smallvec![Self {
-                    shape1,
-                    other: OtherPart::Shape(shape2),
-                    sweep1: sweep1.seen_from(&frame),
-                    sweep2: sweep2.seen_from(&frame),
-                    frame,
-                    arms,
-                    tolerances,
-                }]
-            }
-            OtherShape::Parts(parts) => {
-                let bound = parts.bounding_sphere();
-                let arm2 = bound.farthest(sweep2.local_center);
-                let arms = [shape1.arm(sweep1.local_center), arm2];
-                let tolerances = tolerances(radius1.min(bound.radius));
-                let path = relative_path([&sweep1, &sweep2], arms);
-                if second.deforming().is_none() && is_idle(path, &tolerances) {
-                    return Motions::new();
-                }
-                Self::of_parts(shape1, second, parts, [sweep1, sweep2], arms, tolerances, from, is_idle)
-            }
-        }
-    }
-
-    /// Creates the motions of the parts of another collider that are in reach. See [`all`](Self::all).
-    fn of_parts(
-        shape1: &'a Shape,
-        second: &'a Solid,
-        parts: &'a dyn ConvexParts,
-        [sweep1, sweep2]: [Sweep; 2],
-        arms: [f32; 2],
-        tolerances: Tolerances,
-        from: f32,
-        is_idle: impl Fn(f32, &Tolerances) -> bool,
-    ) -> Motions<'a> {
-        let motion = |pose: Pose3, other: OtherPart<'a>| {
-            let frame = sweep2.start * pose;
-            let sweep2 = sweep2.of_part(&pose);
-            Self {
-                shape1,
-                other,
-                sweep1: sweep1.seen_from(&frame),
-                sweep2: sweep2.seen_from(&frame),
-                frame,
-                arms,
-                tolerances,
-            }
+        let bound2 = second.bounding_sphere();
+        let arm2 = match second.medial() {
+            Some(shape2) => shape2.arm(sweep2.local_center),
+            None => bound2.farthest(sweep2.local_center),
         };
-        let reach = reach(shape1, &sweep1, &sweep2, arms[1]);
-        match second.deforming() {
-            Some(shape2) => {
-                let path = relative_path([&sweep1, &sweep2], arms);
+        let arms = [shape1.arm(sweep1.local_center), arm2];
+        let tolerances = Tolerances::new(input, statics, pair, shape1.bounding_sphere().radius.min(bound2.radius));
+        let path = relative_path([&sweep1, &sweep2], arms);
+        if second.deforming().is_none() && is_idle(path, &tolerances) {
+            return Motions::new();
+        }
+        let motion = |frame: Pose3, sweep2: Sweep, other: OtherPart<'a>| Self {
+            shape1,
+            other,
+            sweep1: sweep1.seen_from(&frame),
+            sweep2: sweep2.seen_from(&frame),
+            frame,
+            arms,
+            tolerances,
+        };
+        let of_part = |pose: Pose3, other: OtherPart<'a>| motion(sweep2.start * pose, sweep2.of_part(&pose), other);
+        let reach = || reach(shape1, &sweep1, &sweep2, arm2);
+        match second {
+            Solid::Medial(shape2) => {
+                smallvec![motion(Pose3::from_translation(sweep1.start.translation), sweep2, OtherPart::Shape(shape2))]
+            }
+            Solid::Parts(parts) => {
+                parts.within(&reach()).into_iter().map(|part| of_part(part.pose, OtherPart::Part(part))).collect()
+            }
+            Solid::Deforming(shape2) => {
+                let reach = reach();
                 let parts = shape2.moving_within(&reach, from);
                 let parts = parts.filter(|part| !is_idle(path + part.path(), &tolerances));
-                parts.map(|part| motion(Pose3::IDENTITY, OtherPart::Moving(part))).collect()
-            }
-            None => {
-                let parts = parts.within(&reach).into_iter();
-                parts.map(|part| motion(part.pose, OtherPart::Part(part))).collect()
+                parts.map(|part| of_part(Pose3::IDENTITY, OtherPart::Moving(part))).collect()
             }
         }
     }
@@ -246,17 +206,15 @@ impl<'a> PairMotion<'a> {
         }
     }
 
-    /// Returns the fraction of the motion at which it is split: the middle, or the end of the first line of spheres that move within their body.
-    pub fn split(&self) -> f32 {
-        let corner = if let OtherPart::Moving(moving) = &self.other { moving.first_corner() } else { None };
-        corner.unwrap_or(0.5)
+    /// Returns the fraction of the motion at which the first line of spheres that move within their body ends; `None` if there is only one line.
+    pub fn first_corner(&self) -> Option<f32> {
+        if let OtherPart::Moving(moving) = &self.other { moving.first_corner() } else { None }
     }
 
     /// Returns true if the motion is short enough for one search: points move almost on lines, and few primitives come near each other.
     pub fn is_one_interval(&self, chord: &Chord) -> bool {
         let has_few = self.shape1.len() * self.other.len() <= MANY_PRIMITIVES;
-        let is_straight = self.paths().moving.is_none_or(|moving| moving.first_corner().is_none());
-        is_straight
+        self.first_corner().is_none()
             && chord.deviation() <= self.tolerances.chord_deviation()
             && (has_few || self.path() <= INTERVAL_PATH * self.tolerances.size)
     }
@@ -307,17 +265,8 @@ impl<'a> PairMotion<'a> {
 
     /// Returns an upper bound of the path length of any point of one body relative to the other, in metres.
     pub fn path(&self) -> f32 {
-        relative_path([&self.sweep1, &self.sweep2], self.arms) + self.other.inner_path()
-    }
-
-    /// Returns the largest distance of a point of the second body from its chord over the motion, in metres.
-    pub fn sagitta_of_second(&self) -> f32 {
-        self.sweep2.sagitta(self.arms[1])
-    }
-
-    /// Returns the position of the sweeps' frame in the world. `None` if the frame is rotated.
-    pub fn world_offset(&self) -> Option<Vec3> {
-        (self.frame.rotation == Quat::IDENTITY).then_some(self.frame.translation)
+        let within = if let OtherPart::Moving(part) = &self.other { part.path() } else { 0.0 };
+        relative_path([&self.sweep1, &self.sweep2], self.arms) + within
     }
 }
 

@@ -135,7 +135,7 @@ pub(in crate::pipeline) fn visit_pairs(
     test: impl Fn(&MovingBox, &MovingBox, Vec3A) -> bool,
     visit: impl FnMut(u32, u32),
 ) {
-    let offset = boxes1.offset(&boxes2);
+    let offset = boxes2.origin() - boxes1.origin();
     if boxes1.is_whole && boxes2.is_whole {
         let [nodes1, nodes2] = [boxes1, boxes2].map(|boxes| &boxes.boxes.nodes);
         shape1.bvh().visit_pairs(shape2.bvh(), |i, j| test(&nodes1[i], &nodes2[j], offset), visit);
@@ -155,11 +155,6 @@ impl TimedBoxes<'_> {
     /// Returns the origin of the boxes' coordinates, in the frame of the sweep.
     pub fn origin(&self) -> Vec3A {
         self.boxes.origin.into()
-    }
-
-    /// Returns the offset that takes the other's boxes to the coordinates of these boxes.
-    pub fn offset(&self, other: &Self) -> Vec3A {
-        other.origin() - self.origin()
     }
 }
 

@@ -23,10 +23,6 @@ pub(in crate::pipeline) struct SeparatingAxis<'a> {
     directions: Directions,
 }
 
-/// Buffers for the spheres of both sides.
-#[derive(Debug, Default)]
-pub(in crate::pipeline) struct SphereBuffers([Vec<[Sphere; 2]>; 2]);
-
 /// The spheres of a shape at the start and at the end of a chord.
 struct Placed<'a> {
     primitives: &'a [Primitive],
@@ -42,11 +38,11 @@ enum OtherSide<'a> {
 }
 
 impl<'a> SeparatingAxis<'a> {
-    /// Creates the test with a first direction: a unit vector from the first side to the second, in the frame of the chord.
-    pub fn new(motion: &'a PairMotion, chord: &Chord, direction: Vec3, spheres: &'a mut SphereBuffers) -> Self {
+    /// Creates the test with a first direction: a unit vector from the first side to the second, in the frame of the chord. `spheres`: buffers for both sides.
+    pub fn new(motion: &'a PairMotion, chord: &Chord, direction: Vec3, spheres: &'a mut [Vec<[Sphere; 2]>; 2]) -> Self {
         let [start, end] = chord.ends();
         let growth = chord.deviation() + motion.other.rounding();
-        let SphereBuffers([spheres1, spheres2]) = spheres;
+        let [spheres1, spheres2] = spheres;
         let first = Placed::new(motion.shape1, [&start[0], &end[0]], growth, spheres1);
         let second = match &motion.other {
             OtherPart::Shape(shape) => OtherSide::Shape(Placed::new(shape, [&start[1], &end[1]], 0.0, spheres2)),
@@ -167,7 +163,7 @@ mod tests {
             for second in [Side::Body(1), Side::Static(0)] {
                 let pair = BodyPair { first: Side::Body(0), second, stops: true };
                 for motion in PairMotion::of_step(&input, &statics, &pair, |_, _| false) {
-                    let (chord, mut spheres) = (motion.chord(), SphereBuffers::default());
+                    let (chord, mut spheres) = (motion.chord(), Default::default());
                     curved += usize::from(!motion.is_one_interval(&chord));
                     let mut separating_axis = SeparatingAxis::new(&motion, &chord, Vec3::Y, &mut spheres);
                     let count = if second == Side::Static(0) { 1 } else { torus.len() as u32 };
