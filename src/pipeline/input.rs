@@ -44,7 +44,7 @@ pub struct Body {
     pub solid: Solid,
     /// The motion over the step.
     pub sweep: Sweep,
-    /// Index in the order of all bodies and statics, which fixes the rounding of relative poses: see [`relative_pose`].
+    /// Index in the order of all bodies and statics, which fixes the rounding of relative poses: see [`StepInput::pose12`].
     pub order: u32,
     /// Identity of the body in successive steps, unique among all bodies and statics. Pairs without it keep no [contacts](super::ContactCache).
     pub id: Option<u64>,
@@ -120,7 +120,7 @@ pub struct StaticBody {
     pub solid: Solid,
     /// Pose in the world.
     pub pose: Pose3,
-    /// Index in the order of all bodies and statics, which fixes the rounding of relative poses: see [`relative_pose`].
+    /// Index in the order of all bodies and statics, which fixes the rounding of relative poses: see [`StepInput::pose12`].
     pub order: u32,
     /// Identity of the body in successive steps, as [`Body::id`].
     pub id: Option<u64>,
@@ -160,14 +160,6 @@ impl StaticBody {
         let aabb = self.solid.aabb();
         Obb { pose: self.pose * Pose3::from_translation(aabb.center()), half_extents: aabb.half_extents() }
     }
-}
-
-/// Returns the pose of the second side of a pair in the frame of the first, from the pose and the [`Body::order`] of each side.
-///
-/// Computes the pose of the side with the higher order in the frame of the other, and inverts it if necessary. Rapier's narrow phase does the same, so
-/// contacts have the same bits in the step and in rapier.
-pub fn relative_pose([(pose1, order1), (pose2, order2)]: [(Pose3, u32); 2]) -> Pose3 {
-    if order1 <= order2 { pose1.inv_mul(&pose2) } else { pose2.inv_mul(&pose1).inverse() }
 }
 
 /// The static bodies and the BVH of their bounding boxes. Rebuilt only when a static body changes. Clones share the data.
@@ -287,6 +279,18 @@ impl StepInput {
                 (&body.solid, Sweep::at_rest(body.pose))
             }
         }
+    }
+
+    /// Returns the pose of the second side of a pair in the frame of the first. `pose_of`: the pose of a body.
+    ///
+    /// Computes the pose of the side with the higher [`Body::order`] in the frame of the other, and inverts it if necessary. Rapier's narrow phase does the
+    /// same, so contacts have the same bits in the step and in rapier.
+    pub fn pose12(&self, statics: &Statics, sides: [Side; 2], pose_of: impl Fn(u32) -> Pose3) -> Pose3 {
+        let [(pose1, order1), (pose2, order2)] = sides.map(|side| match side {
+            Side::Body(body) => (pose_of(body), self.bodies[body as usize].order),
+            Side::Static(body) => (statics.bodies[body as usize].pose, statics.bodies[body as usize].order),
+        });
+        if order1 <= order2 { pose1.inv_mul(&pose2) } else { pose2.inv_mul(&pose1).inverse() }
     }
 
     /// Returns the identity of a side in successive steps.

@@ -42,7 +42,7 @@ pub(crate) use broad::{KinematicReach, near_sides};
 
 pub use contacts::{CachedPair, Contact, ContactCache, ContactMargin, Displacement, Manifold};
 pub use deforming::Deforming;
-pub use input::{Body, Culling, Groups, PairFilter, Side, StaticBody, Statics, StepInput, relative_pose};
+pub use input::{Body, Culling, Groups, PairFilter, Side, StaticBody, Statics, StepInput};
 pub use output::{BoundedPair, Candidates, Counts, Impact, Pair, Primitives, StepOutput, Stop, Times};
 pub use parts::{ConvexParts, Core, Part, Parts};
 pub(crate) use shape::with_spheres;

@@ -14,7 +14,6 @@ use super::{
     output::laps,
     pairs::BodyPair,
     parallel::{self, Scratches},
-    relative_pose,
     respond::Trajectories,
     sweep::{
         first_impact::{self, ImpactResult, Question, first_impact},
@@ -59,7 +58,7 @@ fn gap_at_start(input: &StepInput, statics: &Statics, pair: &BodyPair, cache: &C
     if !input.recycle_contacts || input.report_candidates {
         return 0.0;
     }
-    let pose12 = pose12(input, statics, sides, |body| input.bodies[body as usize].sweep.start);
+    let pose12 = input.pose12(statics, sides, |body| input.bodies[body as usize].sweep.start);
     cache.gap([id1, id2], sides.map(|side| input.side(statics, side).0), &pose12)
 }
 
@@ -126,7 +125,7 @@ impl Ends<'_> {
         let Scratch { find: buffers, contacts, listed, reduce, found } = scratch;
         let sides = [pair.first, pair.second];
         let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
-        let pose12 = pose12(input, statics, sides, |body| trajectories.final_pose(input, body));
+        let pose12 = input.pose12(statics, sides, |body| trajectories.final_pose(input, body));
         let Some(shape1) = first.medial() else { return };
         let reach = self.margin(sides);
         let before = manifolds.len();
@@ -220,14 +219,15 @@ impl Ends<'_> {
         let mut found = found.iter().peekable();
         let mut begin = 0;
         for (i, (pair, ImpactResult { impact, .. })) in pairs.iter().zip(impacts).enumerate() {
-            let count = found.next_if(|found| found.pair == i).map_or(0, |found| found.count);
+            let search = found.next_if(|found| found.pair == i);
+            let count = search.map_or(0, |found| found.count);
             let manifolds = begin..begin + count;
             begin = manifolds.end;
             if count > 0 || impact.is_some() {
                 let points = output.manifolds[manifolds.clone()].iter().map(|manifold| manifold.contacts().len());
                 output.counts.contacts += points.sum::<usize>();
                 let &BodyPair { first, second, .. } = pair;
-                let reach = self.margin([first, second]);
+                let reach = search.map_or_else(|| self.margin([first, second]), |found| found.reach);
                 output.pairs.push(Pair { first, second, manifolds, reach, impact: *impact });
             }
         }
@@ -250,12 +250,4 @@ impl Ends<'_> {
             }
         }
     }
-}
-
-/// Returns the pose of the second side of a pair in the frame of the first.
-fn pose12(input: &StepInput, statics: &Statics, sides: [Side; 2], pose_of: impl Fn(u32) -> Pose3) -> Pose3 {
-    relative_pose(sides.map(|side| match side {
-        Side::Body(body) => (pose_of(body), input.bodies[body as usize].order),
-        Side::Static(body) => (statics.bodies[body as usize].pose, statics.bodies[body as usize].order),
-    }))
 }

@@ -15,7 +15,6 @@ use crate::{
     geometry::Pose3,
     pipeline::{
         Candidates, ContactCache, Culling, Pair, PairFilter, Side, Solid, Statics, StepInput, StepOutput, Workspace,
-        relative_pose,
     },
 };
 
@@ -197,13 +196,7 @@ impl MedialStep {
 
     /// Returns the pose of the second side of a pair in the frame of the first at the end of the step, to which its manifolds refer.
     pub fn final_pose12(&self, pair: &Pair) -> Pose3 {
-        relative_pose([pair.first, pair.second].map(|side| {
-            let order = match side {
-                Side::Body(body) => self.input.bodies[body as usize].order,
-                Side::Static(body) => self.statics.bodies()[body as usize].order,
-            };
-            (self.final_pose(side), order)
-        }))
+        self.input.pose12(&self.statics, [pair.first, pair.second], |body| self.final_pose(Side::Body(body)))
     }
 
     /// Runs the pipeline. The filter is called for each pair that may collide.

@@ -17,7 +17,7 @@ use crate::{
             features::{NONE_SHARED, SharedSpheres, crossings, face, on_face, one_sided, two_sided},
             internal_edges,
             manifold::{Contact, Manifold},
-            near::{self, near_part, near_shape},
+            near::{self, near_part, near_parts, near_shape},
             reduce::reduce,
         },
         directions::Directions,
@@ -95,7 +95,7 @@ fn of_parts(
     contacts: &mut Vec<Contact>,
     buffers: &mut Scratch,
 ) {
-    let parts = parts.within(&shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(prediction));
+    let parts = near_parts(shape1, parts, pose12, prediction);
     for part in &parts {
         collect_part(shape1, part, pose12, prediction, listed, contacts, &mut buffers.near);
     }

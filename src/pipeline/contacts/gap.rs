@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use crate::{
     geometry::{Aabb, Placement, Pose3, Sphere},
-    pipeline::{OtherShape, Part, Shape, sweep::motion::with_core, with_spheres},
+    pipeline::{OtherShape, Part, Shape, contacts::near::near_parts, sweep::motion::with_core, with_spheres},
     query::separation,
 };
 
@@ -12,10 +12,9 @@ use crate::{
 pub(in crate::pipeline) fn gap(shape1: &Shape, second: OtherShape, pose12: &Pose3, max: f32) -> f32 {
     match second {
         OtherShape::Shape(shape2) => of_shapes(shape1, shape2, pose12, max),
-        OtherShape::Parts(parts) => {
-            let parts = parts.within(&shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(max));
-            parts.into_iter().fold(max, |least, part| of_part(shape1, part, pose12, least))
-        }
+        OtherShape::Parts(parts) => near_parts(shape1, parts, pose12, max)
+            .into_iter()
+            .fold(max, |least, part| of_part(shape1, part, pose12, least)),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::{
     geometry::{Aabb, Box3A, Placement, Pose3},
-    pipeline::{Hull, Part, Shape},
+    pipeline::{ConvexParts, Hull, Part, Parts, Shape},
 };
 
 /// Buffers for the primitives that are near.
@@ -72,6 +72,16 @@ pub(in crate::pipeline) fn near_part(
             visit(primitive1, hull);
         }
     }
+}
+
+/// Returns the parts of another collider whose boxes are within `reach` metres of the shape's box. `pose12`: pose of the collider in the frame of the shape.
+pub(in crate::pipeline) fn near_parts<'p>(
+    shape1: &Shape,
+    parts: &'p dyn ConvexParts,
+    pose12: &Pose3,
+    reach: f32,
+) -> Parts<'p> {
+    parts.within(&shape1.aabb().transformed(&pose12.inverse(), 1.0).inflated(reach))
 }
 
 /// Finds the primitives whose boxes overlap with a box in the shape's frame, in ascending order.
