@@ -140,6 +140,12 @@ impl Sweep {
         2.0 * radius * sin * sin
     }
 
+    /// Upper bound of the distance between the end of a point's path and the end of the line on which it begins, in metres: `radius angle^2 / 2`. The point is
+    /// within `radius` of the centre of mass.
+    pub(crate) fn turning(&self, radius: f32) -> f32 {
+        0.5 * radius * self.rotation.length_squared()
+    }
+
     /// Upper bound of the path length of a point within `radius` of the centre of mass, in metres.
     pub fn reach(&self, radius: f32) -> f32 {
         self.translation.length() + self.rotation.length() * radius

@@ -3,7 +3,7 @@
 use super::{Statics, StepInput, pairs::BodyPair};
 use crate::constants::{CHORD_TOLERANCE, CORE_FRACTION, KNOWN_OVERLAP, LINEAR_SLOP};
 
-/// Returns the overlap that a contact may gain in a step, in metres. `size`: bounding radius of the body, or of the smaller
+/// Returns the overlap that the solver leaves at a contact at rest, in metres. `size`: bounding radius of the body, or of the smaller
 /// one of a pair, in metres.
 pub(super) fn slop(length_unit: f32, size: f32) -> f32 {
     (LINEAR_SLOP * length_unit).min(KNOWN_OVERLAP * size)
@@ -16,8 +16,9 @@ pub(super) struct Tolerances {
     pub size: f32,
     /// Distance at which the bodies are in touch.
     pub touch: f32,
-    /// Overlap that a contact may gain in a step. The solver leaves an overlap of this size at a contact at rest.
-    pub slop: f32,
+    /// Overlap that a contact may gain in a step: the slop, which the solver leaves at a contact at rest, and up to a core depth for the rotation of the bodies,
+    /// because the solver moves the points of a contact on lines.
+    gain: f32,
     /// Per side, difference of the radii of primitive and core, if the primitive is thick enough.
     core_depths: [f32; 2],
     /// Overlap up to which the solver handles contacts that it had in the last step.
@@ -25,24 +26,26 @@ pub(super) struct Tolerances {
 }
 
 impl Tolerances {
-    /// Returns the tolerances of a pair. `size`: bounding radius of the smaller body, in metres.
-    pub fn new(input: &StepInput, statics: &Statics, pair: &BodyPair, size: f32) -> Self {
+    /// Returns the tolerances of a pair. `size`: bounding radius of the smaller body, in metres. `turning`: largest distance in metres between the end of a
+    /// point's path and the end of the line that it begins on, summed over both bodies.
+    pub fn new(input: &StepInput, statics: &Statics, pair: &BodyPair, size: f32, turning: f32) -> Self {
         let touch = LINEAR_SLOP * input.length_unit;
         let bodies = || pair.bodies().map(|body| &input.bodies[body as usize]);
         // In long steps gravity moves bodies farther between two solves.
         let fall = bodies().filter_map(|body| body.next_displacement).map(|next| next.fall).fold(0.0, f32::max);
+        let core_depths = [pair.first, pair.second].map(|side| size * input.core_depth(statics, side));
         Self {
             size,
             touch,
-            slop: slop(input.length_unit, size),
-            core_depths: [pair.first, pair.second].map(|side| size * input.core_depth(statics, side)),
+            gain: slop(input.length_unit, size) + turning.min(core_depths[0] + core_depths[1]),
+            core_depths,
             known_limit: (12.0 * touch).max(KNOWN_OVERLAP * size).max(fall),
         }
     }
 
-    /// Returns true if a path of this length is too short for an impact, because no overlap can grow by more than the slop. `path`: in metres.
+    /// Returns true if a path of this length is too short for an impact, because no overlap can grow by more than a contact may gain. `path`: in metres.
     pub fn is_short(&self, path: f32) -> bool {
-        path <= self.slop
+        path <= self.gain
     }
 
     /// Returns the deviation of points from their chords that is small enough, in metres.
@@ -55,9 +58,9 @@ impl Tolerances {
         (2.0 * self.chord_deviation()).max(self.touch)
     }
 
-    /// Uses surfaces instead of cores, and no slop: any growth of an overlap is an impact.
+    /// Uses surfaces instead of cores, and no gain: any growth of an overlap is an impact.
     pub fn use_surfaces(&mut self) {
-        (self.core_depths, self.slop, self.known_limit) = ([0.0; 2], 0.0, f32::INFINITY);
+        (self.core_depths, self.gain, self.known_limit) = ([0.0; 2], 0.0, f32::INFINITY);
     }
 
     /// Returns the overlap at which the cores of two primitives touch, in metres.
@@ -74,7 +77,7 @@ impl Tolerances {
     /// `thickness`: summed thickness of both primitives. `overlap`: overlap of both primitives at the start of the step. `deepest`: largest overlap of any
     /// primitives of the bodies at that time. It counts because a sliding body meets the next primitives at the same depth.
     ///
-    /// The result is the deepest overlap plus the slop, up to [`Self::known_limit`]. Other primitives of bodies that overlap by more may get as deep, so that the
+    /// The result is the deepest overlap plus the gain, up to [`Self::known_limit`]. Other primitives of bodies that overlap by more may get as deep, so that the
     /// bodies can turn about each other. Bodies that overlap by more than twice the limit were spawned inside each other. They may gain that much in each step, so
     /// that they can come apart.
     ///
@@ -82,12 +85,12 @@ impl Tolerances {
     pub fn known_overlap(&self, thickness: f32, overlap: f32, deepest: f32) -> f32 {
         let thin = CORE_FRACTION * thickness;
         // Cores may be deeper than the limit.
-        let spawned = (2.0 * self.known_limit).max(self.core_depths[0] + self.core_depths[1] + self.slop);
+        let spawned = (2.0 * self.known_limit).max(self.core_depths[0] + self.core_depths[1] + self.gain);
         if deepest > spawned {
             return overlap + spawned.min(thin);
         }
         let limit = self.known_limit.max(deepest);
-        (deepest + self.slop.min(thin)).min(limit.min(2.0 * thin)).max(overlap)
+        (deepest + self.gain.min(thin)).min(limit.min(2.0 * thin)).max(overlap)
     }
 }
 
@@ -96,7 +99,7 @@ mod tests {
     use super::*;
 
     const PAIR: Tolerances =
-        Tolerances { size: 0.5, touch: 1e-3, slop: 1e-3, core_depths: [4e-3; 2], known_limit: 0.01 };
+        Tolerances { size: 0.5, touch: 1e-3, gain: 1e-3, core_depths: [4e-3; 2], known_limit: 0.01 };
 
     #[test]
     fn cores_are_a_part_of_thin_primitives_and_absent_in_other_colliders() {

@@ -40,10 +40,11 @@ impl Owed {
         Self { seconds: self.seconds * factor, velocity: self.velocity * factor }
     }
 
-    /// Extends the motion of a body by the owed time.
+    /// Extends the motion of a body by the owed time, in which gravity accelerates it evenly.
     pub fn longer(&self, sweep: &Sweep, body: &RapierBody) -> Sweep {
         let turn = body.angvel() * self.seconds;
-        let center = sweep.end.transform_point(sweep.local_center) + (body.linvel() + self.velocity) * self.seconds;
+        let center =
+            sweep.end.transform_point(sweep.local_center) + (body.linvel() + 0.5 * self.velocity) * self.seconds;
         let rotation = (Quat::from_scaled_axis(turn) * sweep.end.rotation).normalize();
         let end = Pose3::from_parts(center - rotation * sweep.local_center, rotation);
         Sweep::between(sweep.start, end, sweep.local_center, sweep.rotation + turn)
@@ -110,14 +111,15 @@ pub(super) fn stop_bodies(
             let gained = gained(body, info.linear, acceleration * dt);
             let left = Owed { seconds: dt + known.seconds, velocity: gained + known.velocity };
             let rest = left.times(1.0 - stop.fraction);
-            // At most one step is owed. The body must gain no energy from the time that it loses, so it turns more slowly by the same factor. A contact or a joint
-            // may have passed the weight of the body on in that time. The velocity does not show that part of gravity, so it is taken from the fall.
-            let kept = (dt / rest.seconds).min(1.0);
+            // At most one step is owed. The body must gain no energy from the time that it loses beyond that, so it turns more slowly, and not at all if it was
+            // blocked for the whole step and for the time that it was owed. A contact or a joint may have passed the weight of the body on in the lost time.
+            // The velocity does not show that part of gravity, so it is taken from the fall.
+            let kept = (2.0 - rest.seconds / dt).clamp(0.0, 1.0);
             let hidden = acceleration * rest.seconds - rest.velocity;
             body.set_linvel(slower(body.linvel() + known.velocity - rest.velocity, hidden * (1.0 - kept)), true);
             body.set_angvel(body.angvel() * kept, true);
             if rest.seconds > 0.0 {
-                owed.0.insert((entity, parent), rest.times(kept));
+                owed.0.insert((entity, parent), rest.times((dt / rest.seconds).min(1.0)));
             }
         }
     }

@@ -140,7 +140,9 @@ impl<'a> PairMotion<'a> {
             None => bound2.farthest(sweep2.local_center),
         };
         let arms = [shape1.arm(sweep1.local_center), arm2];
-        let tolerances = Tolerances::new(input, statics, pair, shape1.bounding_sphere().radius.min(bound2.radius));
+        let size = shape1.bounding_sphere().radius.min(bound2.radius);
+        let turning = sweep1.turning(arms[0]) + sweep2.turning(arms[1]);
+        let tolerances = Tolerances::new(input, statics, pair, size, turning);
         let path = relative_path([&sweep1, &sweep2], arms);
         if second.deforming().is_none() && is_idle(path, &tolerances) {
             return Motions::new();

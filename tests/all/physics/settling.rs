@@ -3,7 +3,12 @@
 use std::f32::consts::FRAC_PI_2;
 
 use bevy::prelude::*;
-use bevy_medial::{geometry::Sphere, medial_axis::MedialAxis, prelude::*, scenes::Monitor};
+use bevy_medial::{
+    geometry::Sphere,
+    medial_axis::MedialAxis,
+    prelude::*,
+    scenes::{Monitor, headless_app},
+};
 use bevy_rapier3d::prelude::{CoefficientCombineRule, Collider, ContactSkin, Damping, Friction, RigidBody, Velocity};
 
 use crate::common::*;
@@ -287,4 +292,30 @@ fn assert_rests_at(app: &mut App, body: Entity, height: f32, what: &str) {
     let found = position(app, body).y;
     assert!((found - height).abs() < 2e-3, "{what}: {found} not {height}");
     assert!(is_at_rest(app, body), "{what}: {:?}", rigid(app, body).vels());
+}
+
+#[test]
+fn thrown_bodies_fall_flat_in_long_steps() {
+    let shapes = [MedialAxis::capsule(Vec3::X * -0.25, Vec3::X * 0.25, 0.05), MedialAxis::torus(0.2, 0.05, 24)];
+    let mut app = headless_app(0.1);
+    app.world_mut().spawn((StaticObb::new(20.0, 0.025, 20.0), Transform::from_xyz(0.0, -0.025, 0.0)));
+    let mut random = Random(1);
+    let bodies: Vec<Entity> = (0..98)
+        .map(|i| {
+            let place = Vec3::new((i % 7) as f32 * 4.0 - 12.0, 0.8, (i / 7) as f32 * 2.0 - 13.0);
+            let transform = Transform::from_translation(place).with_rotation(random.rotation());
+            let body = spawn_body(&mut app, shapes[i % 2].clone().unwrap(), transform);
+            let linear = random.in_ball() * 5.0;
+            let damping = Damping { linear_damping: 0.2, angular_damping: 0.5 };
+            app.world_mut().entity_mut(body).insert((Velocity { linear, angular: random.in_ball() * 5.0 }, damping));
+            body
+        })
+        .collect();
+    run(&mut app, 100);
+    for body in bodies {
+        let (place, body) = (position(&mut app, body), rigid(&mut app, body));
+        let kinetic = body.kinetic_energy() / body.mass();
+        // A body may lie on another one.
+        assert!(place.y > 0.03 && place.y < 0.11 && kinetic < 0.05, "{place}, {kinetic} J/kg");
+    }
 }
