@@ -168,7 +168,7 @@ fn bound(first: Moving, second: Moving, reach: f32, touch: f32, tests_end: bool)
     var found = Bound(false, NEVER, false);
     var time = 0.0;
     var is_end = false;
-    for (var round = 0u; round < MAX_ITERATIONS; round++) {
+    for (var round = 0u; round < 2u * MAX_ADVANCES; round++) {
         let now1 = spheres_at(first, time);
         let now2 = spheres_at(second, time);
         let direction = separating_direction(now1, now2);

@@ -51,7 +51,7 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         chord.shape2 = wall.shape;
         chord.scale2 = wall.scale;
         strays += sagitta(body1, body1.arm, count) + wall.rounding;
-        fine_strays = sagitta(body1, body1.arm, MOST_INTERVALS);
+        fine_strays = sagitta(body1, body1.arm, MAX_ITERATIONS);
         size += wall.radius;
         far += length(wall.position);
         smaller = min(smaller, wall.radius);
@@ -74,7 +74,7 @@ fn place_chords(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroup
         chord.shape2 = select(body2.shape & ~DEFORMING, BOX_SHAPE, body2.shape == BOX_SHAPE);
         chord.scale2 = body2.scale;
         strays += body2.slack + deviation(body1, body2, count) + body2.rounding;
-        fine_strays = deviation(body1, body2, MOST_INTERVALS);
+        fine_strays = deviation(body1, body2, MAX_ITERATIONS);
         size += body2.bound.w;
         far += length(body2.position);
         smaller = min(smaller, body2.bound.w);

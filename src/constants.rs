@@ -19,7 +19,7 @@ pub const TIME_TOLERANCE: f32 = 2.0e-5;
 pub const ILL_CONDITIONED: f32 = 1.0e-3;
 
 /// Iterations of conservative advancement before the search takes trial steps. Most pairs are done by then. Pairs that graze or slide approach each
-/// other by ever smaller steps. In a batch, a pair leaves its lane after three times as many.
+/// other by ever smaller steps. In a batch, a pair leaves its lane after three times as many. A search for bounds on the GPU ends after twice as many.
 pub const MAX_ADVANCES: u32 = 6;
 
 /// Length of the first trial step, as a multiple of the last advance, and smallest length of a step after a successful one, as a multiple of
@@ -27,15 +27,14 @@ pub const MAX_ADVANCES: u32 = 6;
 pub const FIRST_TRIAL: f32 = 16.0;
 
 /// Iterations after which a search stops: for a time of impact, with the iteration limit as its result; for the nearest point beyond planes, without a result;
-/// for the nearest point of the surface from inside, with the best one so far. A step of the solver has at most as many substeps.
+/// for the nearest point of the surface from inside, with the best one so far. A step has at most as many intervals in a search for impacts, and as many
+/// substeps in the solver. With fewer intervals, ten turns in a step deviate from their path by more than 0.05 % of the radius, and bodies that an impact
+/// has set spinning stop too early in every step.
 pub const MAX_ITERATIONS: u32 = 1024;
 
 /// Smallest advance of a bound of the time of impact, as a fraction of a chord. A shorter one ends the search. With a smaller value, bounds are closer to
 /// the time of impact; with a larger one, the GPU needs fewer iterations.
 pub const SHORTEST_ADVANCE: f32 = 1.0 / 256.0;
-
-/// Iterations of a search for bounds on the GPU. Most pairs need three; pairs that graze stop early with an earlier bound.
-pub const MAX_BOUND_ITERATIONS: u32 = 12;
 
 /// Shortest collision time of a step on the CPU for which a GPU is tried: twice the time of a call of a GPU without work. With a smaller value, trials slow
 /// down steps of small scenes; with a larger one, steps stay on the CPU although a GPU is faster.
@@ -69,10 +68,6 @@ pub const INTERVAL_PATH: f32 = 0.36;
 
 /// Number of primitive pairs up to which a search of the whole displacement takes no longer than a search of its intervals.
 pub const MANY_PRIMITIVES: usize = 256;
-
-/// Length of the shortest interval of a search for impacts, in steps. With intervals of this length, ten turns in a step deviate from their path by
-/// 0.05 % of the radius. With longer ones, bodies that an impact has set spinning stop too early in every step.
-pub const SHORTEST_INTERVAL: f32 = 1.0 / 1024.0;
 
 /// Sine of the angle between a body's spin axis and the rotation axis that follows from its poses. Above it, that rotation axis is not used. With a
 /// larger value, a rod of one metre is searched a millimetre or more beside its path; with a smaller one, rounding reaches the limit.

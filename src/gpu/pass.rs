@@ -31,9 +31,9 @@ pub(super) fn shader<'a>(files: impl IntoIterator<Item = &'a str>) -> String {
     }
     for (name, value) in [
         ("MAX_LINKS", constants::MAX_LINKS),
-        ("MAX_ITERATIONS", constants::MAX_BOUND_ITERATIONS),
+        ("MAX_ADVANCES", constants::MAX_ADVANCES),
         ("MAX_CHORDS", constants::MAX_CULLING_CHORDS),
-        ("MOST_INTERVALS", (1.0 / constants::SHORTEST_INTERVAL) as u32),
+        ("MAX_ITERATIONS", constants::MAX_ITERATIONS),
     ] {
         text += &format!("const {name}: u32 = {value}u;\n");
     }
