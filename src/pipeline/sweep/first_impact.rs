@@ -182,8 +182,8 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         self.buffers.chords.clear();
         self.buffers.chords.extend(motions.iter().map(PairMotion::chord));
         let mut all = motions.iter().zip(&self.buffers.chords);
-        let is_one =
-            (times[1] - times[0]) * MAX_ITERATIONS as f32 <= 1.0 || all.all(|(motion, chord)| motion.is_one_interval(chord));
+        let is_one = (times[1] - times[0]) * MAX_ITERATIONS as f32 <= 1.0
+            || all.all(|(motion, chord)| motion.is_one_interval(chord));
         let is_clear = !self.cull(motions, times, if is_one { usize::MAX } else { 1 });
         self.laps[0] += (self.lap)();
         if is_clear {
