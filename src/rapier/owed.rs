@@ -114,7 +114,8 @@ pub(super) fn stop_bodies(
             // At most one step is owed. The body must gain no energy from the time that it loses beyond that, so it turns more slowly, and not at all if it was
             // blocked for the whole step and for the time that it was owed. A contact or a joint may have passed the weight of the body on in the lost time.
             // The velocity does not show that part of gravity, so it is taken from the fall.
-            let kept = (2.0 - rest.seconds / dt).clamp(0.0, 1.0);
+            let steps = rest.seconds / dt;
+            let kept = if steps > 1.0 { (2.0 - steps).max(0.0) } else { 1.0 };
             let hidden = acceleration * rest.seconds - rest.velocity;
             body.set_linvel(slower(body.linvel() + known.velocity - rest.velocity, hidden * (1.0 - kept)), true);
             body.set_angvel(body.angvel() * kept, true);
