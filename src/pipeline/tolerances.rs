@@ -16,7 +16,7 @@ pub(super) struct Tolerances {
     pub size: f32,
     /// Distance at which the bodies are in touch.
     pub touch: f32,
-    /// Overlap that a contact may gain in a step: the slop, which the solver leaves at a contact at rest, and up to a core depth for the rotation of the bodies,
+    /// Overlap that a contact may gain in a step: the slop, which the solver leaves at a contact at rest, and up to both core depths for the rotation of the bodies,
     /// because the solver moves the points of a contact on lines.
     gain: f32,
     /// Per side, difference of the radii of primitive and core, if the primitive is thick enough.

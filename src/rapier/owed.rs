@@ -111,9 +111,9 @@ pub(super) fn stop_bodies(
             let gained = gained(body, info.linear, acceleration * dt);
             let left = Owed { seconds: dt + known.seconds, velocity: gained + known.velocity };
             let rest = left.times(1.0 - stop.fraction);
-            // At most one step is owed. The body must gain no energy from the time that it loses beyond that, so it turns more slowly, and not at all if it was
-            // blocked for the whole step and for the time that it was owed. A contact or a joint may have passed the weight of the body on in the lost time.
-            // The velocity does not show that part of gravity, so it is taken from the fall.
+            // At most one step is owed. Time beyond that is lost. The body must gain no energy from lost time, so its spin shrinks with it, to zero after a lost
+            // step. A contact or a joint may have passed on the weight of the body. The velocity does not show that part of gravity, so the fall loses it by the
+            // same share.
             let steps = rest.seconds / dt;
             let kept = if steps > 1.0 { (2.0 - steps).max(0.0) } else { 1.0 };
             let hidden = acceleration * rest.seconds - rest.velocity;

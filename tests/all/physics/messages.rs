@@ -20,7 +20,7 @@ fn spawn_wall(app: &mut App, kind: &str) -> Entity {
     }
 }
 
-/// Returns true if the ball is on the side of the wall that it was shot from. A wall that is hit turns.
+/// Returns true if the ball is on the side of the wall that it was shot from, in the frame of the wall. A wall that is hit turns.
 fn is_in_front(app: &mut App, wall: Entity, body: Entity) -> bool {
     let ball = position(app, body);
     rigid(app, wall).position().inverse_transform_point(ball).x < 0.0
