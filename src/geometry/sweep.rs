@@ -158,6 +158,20 @@ mod tests {
     use crate::random::Random;
 
     #[test]
+    fn turning_bounds_the_distance_from_the_line_closely() {
+        let mut random = Random(4);
+        for _ in 0..1000 {
+            let [angle, radius] = [(); 2].map(|()| 0.01 + 2.0 * random.unit());
+            let axis = random.in_ball().normalize_or(Vec3::X);
+            let sweep = Sweep::at_rates(Pose3::IDENTITY, Vec3::ZERO, random.in_cube(), axis * angle);
+            let point = axis.any_orthonormal_vector() * radius;
+            let line = point + sweep.translation + sweep.rotation.cross(point);
+            let (distance, bound) = (sweep.end.transform_point(point).distance(line), sweep.turning(radius));
+            assert!(distance < bound + 1e-5 && distance > 0.8 * bound - 1e-5, "{distance}, {bound}, {angle} rad");
+        }
+    }
+
+    #[test]
     fn points_that_come_near_are_in_view() {
         let mut random = Random(9);
         let (mut near, mut bent, mut out_of_view) = (0, 0, 0);

@@ -16,9 +16,10 @@ pub(super) struct Tolerances {
     pub size: f32,
     /// Distance at which the bodies are in touch.
     pub touch: f32,
-    /// Overlap that a contact may gain in a step: the slop, which the solver leaves at a contact at rest, and up to both core depths for the rotation of the bodies,
-    /// because the solver moves the points of a contact on lines.
-    gain: f32,
+    /// Overlap that the solver leaves at a contact at rest.
+    slop: f32,
+    /// Overlap that a contact may gain in addition, because the bodies turn and the solver moves the points of a contact on lines.
+    turning: f32,
     /// Per side, difference of the radii of primitive and core, if the primitive is thick enough.
     core_depths: [f32; 2],
     /// Overlap up to which the solver handles contacts that it had in the last step.
@@ -37,15 +38,16 @@ impl Tolerances {
         Self {
             size,
             touch,
-            gain: slop(input.length_unit, size) + turning.min(core_depths[0] + core_depths[1]),
+            slop: slop(input.length_unit, size),
+            turning: turning.min(core_depths[0] + core_depths[1]),
             core_depths,
             known_limit: (12.0 * touch).max(KNOWN_OVERLAP * size).max(fall),
         }
     }
 
-    /// Returns true if a path of this length is too short for an impact, because no overlap can grow by more than a contact may gain. `path`: in metres.
+    /// Returns true if a path of this length is too short for an impact, because no overlap can grow by more than the slop. `path`: in metres.
     pub fn is_short(&self, path: f32) -> bool {
-        path <= self.gain
+        path <= self.slop
     }
 
     /// Returns the deviation of points from their chords that is small enough, in metres.
@@ -58,9 +60,9 @@ impl Tolerances {
         (2.0 * self.chord_deviation()).max(self.touch)
     }
 
-    /// Uses surfaces instead of cores, and no gain: any growth of an overlap is an impact.
+    /// Uses surfaces instead of cores, and no slop: any growth of an overlap is an impact.
     pub fn use_surfaces(&mut self) {
-        (self.core_depths, self.gain, self.known_limit) = ([0.0; 2], 0.0, f32::INFINITY);
+        (self.core_depths, self.slop, self.turning, self.known_limit) = ([0.0; 2], 0.0, 0.0, f32::INFINITY);
     }
 
     /// Returns the overlap at which the cores of two primitives touch, in metres.
@@ -77,7 +79,7 @@ impl Tolerances {
     /// `thickness`: summed thickness of both primitives. `overlap`: overlap of both primitives at the start of the step. `deepest`: largest overlap of any
     /// primitives of the bodies at that time. It counts because a sliding body meets the next primitives at the same depth.
     ///
-    /// The result is the deepest overlap plus the gain, up to [`Self::known_limit`]. Other primitives of bodies that overlap by more may get as deep, so that the
+    /// The result is the deepest overlap plus the slop and the part for turning, up to [`Self::known_limit`]. Other primitives of bodies that overlap by more may get as deep, so that the
     /// bodies can turn about each other. Bodies that overlap by more than twice the limit were spawned inside each other. They may gain that much in each step, so
     /// that they can come apart.
     ///
@@ -85,12 +87,12 @@ impl Tolerances {
     pub fn known_overlap(&self, thickness: f32, overlap: f32, deepest: f32) -> f32 {
         let thin = CORE_FRACTION * thickness;
         // Cores may be deeper than the limit.
-        let spawned = (2.0 * self.known_limit).max(self.core_depths[0] + self.core_depths[1] + self.gain);
+        let spawned = (2.0 * self.known_limit).max(self.core_depths[0] + self.core_depths[1] + self.slop);
         if deepest > spawned {
             return overlap + spawned.min(thin);
         }
         let limit = self.known_limit.max(deepest);
-        (deepest + self.gain.min(thin)).min(limit.min(2.0 * thin)).max(overlap)
+        (deepest + (self.slop + self.turning).min(thin)).min(limit.min(2.0 * thin)).max(overlap)
     }
 }
 
@@ -99,7 +101,7 @@ mod tests {
     use super::*;
 
     const PAIR: Tolerances =
-        Tolerances { size: 0.5, touch: 1e-3, gain: 1e-3, core_depths: [4e-3; 2], known_limit: 0.01 };
+        Tolerances { size: 0.5, touch: 1e-3, slop: 1e-3, turning: 0.0, core_depths: [4e-3; 2], known_limit: 0.01 };
 
     #[test]
     fn cores_are_a_part_of_thin_primitives_and_absent_in_other_colliders() {
@@ -112,6 +114,10 @@ mod tests {
     fn known_contacts_gain_a_slop_a_step_up_to_a_limit() {
         let known = |deepest: f32| PAIR.known_overlap(0.2, 0.0, deepest);
         assert_eq!([0.0, 0.005, 0.0095].map(known), [1e-3, 0.005 + 1e-3, 0.01]);
+        let turning = Tolerances { turning: 3e-3, ..PAIR };
+        assert_eq!(turning.known_overlap(0.2, 0.0, 0.005), 0.005 + 4e-3);
+        assert_eq!(turning.known_overlap(0.2, 0.0, 0.0095), 0.01);
+        assert!(!turning.is_short(2e-3), "turning does not excuse pairs that are apart from a search");
         // No overlap is limited to less than the deepest one.
         assert_eq!(known(0.012), 0.012);
         // The result is never less than the overlap at the start.

@@ -111,16 +111,16 @@ pub(super) fn stop_bodies(
             let gained = gained(body, info.linear, acceleration * dt);
             let left = Owed { seconds: dt + known.seconds, velocity: gained + known.velocity };
             let rest = left.times(1.0 - stop.fraction);
-            // At most one step is owed. Time beyond that is lost. The body must gain no energy from lost time, so its spin shrinks with it, to zero after a lost
-            // step. A contact or a joint may have passed on the weight of the body. The velocity does not show that part of gravity, so the fall loses it by the
-            // same share.
-            let steps = rest.seconds / dt;
-            let kept = if steps > 1.0 { (2.0 - steps).max(0.0) } else { 1.0 };
-            let hidden = acceleration * rest.seconds - rest.velocity;
-            body.set_linvel(slower(body.linvel() + known.velocity - rest.velocity, hidden * (1.0 - kept)), true);
-            body.set_angvel(body.angvel() * kept, true);
+            // At most one step is owed, and the rest is lost. The body must gain no energy from lost time, so its spin shrinks with it, to zero after a lost step.
+            // A contact or a joint may have passed on the weight of the body. The velocity does not show that part of gravity, so the fall loses it.
+            let owed_share = (dt / rest.seconds).min(1.0);
+            let lost = (rest.seconds - dt).max(0.0);
+            let spin = if lost > 0.0 { 1.0 - lost / dt.max(known.seconds) } else { 1.0 };
+            let hidden = (acceleration * rest.seconds - rest.velocity) * (1.0 - owed_share);
+            body.set_linvel(slower(body.linvel() + known.velocity - rest.velocity, hidden), true);
+            body.set_angvel(body.angvel() * spin, true);
             if rest.seconds > 0.0 {
-                owed.0.insert((entity, parent), rest.times((dt / rest.seconds).min(1.0)));
+                owed.0.insert((entity, parent), rest.times(owed_share));
             }
         }
     }

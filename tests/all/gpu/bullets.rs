@@ -1,6 +1,6 @@
 //! Fast impacts and near misses with culling on the GPU: no impact is lost, and near misses change no motion.
 
-use std::{ops::Range, sync::Mutex};
+use std::sync::Mutex;
 
 use bevy::prelude::*;
 use bevy_medial::{prelude::*, scenes::headless_app};
@@ -47,7 +47,7 @@ fn with_settings(mut app: App, pipelined: bool) -> App {
     app
 }
 
-fn check(app: fn(f32) -> App, cells: Range<usize>) {
+fn check(app: fn(f32) -> App, cells: impl Iterator<Item = usize>) {
     let [close, compared] = flights::check(app, cells);
     assert!(close * 10 >= compared * 9, "{close} of {compared}");
 }
@@ -70,7 +70,8 @@ fn exhaustive_bullets_hit_when_steps_wait_for_the_gpu() {
 #[test]
 fn bullets_hit_when_the_gpu_looks_ahead() {
     if device().is_some() {
-        check_ahead(8..12, 10);
+        // References of hits on walls (0 and 3) are never chaotic.
+        check_ahead([0, 3].into_iter().chain(8..12), 10);
     }
 }
 
@@ -83,7 +84,7 @@ fn exhaustive_bullets_hit_when_the_gpu_looks_ahead() {
 }
 
 /// The GPU must have answered for more than half of the steps with impacts, and for more than `impacts` impacts in total.
-fn check_ahead(cells: Range<usize>, impacts: usize) {
+fn check_ahead(cells: impl Iterator<Item = usize>, impacts: usize) {
     check(ahead, cells);
     let seen = *AHEAD.lock().unwrap();
     println!("{seen:?}");

@@ -107,7 +107,7 @@ fn hopper(dt: f32) -> f32 {
 #[test]
 fn a_hopper_empties_almost_as_fast_as_in_fine_steps() {
     let [coarse, fine] = [DT, FINE].map(hopper);
-    assert!(coarse < 1.12 * fine, "{coarse} s, fine {fine} s");
+    assert!(fine.is_finite() && coarse < 1.12 * fine, "{coarse} s, fine {fine} s");
 }
 
 /// Spawns dominoes in a row on a ground. The first one falls towards the others.
@@ -148,14 +148,14 @@ fn a_domino_falls_as_fast_as_in_fine_steps() {
 fn wave(dt: f32) -> f32 {
     let mut app = headless_app(dt);
     let dominoes = spawn_dominoes(&mut app, 20, 0.2);
-    time_until_leaning(&mut app, dt, dominoes[5]);
+    assert!(time_until_leaning(&mut app, dt, dominoes[5]).is_finite());
     time_until_leaning(&mut app, dt, dominoes[19])
 }
 
 #[test]
 fn a_wave_of_dominoes_is_hardly_slower_than_in_fine_steps() {
     let [coarse, fine] = [DT, FINE].map(wave);
-    assert!(coarse < 1.35 * fine, "{coarse} s, fine {fine} s");
+    assert!(fine.is_finite() && coarse < 1.35 * fine, "{coarse} s, fine {fine} s");
 }
 
 /// Seconds until a tube with twelve flat sides has rolled 20 m down a slope.

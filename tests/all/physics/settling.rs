@@ -315,7 +315,7 @@ fn thrown_bodies_fall_flat_in_long_steps() {
     for body in bodies {
         let (place, body) = (position(&mut app, body), rigid(&mut app, body));
         let kinetic = body.kinetic_energy() / body.mass();
-        // A body may lie on another one.
+        // A torus may lie on a capsule.
         assert!(place.y > 0.03 && place.y < 0.11 && kinetic < 0.05, "{place}, {kinetic} J/kg");
     }
 }
