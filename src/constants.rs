@@ -101,6 +101,13 @@ pub const LINEAR_SLOP: f32 = 1.0e-3;
 /// contact in the solver.
 pub const REST_MARGIN: f32 = 0.2;
 
+/// Margin of the lists of near primitives that are kept between steps, per metre of the smaller body's bounding radius. With a larger value, lists are
+/// longer; with a smaller one, they are made more often, and fewer pairs have one.
+pub const NEAR_MARGIN: f32 = 0.05;
+
+/// Largest number of primitive pairs in a list that is kept between steps: 12 bytes each. Two meshes that lie in each other are searched in each step.
+pub const MAX_NEAR_PAIRS: usize = 1024;
+
 /// Relative difference between the radii of a primitive and of its core, unless [`CORE_DEPTH`] is less. While cores are apart, the direction between
 /// them separates the primitives, so the solver pushes to the correct side. With a larger value, thin primitives may have passed each other before
 /// the solver sees them.

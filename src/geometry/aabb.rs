@@ -132,7 +132,7 @@ pub(crate) fn rotated_extents(rotation: &Mat3A, half: Vec3) -> Vec3 {
     (x_axis.abs() * half.x + y_axis.abs() * half.y + z_axis.abs() * half.z).into()
 }
 
-/// An [`Aabb`] in SIMD vectors, for fast overlap tests.
+/// An [`Aabb`] in SIMD vectors, for fast tests.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Box3A {
     min: Vec3A,
@@ -148,5 +148,10 @@ impl From<Aabb> for Box3A {
 impl Box3A {
     pub fn overlaps(&self, other: &Self) -> bool {
         (self.min.cmple(other.max) & other.min.cmple(self.max)).all()
+    }
+
+    /// Distance of the boxes in metres, 0 if they share a point.
+    pub fn distance_to(&self, other: &Self) -> f32 {
+        (other.min - self.max).max(self.min - other.max).max(Vec3A::ZERO).length()
     }
 }

@@ -143,11 +143,6 @@ impl Bvh {
         self.nodes.first().map_or(Aabb::EMPTY, Node::aabb)
     }
 
-    /// The box of a node.
-    pub(crate) fn node_aabb(&self, index: usize) -> Aabb {
-        self.nodes[index].aabb()
-    }
-
     /// The boxes of the inner nodes, parents before children.
     #[cfg(feature = "debug")]
     pub(crate) fn inner_boxes(&self) -> impl Iterator<Item = Aabb> {

@@ -18,6 +18,7 @@ mod broad;
 pub mod contacts;
 mod deforming;
 mod directions;
+mod found;
 mod input;
 mod joint_islands;
 mod narrow_phase;

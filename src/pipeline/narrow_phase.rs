@@ -1,27 +1,39 @@
 //! Narrow phase: the first impact of each pair within the step, and its contacts at the final poses.
 
+use std::ops::Range;
+
 use bevy::tasks::TaskPool;
 use glam::Vec3;
 
 use super::{
-    BoundedPair, CachedPair, Contact, ContactCache, ContactMargin, Culling, Displacement, Manifold, Pair, Primitives,
-    Side, Statics, StepInput, StepOutput,
+    BoundedPair, CachedPair, ContactCache, ContactMargin, ConvexParts, Culling, Displacement, Manifold, OtherShape,
+    Pair, Primitives, Shape, Side, Statics, StepInput, StepOutput,
     contacts::{
+        EarlierPair,
         approach::Approach,
-        find::{self, Listed},
-        gap, reduce,
+        find,
+        gap::gap,
+        near::near_shape,
+        near_list::{NearList, NearPair},
+        reduce,
     },
+    found::{AllFound, Found, Scratch},
     output::laps,
     pairs::BodyPair,
     parallel::{self, Scratches},
     respond::Trajectories,
+    solid::smaller_radius,
     sweep::{
         first_impact::{self, ImpactResult, Question, first_impact},
+        mid_phase,
         motion::PairMotion,
     },
     tolerances::Tolerances,
 };
-use crate::geometry::{Pose3, Sweep};
+use crate::{
+    constants::{CONTACT_ROUNDING, MAX_NEAR_PAIRS, NEAR_MARGIN},
+    geometry::{Pose3, Sweep},
+};
 
 /// Finds the first impact of each pair on the assumption that no body leaves its path. `known`: the primitive pairs of each pair; empty if no pair has any.
 /// `cache`: the contacts of the last step.
@@ -37,11 +49,12 @@ pub(super) fn impacts(
 ) {
     parallel::map(pool, tasks, pairs, 4, impacts, |scratch, i, pair| {
         let known = known.get(i).unwrap_or(&Primitives::Unknown);
-        let gap = gap_at_start(input, statics, pair, cache);
+        let earlier = at_start(input, statics, pair, cache);
+        let gap = earlier.map_or(0.0, |earlier| earlier.near.gap());
         let is_idle = |path: f32, tolerances: &Tolerances| tolerances.is_short(path) || path + tolerances.reach() < gap;
         let motions = PairMotion::of_step(input, statics, pair, is_idle);
         let times = [Some([0.0, 1.0]); 2];
-        let question = Question { input, statics, pair, known, times, normal: Vec3::ZERO };
+        let question = Question { input, statics, pair, known, earlier, times, normal: Vec3::ZERO };
         let result = first_impact(&question, motions, scratch, laps());
         if input.report_candidates {
             scratch.report(i);
@@ -50,44 +63,34 @@ pub(super) fn impacts(
     });
 }
 
-/// Returns a lower bound of the distance of a pair at the start of the step, in metres; 0 if it is not known.
-fn gap_at_start(input: &StepInput, statics: &Statics, pair: &BodyPair, cache: &ContactCache) -> f32 {
-    let sides = [pair.first, pair.second];
-    let [Some(id1), Some(id2)] = sides.map(|side| input.id(statics, side)) else { return 0.0 };
+/// Returns a pair of the last step at the start of this one; `None` if results must not depend on earlier steps.
+fn at_start<'c>(
+    input: &'c StepInput,
+    statics: &'c Statics,
+    pair: &BodyPair,
+    cache: &'c ContactCache,
+) -> Option<EarlierPair<'c>> {
     // Candidates in the output do not depend on earlier steps.
-    if !input.recycle_contacts || input.report_candidates {
-        return 0.0;
+    if input.report_candidates {
+        return None;
     }
-    let pose12 = input.pose12(statics, sides, |body| input.bodies[body as usize].sweep.start);
-    cache.gap([id1, id2], sides.map(|side| input.side(statics, side).0), &pose12)
+    let sides = [pair.first, pair.second];
+    earlier(input, statics, sides, cache, || {
+        input.pose12(statics, sides, |body| input.bodies[body as usize].sweep.start)
+    })
 }
 
-/// Buffers of a task for contacts, and the results that it keeps until all pairs are done.
-#[derive(Debug, Default)]
-pub(super) struct Scratch {
-    find: find::Scratch,
-    contacts: Vec<Contact>,
-    /// Primitive pairs of a pair that may have contacts.
-    listed: Vec<[u32; 2]>,
-    reduce: reduce::Scratch,
-    pub found: Vec<Found>,
-}
-
-/// A pair whose contacts were searched or recycled.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
-    /// Index of the pair.
-    pub pair: usize,
-    /// Number of manifolds.
-    pub count: usize,
-    /// Margin of the search.
-    pub reach: ContactMargin,
-    /// Lower bound of the distance of the bodies in metres, from the search; 0 if they have contacts.
-    pub gap: f32,
-    /// Pose of the second side in the frame of the first, to which the manifolds refer.
-    pub pose12: Pose3,
-    /// Index of the pair in the cache, if its contacts were not searched.
-    pub recycled: Option<u32>,
+/// Returns a pair of the last step at another pose, if contacts are kept between steps.
+fn earlier<'c>(
+    input: &'c StepInput,
+    statics: &'c Statics,
+    sides: [Side; 2],
+    cache: &'c ContactCache,
+    pose12: impl FnOnce() -> Pose3,
+) -> Option<EarlierPair<'c>> {
+    let [id1, id2] = sides.map(|side| input.id(statics, side));
+    let ids = [id1?, id2?];
+    input.recycle_contacts.then(|| cache.find(ids, sides.map(|side| input.side(statics, side).0), pose12()))?
 }
 
 /// Data for the contacts of a step.
@@ -100,6 +103,21 @@ pub(super) struct Ends<'a> {
     pub trajectories: &'a Trajectories,
     /// Contacts of the last step.
     pub cache: &'a ContactCache,
+}
+
+/// A pair at the end of the step.
+struct PairEnd<'a> {
+    /// Index of the pair.
+    index: usize,
+    pair: &'a BodyPair,
+    /// Pose of the second side in the frame of the first.
+    pose12: Pose3,
+    /// Margin of the contact search.
+    reach: ContactMargin,
+    /// Bounding radius of the smaller body, in metres.
+    size: f32,
+    /// See [`Ends::list_margin`].
+    list_margin: Option<f32>,
 }
 
 impl Ends<'_> {
@@ -121,34 +139,102 @@ impl Ends<'_> {
     }
 
     fn manifolds_of(&self, index: usize, pair: &BodyPair, scratch: &mut Scratch, manifolds: &mut Vec<Manifold>) {
-        let Self { input, statics, trajectories, .. } = *self;
-        let Scratch { find: buffers, contacts, listed, reduce, found } = scratch;
+        let Self { input, statics, trajectories, cache, .. } = *self;
         let sides = [pair.first, pair.second];
-        let [(first, _), (second, _)] = sides.map(|side| input.side(statics, side));
+        let solids = sides.map(|side| input.side(statics, side).0);
+        let Some(shape1) = solids[0].medial() else { return };
         let pose12 = input.pose12(statics, sides, |body| trajectories.final_pose(input, body));
-        let Some(shape1) = first.medial() else { return };
         let reach = self.margin(sides);
-        let before = manifolds.len();
-        let recycled = self.recycled(sides, reach, &pose12);
-        let mut gap = 0.0;
-        if let Some(index) = recycled {
-            manifolds.extend(self.cache.manifolds_at(index, pose12));
+        let earlier = earlier(input, statics, sides, cache, || pose12);
+        let recycled = earlier.filter(|earlier| earlier.is_recyclable(reach));
+        let [before, first] = [manifolds.len(), scratch.found.near_pairs.len()];
+        let near = if let Some(recycled) = &recycled {
+            manifolds.extend(recycled.manifolds());
+            recycled.near
         } else {
-            contacts.clear();
-            let listed = self.listed(index, pair, listed);
-            find::find_with(shape1, second.second(), &pose12, reach, listed, contacts, buffers);
+            let size = smaller_radius(solids);
+            let end = PairEnd { index, pair, pose12, reach, size, list_margin: self.list_margin(sides, size) };
+            scratch.contacts.clear();
+            let near = match solids[1].second() {
+                OtherShape::Shape(shape2) => self.search([shape1, shape2], &end, earlier, scratch),
+                OtherShape::Parts(parts) => self.search_parts(shape1, parts, &end, scratch),
+            };
+            let Scratch { contacts, reduce, .. } = scratch;
             let approach = if reach.is_fast { self.approach(sides) } else { None };
             reach.keep_reached(contacts, |contact| {
-                approach.is_some_and(|approach| approach.reaches(contact, shape1, second.second()))
+                approach.is_some_and(|approach| approach.reaches(contact, shape1, solids[1].second()))
             });
-            // The gap lets later steps skip the search. A fast pair closes it within a few steps, so computing it does not pay.
-            let is_slow = reach.prediction < input.prediction;
-            if contacts.is_empty() && is_slow && input.recycle_contacts {
-                gap = gap::gap(shape1, second.second(), &pose12, 2.0 * input.prediction).max(0.0);
-            }
             reduce::reduce(contacts, input.length_unit, reduce, |manifold| manifolds.push(manifold));
+            near
+        };
+        let near_pairs = first as u32..scratch.found.near_pairs.len() as u32;
+        let (count, recycled) = ((manifolds.len() - before) as u32, recycled.map(|recycled| recycled.index));
+        scratch.found.pairs.push(Found { pair: index as u32, count, reach, near, near_pairs, pose12, recycled });
+    }
+
+    /// Finds the contacts of two medial shapes. Returns the bounds of the list of near primitives, which is kept for later steps if the pair is slow.
+    fn search(
+        &self,
+        [shape1, shape2]: [&Shape; 2],
+        end: &PairEnd,
+        earlier: Option<EarlierPair>,
+        Scratch { find: buffers, contacts, found: AllFound { near_pairs, .. }, .. }: &mut Scratch,
+    ) -> NearList {
+        let &PairEnd { pose12, reach, list_margin, .. } = end;
+        let begin = near_pairs.len();
+        let (mut list, is_kept) = if self.input.culling == Culling::None {
+            near_pairs.extend(mid_phase::all(shape1.len(), shape2.len()).map(NearPair::always));
+            (NearList::default(), false)
+        } else if let Some(earlier) = earlier.filter(|earlier| earlier.near.covers(reach.prediction)) {
+            near_pairs.extend_from_slice(earlier.near_pairs());
+            (earlier.near, true)
+        } else if list_margin.is_none() && self.list_known(end, near_pairs) {
+            (NearList::default(), false)
+        } else {
+            let within = reach.prediction + list_margin.unwrap_or(0.0);
+            let list = near_shape(shape1, shape2, &pose12, within, &mut buffers.near, near_pairs);
+            (list, list_margin.is_some())
+        };
+        find::of_shapes(shape1, shape2, &pose12, reach, &list, &mut near_pairs[begin..], contacts, buffers);
+        if !is_kept || near_pairs.len() - begin > MAX_NEAR_PAIRS {
+            near_pairs.truncate(begin);
+            return NearList::default();
         }
-        found.push(Found { pair: index, count: manifolds.len() - before, reach, gap, pose12, recycled });
+        list.update_gap(&near_pairs[begin..]);
+        list
+    }
+
+    /// Finds the contacts of a medial shape and another collider. Returns the bounds of an empty list if they are slow and apart.
+    fn search_parts(
+        &self,
+        shape1: &Shape,
+        parts: &dyn ConvexParts,
+        end: &PairEnd,
+        Scratch { find: buffers, contacts, found: AllFound { near_pairs, .. }, .. }: &mut Scratch,
+    ) -> NearList {
+        let &PairEnd { pose12, reach, size, list_margin, .. } = end;
+        let begin = near_pairs.len();
+        let is_known = self.list_known(end, near_pairs);
+        find::of_parts(shape1, parts, &pose12, reach, is_known.then_some(&near_pairs[begin..]), contacts, buffers);
+        near_pairs.truncate(begin);
+        // A fast pair closes its gap within a few steps, so computing it does not pay.
+        match list_margin {
+            Some(margin) if contacts.is_empty() => {
+                let gap = gap(shape1, parts, &pose12, reach.prediction + margin);
+                let mut list = NearList::new(gap, CONTACT_ROUNDING * size);
+                list.update_gap(&[]);
+                list
+            }
+            _ => NearList::default(),
+        }
+    }
+
+    /// Returns the margin in metres of a list that a pair can use in the next step; `None` if it moves farther, or if contacts are not kept between steps.
+    /// `size`: bounding radius of the smaller body, in metres.
+    fn list_margin(&self, sides: [Side; 2], size: f32) -> Option<f32> {
+        let [first, second] = sides.map(|side| self.next_displacement(side));
+        let margin = NEAR_MARGIN * size;
+        (first?.against(&second?) <= margin && self.input.recycle_contacts).then_some(margin)
     }
 
     /// Returns the relative motion of a pair in the coming step; `None` if the second side is skinned, because its next pose is not known.
@@ -168,35 +254,22 @@ impl Ends<'_> {
         Some(Approach::new(&[sweep(sides[0])?, sweep(sides[1])?]))
     }
 
-    /// Returns the primitive pairs that may have contacts, if they are known. `listed`: a buffer for them.
-    fn listed<'l>(&self, index: usize, pair: &BodyPair, listed: &'l mut Vec<[u32; 2]>) -> Listed<'l> {
-        let Self { input, known, trajectories, .. } = *self;
-        if input.culling == Culling::None {
-            return Listed::All;
-        }
+    /// Appends the primitive pairs that may have contacts, in ascending order. Returns false if they are not known.
+    fn list_known(&self, &PairEnd { index, pair, .. }: &PairEnd, near_pairs: &mut Vec<NearPair>) -> bool {
         // The bounds hold while both bodies are on their own paths at the same time.
-        let mut ends = pair.bodies().map(|body| trajectories.path_end(body));
-        let (Some(Primitives::Bounded(known)), Some(Some(end))) = (known.get(index), ends.next()) else {
-            return Listed::Unknown;
+        let mut ends = pair.bodies().map(|body| self.trajectories.path_end(body));
+        let (Some(Primitives::Bounded(known)), Some(Some(end))) = (self.known.get(index), ends.next()) else {
+            return false;
         };
-        if ends.any(|other| other != Some(end)) {
-            return Listed::Unknown;
+        if self.input.culling == Culling::None || ends.any(|other| other != Some(end)) {
+            return false;
         }
-        listed.clear();
+        let begin = near_pairs.len();
         let is_near = |bounded: &&BoundedPair| end < 1.0 || bounded.is_near_at_end;
-        listed.extend(known.iter().filter(is_near).map(|bounded| bounded.primitives));
-        listed.sort_unstable();
-        Listed::Pairs(listed)
-    }
-
-    /// Returns the index of a pair in the cache, if its contacts are still valid.
-    fn recycled(&self, sides: [Side; 2], reach: ContactMargin, pose12: &Pose3) -> Option<u32> {
-        let Self { input, statics, cache, .. } = *self;
-        if !input.recycle_contacts {
-            return None;
-        }
-        let [id1, id2] = sides.map(|side| input.id(statics, side));
-        cache.find([id1?, id2?], sides.map(|side| input.side(statics, side).0), reach, pose12)
+        let known = known.iter().filter(is_near);
+        near_pairs.extend(known.map(|bounded| NearPair::always(bounded.primitives)));
+        near_pairs[begin..].sort_unstable_by_key(|pair| pair.primitives);
+        true
     }
 
     /// Returns the margin of the contact search of a pair at the end of the step.
@@ -215,12 +288,12 @@ impl Ends<'_> {
     }
 
     /// Adds the pairs with manifolds or an impact to the output, whose manifolds are set.
-    pub fn report(&self, pairs: &[BodyPair], impacts: &[ImpactResult], found: &[Found], output: &mut StepOutput) {
-        let mut found = found.iter().peekable();
+    pub fn report(&self, pairs: &[BodyPair], impacts: &[ImpactResult], found: &AllFound, output: &mut StepOutput) {
+        let mut found = found.pairs.iter().peekable();
         let mut begin = 0;
         for (i, (pair, ImpactResult { impact, .. })) in pairs.iter().zip(impacts).enumerate() {
-            let search = found.next_if(|found| found.pair == i);
-            let count = search.map_or(0, |found| found.count);
+            let search = found.next_if(|found| found.pair as usize == i);
+            let count = search.map_or(0, |found| found.count as usize);
             let manifolds = begin..begin + count;
             begin = manifolds.end;
             if count > 0 || impact.is_some() {
@@ -234,19 +307,21 @@ impl Ends<'_> {
     }
 
     /// Lists the contacts for the next step. `manifolds`: those of all pairs.
-    pub fn fill(&self, pairs: &[BodyPair], found: &[Found], manifolds: &[Manifold], next: &mut ContactCache) {
+    pub fn fill(&self, pairs: &[BodyPair], found: &AllFound, manifolds: &[Manifold], next: &mut ContactCache) {
         let Self { input, statics, cache, .. } = *self;
         next.clear();
         let mut begin = 0;
-        for &Found { pair, count, reach, gap, pose12, recycled } in found {
-            let manifolds = &manifolds[begin..begin + count];
-            begin += count;
-            let sides = [pairs[pair].first, pairs[pair].second];
+        for &Found { pair, count, reach, near, near_pairs: Range { start, end }, pose12, recycled } in &found.pairs {
+            let manifolds = &manifolds[begin..begin + count as usize];
+            begin += manifolds.len();
+            let BodyPair { first, second, .. } = pairs[pair as usize];
+            let sides = [first, second];
             if let Some(index) = recycled {
-                next.keep(cache, index, reach, pose12);
+                next.keep(cache, index, reach, pose12, near);
             } else if let [Some(id1), Some(id2)] = sides.map(|side| input.id(statics, side)) {
                 let solids = sides.map(|side| input.side(statics, side).0);
-                next.push(CachedPair::new([id1, id2], solids, reach, pose12, gap), manifolds);
+                let pair = CachedPair::new([id1, id2], solids, reach, pose12, near);
+                next.push(pair, manifolds, &found.near_pairs[start as usize..end as usize]);
             }
         }
     }

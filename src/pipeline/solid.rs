@@ -105,27 +105,35 @@ impl From<Shape> for Solid {
     }
 }
 
-/// Identity of a shape. It distinguishes shapes that exist at the same time.
+/// Identity of a shape. It distinguishes shapes that exist at the same time. Shapes with the same identity have the same number of primitives, even if one
+/// has replaced the other in memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapeId {
     address: usize,
     scale: f32,
+    len: u32,
 }
 
 impl From<&Shape> for ShapeId {
     fn from(shape: &Shape) -> Self {
-        Self { address: shape.axis.address(), scale: shape.scale }
+        Self { address: shape.axis.address(), scale: shape.scale, len: shape.len() as u32 }
     }
 }
 
 impl ShapeId {
     /// Returns the identity of a collider that is not medial.
     pub fn of_parts(parts: &dyn ConvexParts) -> Self {
-        Self { address: parts.address(), scale: 1.0 }
+        Self { address: parts.address(), scale: 1.0, len: parts.len() as u32 }
     }
 }
 
 /// Returns the number of primitives and parts, and the number of medial primitives among them.
 pub(super) fn count<'a>(solids: impl Iterator<Item = &'a Solid>) -> [usize; 2] {
     solids.fold([0, 0], |[all, medial], solid| [all + solid.len(), medial + solid.medial().map_or(0, Shape::len)])
+}
+
+/// Returns the bounding radius of the smaller body, in metres.
+pub(super) fn smaller_radius(solids: [&Solid; 2]) -> f32 {
+    let [radius1, radius2] = solids.map(|solid| solid.bounding_sphere().radius);
+    radius1.min(radius2)
 }

@@ -6,7 +6,8 @@ use bevy::tasks::TaskPool;
 
 use super::{
     Candidates, ContactCache, Counts, PairFilter, Primitives, Side, Statics, StepInput, StepOutput, Stop, broad,
-    narrow_phase::{self, Ends, Found},
+    found::{self, AllFound},
+    narrow_phase::{self, Ends},
     output::laps,
     pairs::BodyPair,
     parallel::Scratches,
@@ -18,12 +19,12 @@ use super::{
 #[derive(Debug, Default)]
 pub struct Workspace {
     searches: Scratches<first_impact::Scratch>,
-    contact_searches: Scratches<narrow_phase::Scratch>,
+    contact_searches: Scratches<found::Scratch>,
     broad: broad::Scratch,
     pairs: Vec<BodyPair>,
     impacts: Vec<ImpactResult>,
     respond: respond::Scratch,
-    found: Vec<Found>,
+    found: AllFound,
     contacts: ContactCache,
     /// A buffer for the contacts of the next step.
     next_contacts: ContactCache,
@@ -131,9 +132,7 @@ impl Workspace {
             fraction: trajectories.moved_until(body),
             pose: trajectories.final_pose(input, body),
         }));
-        found.clear();
-        found.extend(contact_searches.iter_mut().flat_map(|scratch| scratch.found.drain(..)));
-        found.sort_unstable_by_key(|found| found.pair);
+        found.collect(contact_searches);
         ends.report(pairs, impacts, found, output);
         ends.fill(pairs, found, &output.manifolds, next_contacts);
         std::mem::swap(cache, next_contacts);

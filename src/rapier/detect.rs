@@ -54,7 +54,8 @@ pub(super) fn detect<Hooks>(
     });
     let clock = Instant::now();
     step.impulses = step.output.pairs.iter().map(|pair| impulse(step, pair, &contexts)).collect();
-    let before = std::mem::take(&mut *owed);
+    // A context that is paused keeps the times of its bodies.
+    let before = owed.take(|context| contexts.get(context).map_or(true, |context| rapier.runs(&context)));
     for (world, (entity, dt)) in (0..).zip(&worlds) {
         if let Ok(context) = contexts.get_mut(*entity) {
             stop_bodies(step, &astray, world, *dt, context, &before, &mut owed);

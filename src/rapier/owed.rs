@@ -25,6 +25,13 @@ impl OwedTime {
     pub(super) fn get(&self, context: Entity, body: RigidBodyHandle) -> Option<&Owed> {
         self.0.get(&(context, body))
     }
+
+    /// Removes the times of all bodies in some contexts, and returns all times.
+    pub(super) fn take(&mut self, is_taken: impl Fn(Entity) -> bool) -> Self {
+        let all = self.clone();
+        self.0.retain(|(context, _), _| !is_taken(*context));
+        all
+    }
 }
 
 /// Time that is owed to a body.

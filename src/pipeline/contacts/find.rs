@@ -18,30 +18,19 @@ use crate::{
             internal_edges,
             manifold::{Contact, Manifold},
             near::{self, near_part, near_parts, near_shape},
+            near_list::{NearList, NearPair},
             reduce::reduce,
         },
         directions::Directions,
-        sweep::mid_phase,
         with_spheres,
     },
     query::{Cuboid, Separation, Support},
 };
 
-/// The primitive pairs of a pair of bodies that may have contacts.
-#[derive(Clone, Copy)]
-pub(in crate::pipeline) enum Listed<'a> {
-    /// The search finds them.
-    Unknown,
-    /// All pairs.
-    All,
-    /// These pairs, in ascending order.
-    Pairs(&'a [[u32; 2]]),
-}
-
 /// Buffers that are kept from pair to pair to avoid allocations.
 #[derive(Debug, Default)]
 pub(in crate::pipeline) struct Scratch {
-    near: near::Scratch,
+    pub near: near::Scratch,
     /// Per side, each sphere and the primitive of the other side with which it needs no further test.
     settled: [HashSet<[u32; 2]>; 2],
     taken: cluster::Taken,
@@ -66,32 +55,25 @@ pub fn find(
     contacts: &mut Vec<Contact>,
 ) {
     contacts.clear();
-    find_with(shape1, second, pose12, reach.into(), Listed::Unknown, contacts, &mut Scratch::default());
-}
-
-/// [`find`] with buffers. `contacts` has to be empty.
-pub(in crate::pipeline) fn find_with(
-    shape1: &Shape,
-    second: OtherShape,
-    pose12: &Pose3,
-    reach: ContactMargin,
-    listed: Listed,
-    contacts: &mut Vec<Contact>,
-    buffers: &mut Scratch,
-) {
+    let (reach, buffers) = (reach.into(), &mut Scratch::default());
     match second {
-        OtherShape::Shape(shape2) => of_shapes(shape1, shape2, pose12, reach, listed, contacts, buffers),
-        OtherShape::Parts(parts) => of_parts(shape1, parts, pose12, reach, listed, contacts, buffers),
+        OtherShape::Shape(shape2) => {
+            let mut pairs = Vec::new();
+            let list = near_shape(shape1, shape2, pose12, reach.prediction, &mut buffers.near, &mut pairs);
+            of_shapes(shape1, shape2, pose12, reach, &list, &mut pairs, contacts, buffers);
+        }
+        OtherShape::Parts(parts) => of_parts(shape1, parts, pose12, reach, None, contacts, buffers),
     }
 }
 
-/// Finds the contacts of a medial shape and another collider.
-fn of_parts(
+/// Finds the contacts of a medial shape and another collider. `contacts` has to be empty. `listed`: the pairs of primitive and part that may have contacts;
+/// `None` if they are not known.
+pub(in crate::pipeline) fn of_parts(
     shape1: &Shape,
     parts: &dyn ConvexParts,
     pose12: &Pose3,
     ContactMargin { prediction, length_unit, .. }: ContactMargin,
-    listed: Listed,
+    listed: Option<&[NearPair]>,
     contacts: &mut Vec<Contact>,
     buffers: &mut Scratch,
 ) {
@@ -104,15 +86,17 @@ fn of_parts(
     internal_edges::remove(contacts, pose12.rotation, sides, length_unit, &mut buffers.edges);
 }
 
-/// Finds the contacts of two medial shapes.
-fn of_shapes(
+/// Finds the contacts of two medial shapes. `contacts` has to be empty. `list`: bounds of `pairs`, which are the primitive pairs that may have contacts, in
+/// ascending order. Their own bounds are updated.
+pub(in crate::pipeline) fn of_shapes(
     shape1: &Shape,
     shape2: &Shape,
     pose12: &Pose3,
     ContactMargin { prediction, length_unit, .. }: ContactMargin,
-    listed: Listed,
+    list: &NearList,
+    pairs: &mut [NearPair],
     contacts: &mut Vec<Contact>,
-    Scratch { near, settled, taken, edges }: &mut Scratch,
+    Scratch { settled, taken, edges, .. }: &mut Scratch,
 ) {
     let to_second = Placement::from(pose12.inverse());
     let to_first = Placement::from(*pose12);
@@ -121,36 +105,40 @@ fn of_shapes(
     let [size1, size2] = [shape1, shape2].map(|shape| shape.bounding_sphere().radius);
     let apart = Vec4::splat(prediction + CONTACT_ROUNDING * (size1 + size2));
     settled.iter_mut().for_each(HashSet::clear);
-    let mut collect = |[primitive1, primitive2]: [u32; 2], hull: Hull| {
-        let mut push = |s: &Separation| {
-            contacts.push(Contact {
-                point1: to_first.point(s.point1),
-                point2: s.point2,
-                normal1: to_first.vector(s.normal),
-                distance: s.distance,
-                primitive1,
-                primitive2,
-            });
-        };
-        with_spheres!(hull, |first| with_spheres!(shape2.hull(primitive2), |second| {
-            let gaps = directions.low(&second) - directions.high(&first);
-            if !gaps.cmpgt(apart).any() {
-                let [settled1, settled2] = &mut *settled;
-                let spheres1 = SharedSpheres::new(shape1, primitive1, primitive2, settled1);
-                let spheres2 = SharedSpheres::new(shape2, primitive2, primitive1, settled2);
-                let (main, is_near) = two_sided((&first, spheres1), (&second, spheres2), prediction, &mut push);
-                if is_near {
-                    crossings(&first, &second, &main, prediction, &mut push);
+    for of_first in pairs.chunk_by_mut(|pair, next| pair.primitives[0] == next.primitives[0]) {
+        let mut near = of_first.iter_mut().filter(|pair| list.is_near(pair, prediction)).peekable();
+        let Some(primitive1) = near.peek().map(|pair| pair.primitives[0]) else { continue };
+        let hull = shape1.hull(primitive1).placed(&to_second);
+        for pair in near {
+            let primitive2 = pair.primitives[1];
+            let mut push = |s: &Separation| {
+                contacts.push(Contact {
+                    point1: to_first.point(s.point1),
+                    point2: s.point2,
+                    normal1: to_first.vector(s.normal),
+                    distance: s.distance,
+                    primitive1,
+                    primitive2,
+                });
+            };
+            let distance = with_spheres!(hull, |first| with_spheres!(shape2.hull(primitive2), |second| {
+                let gaps = directions.low(&second) - directions.high(&first);
+                if gaps.cmpgt(apart).any() {
+                    gaps.max_element()
+                } else {
+                    let [settled1, settled2] = &mut *settled;
+                    let spheres1 = SharedSpheres::new(shape1, primitive1, primitive2, settled1);
+                    let spheres2 = SharedSpheres::new(shape2, primitive2, primitive1, settled2);
+                    let (main, is_near) = two_sided((&first, spheres1), (&second, spheres2), prediction, &mut push);
+                    if is_near {
+                        crossings(&first, &second, &main, prediction, &mut push);
+                    }
+                    directions.push_axis(main.normal);
+                    main.distance
                 }
-                directions.push_axis(main.normal);
-            }
-        }));
-    };
-    let mut visit = |pair: [u32; 2]| collect(pair, shape1.hull(pair[0]).placed(&to_second));
-    match listed {
-        Listed::Pairs(pairs) => pairs.iter().for_each(|pair| visit(*pair)),
-        Listed::All => mid_phase::all(shape1.len(), shape2.len()).for_each(visit),
-        Listed::Unknown => near_shape(shape1, shape2, pose12, prediction, near, collect),
+            }));
+            list.separate(pair, distance);
+        }
     }
     cluster(contacts, taken);
     internal_edges::remove(contacts, pose12.rotation, [shape1, shape2], length_unit, edges);
@@ -189,7 +177,7 @@ fn collect_part(
     part: &Part,
     pose12: &Pose3,
     prediction: f32,
-    listed: Listed,
+    listed: Option<&[NearPair]>,
     contacts: &mut Vec<Contact>,
     near: &mut near::Scratch,
 ) {
@@ -229,11 +217,12 @@ fn collect_part(
         });
     };
     match listed {
-        Listed::Pairs(pairs) => {
+        Some(pairs) => {
             let to_part = Placement::from(pose12.inverse());
-            let of_part = pairs.iter().filter(|[_, id]| *id == part.id);
-            of_part.for_each(|[primitive1, _]| collect(*primitive1, shape1.hull(*primitive1).placed(&to_part)));
+            for [primitive1, _] in pairs.iter().map(|pair| pair.primitives).filter(|[_, id]| *id == part.id) {
+                collect(primitive1, shape1.hull(primitive1).placed(&to_part));
+            }
         }
-        Listed::All | Listed::Unknown => near_part(shape1, part, &pose12, prediction, near, collect),
+        None => near_part(shape1, part, &pose12, prediction, near, collect),
     }
 }

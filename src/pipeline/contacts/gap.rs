@@ -1,38 +1,15 @@
 //! Lower bounds of the distance of bodies that are apart. A pair is not searched until its bodies have moved by that distance.
 
-use std::cell::Cell;
-
 use crate::{
     geometry::{Aabb, Placement, Pose3, Sphere},
-    pipeline::{OtherShape, Part, Shape, contacts::near::near_parts, sweep::motion::with_core, with_spheres},
+    pipeline::{ConvexParts, Part, Shape, contacts::near::near_parts, sweep::motion::with_core, with_spheres},
     query::separation,
 };
 
-/// Returns the distance of a shape and another side in metres, or `max` if it is larger. `pose12`: pose of body 2 in the frame of body 1.
-pub(in crate::pipeline) fn gap(shape1: &Shape, second: OtherShape, pose12: &Pose3, max: f32) -> f32 {
-    match second {
-        OtherShape::Shape(shape2) => of_shapes(shape1, shape2, pose12, max),
-        OtherShape::Parts(parts) => near_parts(shape1, parts, pose12, max)
-            .into_iter()
-            .fold(max, |least, part| of_part(shape1, part, pose12, least)),
-    }
-}
-
-/// Traverses both BVHs. Skips boxes that are farther apart than the nearest primitives so far.
-fn of_shapes(shape1: &Shape, shape2: &Shape, pose12: &Pose3, max: f32) -> f32 {
-    let to_second = Placement::from(pose12.inverse());
-    let [bvh1, bvh2] = [shape1.bvh(), shape2.bvh()];
-    let least = Cell::new(max);
-    let is_nearer = |node1: usize, node2: usize| {
-        let box1 = to_second.aabb(&bvh1.node_aabb(node1).scaled(shape1.scale));
-        box1.distance_to(&bvh2.node_aabb(node2).scaled(shape2.scale)) < least.get()
-    };
-    bvh1.visit_pairs(bvh2, is_nearer, |primitive1, primitive2| {
-        let (first, second) = (shape1.hull(primitive1).placed(&to_second), shape2.hull(primitive2));
-        let distance = with_spheres!(first, |a| with_spheres!(second, |b| separation(&a, &b, 0).distance));
-        least.set(least.get().min(distance));
-    });
-    least.get()
+/// Returns the distance of a shape and another collider in metres, or `max` if it is larger. `pose12`: pose of the collider in the frame of the shape.
+pub(in crate::pipeline) fn gap(shape1: &Shape, parts: &dyn ConvexParts, pose12: &Pose3, max: f32) -> f32 {
+    let parts = near_parts(shape1, parts, pose12, max);
+    parts.into_iter().fold(max, |least, part| of_part(shape1, part, pose12, least))
 }
 
 fn of_part(shape1: &Shape, part: Part, pose12: &Pose3, max: f32) -> f32 {
@@ -63,30 +40,21 @@ mod tests {
     fn gaps_are_those_of_the_nearest_primitives() {
         let mut random = Random(3);
         let shape1 = Shape { axis: MedialAxis::torus(0.3, 0.05, 12).unwrap(), scale: 1.5 };
-        let shape2 = Shape { axis: MedialAxis::torus(0.4, 0.1, 10).unwrap(), scale: 0.7 };
         let cuboid = Cuboid { half: Vec3::new(0.4, 0.1, 0.2) };
         let (mut apart, mut beyond) = (0, 0);
-        for _ in 0..300 {
+        for _ in 0..600 {
             let rotation = Quat::from_scaled_axis(random.in_cube() * 3.0);
             let pose12 = Pose3::from_parts(random.in_cube(), rotation);
             let to_second = Placement::from(pose12.inverse());
             let firsts = || (0..shape1.len() as u32).map(|i| shape1.hull(i).placed(&to_second));
-            let seconds = || (0..shape2.len() as u32).map(|i| shape2.hull(i));
-            let of_hulls =
-                |first, second| with_spheres!(first, |a| with_spheres!(second, |b| separation(&a, &b, 0).distance));
-            let to_shape = firsts().flat_map(|first| seconds().map(move |second| of_hulls(first, second)));
             let to_cuboid = firsts().map(|first| with_spheres!(first, |a| separation(&a, &cuboid, 0).distance));
-            let to_shape = to_shape.fold(f32::INFINITY, f32::min);
-            let to_cuboid = to_cuboid.fold(f32::INFINITY, f32::min);
-            for (second, expected) in [(OtherShape::Shape(&shape2), to_shape), (OtherShape::Parts(&cuboid), to_cuboid)]
-            {
-                let found = gap(&shape1, second, &pose12, 0.5);
-                // A part of a box that is far away is left out, so the distance of an overlap may differ.
-                assert!((found.max(0.0) - expected.clamp(0.0, 0.5)).abs() < 1e-5, "{found} instead of {expected}");
-                apart += usize::from((1e-3..0.5).contains(&expected));
-                beyond += usize::from(expected >= 0.5);
-            }
+            let expected = to_cuboid.fold(f32::INFINITY, f32::min);
+            let found = gap(&shape1, &cuboid, &pose12, 0.5);
+            // A part of a box that is far away is left out, so the distance of an overlap may differ.
+            assert!((found.max(0.0) - expected.clamp(0.0, 0.5)).abs() < 1e-5, "{found} instead of {expected}");
+            apart += usize::from((1e-3..0.5).contains(&expected));
+            beyond += usize::from(expected >= 0.5);
         }
-        assert!(apart > 150 && beyond > 100, "{apart} apart, {beyond} beyond the limit");
+        assert!(apart > 70 && beyond > 50, "{apart} apart, {beyond} beyond the limit");
     }
 }

@@ -9,9 +9,11 @@ pub(in crate::pipeline) mod gap;
 mod internal_edges;
 mod manifold;
 mod margin;
-mod near;
+pub(in crate::pipeline) mod near;
+pub(in crate::pipeline) mod near_list;
 pub(in crate::pipeline) mod reduce;
 
+pub(in crate::pipeline) use cache::EarlierPair;
 pub use cache::{CachedPair, ContactCache};
 pub use find::{find, manifolds};
 pub use manifold::{Contact, Manifold};

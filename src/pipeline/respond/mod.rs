@@ -243,7 +243,8 @@ fn impact_from(
         trajectories.sweep_from(input, body, fraction)
     });
     let times = [pair.first, pair.second].map(|side| trajectories.times(side, fraction));
-    let question = Question { input, statics, pair, known: &Primitives::Unknown, times, normal: before.normal };
+    let (known, normal) = (&Primitives::Unknown, before.normal);
+    let question = Question { input, statics, pair, known, earlier: None, times, normal };
     // The time of searches after impacts is not split between stages.
     let found = first_impact(&question, motions, scratch, || Duration::ZERO).impact?;
     Some(Impact { fraction: fraction + (1.0 - fraction) * found.fraction, ..found })

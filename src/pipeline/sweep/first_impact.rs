@@ -10,7 +10,8 @@ use crate::{
     constants::{FEW_PRIMITIVES, MAX_ITERATIONS},
     geometry::Sphere,
     pipeline::{
-        Impact, Primitives, Statics, StepInput,
+        Culling, Impact, Primitives, Statics, StepInput,
+        contacts::EarlierPair,
         pairs::{BodyPair, PrimitivePair},
         sweep::{
             mid_phase,
@@ -48,6 +49,8 @@ pub(in crate::pipeline) struct Question<'a> {
     pub statics: &'a Statics,
     pub pair: &'a BodyPair,
     pub known: &'a Primitives,
+    /// The pair in the last step, at the start of the motion.
+    pub earlier: Option<EarlierPair<'a>>,
     /// Per side, the fractions of its original motion between which the side moves. `None` for a side that is off its original path.
     pub times: [Option<[f32; 2]>; 2],
     /// A direction from the first body to the second, in the world, along which many of their primitives may be apart; zero if it is not known.
@@ -137,6 +140,11 @@ pub(in crate::pipeline) fn first_impact(
 }
 
 impl Question<'_> {
+    /// Returns the primitive pairs that may be within `reach` metres at the start of the motion, if a list of an earlier step has all of them.
+    fn listed_within(&self, reach: f32) -> Option<impl Iterator<Item = PrimitivePair>> {
+        self.earlier.filter(|_| self.input.culling != Culling::None)?.primitives_within(reach)
+    }
+
     /// Returns the cached boxes of each side on its original path. `None` for a side that is off its path or is not medial.
     fn boxes<'c>(&self, cache: &'c mut BoxCache) -> [Option<TimedBoxes<'c>>; 2] {
         let places = [(self.pair.first, self.times[0]), (self.pair.second, self.times[1])].map(|(side, times)| {
@@ -214,9 +222,15 @@ impl<L: FnMut() -> Duration> Search<'_, L> {
         candidates.iter_mut().for_each(Vec::clear);
         approaching.clear();
         let (known, is_whole) = (self.question.known, times == [0.0, 1.0]);
+        let is_unknown = is_whole && matches!(known, Primitives::Unknown);
+        if let ([motion], true) = (motions, is_unknown)
+            && let Some(listed) = self.question.listed_within(motion.path() + motion.tolerances.reach())
+        {
+            candidates[0].extend(listed);
+            return !candidates[0].is_empty();
+        }
         // Cached boxes have margins for the whole path, so they are too large for a part of it.
-        let needs_boxes = is_whole && matches!(known, Primitives::Unknown);
-        let boxes = if needs_boxes { self.question.boxes(self.boxes) } else { [None; 2] };
+        let boxes = if is_unknown { self.question.boxes(self.boxes) } else { [None; 2] };
         // Bounds clear intervals before the first touch. Trees find the primitives that are near in a part of the step.
         if let Primitives::Bounded(known) = known
             && known.iter().all(|bounded| bounded.touch_bound > times[1])

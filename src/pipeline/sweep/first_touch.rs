@@ -35,6 +35,7 @@ pub fn first_touch(bodies: [Body; 2], culling: Culling, primitives: Option<&[[u3
         statics: &statics,
         pair: &PAIR,
         known: &primitives.map_or(Primitives::Unknown, |primitives| Primitives::MayTouch(primitives.to_vec())),
+        earlier: None,
         // Cached boxes would not be used by another pair.
         times: [None; 2],
         normal: Vec3::ZERO,

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bevy::{prelude::*, time::TimeUpdateStrategy};
-use bevy_medial::{medial_axis::MedialAxis, prelude::*};
+use bevy_medial::{medial_axis::MedialAxis, prelude::*, rapier::OwedTime};
 use bevy_rapier3d::{
     plugin::context::{RapierContextEntityLink, RapierContextSimulation, RapierRigidBodySet},
     prelude::*,
@@ -116,6 +116,32 @@ fn a_paused_context_keeps_its_additional_iterations() {
     app.world_mut().get_mut::<RapierConfiguration>(second).unwrap().physics_pipeline_active = true;
     run(&mut app, 10);
     assert_eq!(finer(&app), [0; 2]);
+}
+
+#[test]
+fn a_paused_context_keeps_the_time_that_is_owed_to_its_bodies() {
+    let mut app = app();
+    app.update();
+    let second = app.world_mut().spawn(RapierContextSimulation::default()).id();
+    let link = RapierContextEntityLink(second);
+    spawn_body(&mut app, ball(), Transform::default());
+    app.world_mut().spawn((StaticObb::new(0.01, 5.0, 5.0), Transform::from_xyz(2.0, 0.0, 0.0), link));
+    let shot = spawn_flying(&mut app, ball(), Transform::default(), Velocity::linear(Vec3::X * 200.0));
+    app.world_mut().entity_mut(shot).insert(link);
+    let owed = |app: &App| format!("{:?}", app.world().resource::<OwedTime>());
+    let nothing = owed(&app);
+    let hits = (0..5).any(|_| {
+        app.update();
+        owed(&app) != nothing
+    });
+    assert!(hits, "the shot does not stop at the wall");
+    let at_impact = owed(&app);
+    app.world_mut().get_mut::<RapierConfiguration>(second).unwrap().physics_pipeline_active = false;
+    run(&mut app, 5);
+    assert_eq!(owed(&app), at_impact);
+    app.world_mut().get_mut::<RapierConfiguration>(second).unwrap().physics_pipeline_active = true;
+    run(&mut app, 5);
+    assert_eq!(owed(&app), nothing);
 }
 
 #[test]
