@@ -239,7 +239,7 @@ pub struct StepInput {
     pub stop_at_impact: bool,
     /// How candidate pairs for the narrow phase are found.
     pub culling: Culling,
-    /// True if pairs that hardly move keep their [contacts](super::ContactCache).
+    /// True if pairs keep [contacts and lists of near primitives](super::ContactCache) from step to step.
     pub recycle_contacts: bool,
     /// True if the output lists the candidate pairs of the mid phase.
     pub report_candidates: bool,

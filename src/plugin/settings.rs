@@ -28,7 +28,7 @@ pub struct MedialSettings {
     pub stop_at_impact: bool,
     /// Skips all culling and tests every primitive pair on the CPU, to measure the benefit of culling. Default: false.
     pub brute_force: bool,
-    /// Pairs that hardly move keep their contacts from step to step, and slow pairs keep a bound of their distance. Turn it off to compare. Default: true.
+    /// Pairs that hardly move keep their contacts from step to step, and slow pairs keep lists of near primitives. Turn it off to compare. Default: true.
     pub recycle_contacts: bool,
     /// Depth of a body's core below its surface, in bounding radii of the smaller body of a pair. A body stops within a step only where its core
     /// touches another one. The depth is the largest overlap that one step can add, per body. Smaller values are more accurate; with larger ones
